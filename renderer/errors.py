@@ -1,0 +1,20 @@
+"""The faults a person can act on.
+
+RayfarmError
+├── SceneError      a file that cannot become a scene: what is wrong, where, and what to do
+└── SettingsError   a request that cannot be rendered: which field and which values it takes
+"""
+
+__all__ = ["RayfarmError", "SceneError", "SettingsError"]
+
+
+class RayfarmError(Exception):
+    """A fault with one clear sentence for the person who can mend it."""
+
+
+class SceneError(RayfarmError):
+    """A scene file is wrong. The message names the file, and the line or field where there is one."""
+
+
+class SettingsError(RayfarmError):
+    """A render setting is out of range. The message names the setting and what it takes."""

@@ -1,0 +1,43 @@
+"""Which files are scenes, and which of many is meant. Names only: nothing is opened, so the service uses it too."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from renderer.errors import SceneError
+
+__all__ = ["ARCHIVE_SUFFIXES", "SCENE_SUFFIXES", "is_junk", "pick_main"]
+
+# Best first: where an upload holds several kinds, the one that says most about the scene is taken.
+SCENE_SUFFIXES = (".yaml", ".yml", ".glb", ".gltf", ".dae", ".obj", ".ply", ".stl", ".off")
+ARCHIVE_SUFFIXES = (".zip",)
+
+
+def is_junk(name: str) -> bool:
+    """Whether a name is what systems leave in archives and no author means: __MACOSX, .DS_Store, Thumbs.db, dot files."""
+    parts = PurePosixPath(name).parts
+    return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
+
+
+def pick_main(names: list[str]) -> tuple[str, list[str]]:
+    """The scene file among the names, and warnings where others could have been meant.
+
+    The best suffix wins, then the shallowest path, then the shortest name, then the alphabet. Raises SceneError where none is a scene.
+    """
+    rank = {suffix: i for i, suffix in enumerate(SCENE_SUFFIXES)}
+    found = []
+    for name in names:
+        path = PurePosixPath(name)
+        if path.suffix.lower() in rank and not is_junk(name):
+            found.append((rank[path.suffix.lower()], len(path.parts), len(name), name))
+    if not found:
+        listed = ", ".join(sorted(names)[:5]) or "nothing"
+        raise SceneError(
+            f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."
+        )
+    found.sort()
+    main = found[0][3]
+    rivals = [f[3] for f in found[1:] if f[0] == found[0][0]]
+    if not rivals:
+        return main, []
+    return main, [f"Several scene files were given; {main} is used. To use another, name it as `main`: {', '.join(rivals[:8])}."]

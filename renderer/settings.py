@@ -1,0 +1,104 @@
+"""What a picture is asked to be: the view, the size, and everything else a sample's colour depends on.
+
+A sample's colour is a function of (compiled scene, settings, pixel, sample number) alone; `RenderSettings` is the second of
+these. Plain numpy-free data, so that the service and the client can build and check it without the kernel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+from renderer.errors import SettingsError
+
+__all__ = ["INTEGRATORS", "MAX_DEPTH", "MAX_SIZE", "MAX_SPP", "RenderSettings", "Tile", "View", "tiles_of"]
+
+INTEGRATORS = ("path",)
+MAX_SIZE = 16384
+MAX_DEPTH = 1024
+MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
+
+Vec3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class View:
+    """A perspective camera: world-space `eye` and `target`, an `up` hint, and the vertical field of view in degrees."""
+
+    eye: Vec3
+    target: Vec3
+    up: Vec3 = (0.0, 1.0, 0.0)
+    fov: float = 40.0
+
+    def __post_init__(self) -> None:
+        if not 0.01 <= self.fov <= 179.0:
+            raise SettingsError(f"fov is {self.fov:g}; a vertical field of view lies between 0.01 and 179 degrees")
+        if all(abs(e - t) < 1e-12 for e, t in zip(self.eye, self.target, strict=True)):
+            raise SettingsError("eye and target are the same point; move one of them")
+        d = [t - e for e, t in zip(self.eye, self.target, strict=True)]
+        u = self.up
+        cross = (d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2], d[0] * u[1] - d[1] * u[0])
+        if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
+            raise SettingsError("up points along the line of sight (or is zero); give another up direction")
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """Everything but the scene that a sample's colour depends on.
+
+    max_depth: path segments, the camera's included (1 = only what the camera sees emit).
+    environment: linear RGB radiance that replaces the scene's own environment, or None to keep it.
+    environment_strength: factor on the scene's (or the replaced) environment.
+    film_exponent: the film's quantum is 2**-film_exponent (see renderer/film.py).
+    """
+
+    width: int
+    height: int
+    view: View
+    max_depth: int = 8
+    seed: int = 0
+    integrator: str = "path"
+    environment: Vec3 | None = None
+    environment_strength: float = 1.0
+    film_exponent: int = 24
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            if not 1 <= getattr(self, name) <= MAX_SIZE:
+                raise SettingsError(f"{name} is {getattr(self, name)}; it lies between 1 and {MAX_SIZE}")
+        if not 1 <= self.max_depth <= MAX_DEPTH:
+            raise SettingsError(f"max_depth is {self.max_depth}; it lies between 1 and {MAX_DEPTH}")
+        if not 0 <= self.seed < 1 << 32:
+            raise SettingsError(f"seed is {self.seed}; it lies between 0 and 2**32 - 1")
+        if self.integrator not in INTEGRATORS:
+            raise SettingsError(f"integrator is {self.integrator!r}; known are {', '.join(INTEGRATORS)}")
+        if not 0.0 <= self.environment_strength <= 1e6:
+            raise SettingsError(f"environment_strength is {self.environment_strength:g}; it lies between 0 and 1e6")
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON-ready dict; `from_json` gives the same settings back to the bit."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> RenderSettings:
+        """The settings that `to_json` wrote. Raises SettingsError where a value is out of range."""
+        data = dict(data)
+        view = {k: tuple(v) if isinstance(v, list) else v for k, v in data.pop("view").items()}
+        environment = data.pop("environment", None)
+        return cls(view=View(**view), environment=None if environment is None else tuple(environment), **data)
+
+
+class Tile(NamedTuple):
+    """A rectangle of a frame, in pixels; (0, 0) is the frame's upper left corner."""
+
+    x: int
+    y: int
+    w: int
+    h: int
+
+
+def tiles_of(width: int, height: int, size: int) -> list[Tile]:
+    """The tiles of a frame in reading order; those at the right and lower edge may be smaller."""
+    return [
+        Tile(x, y, min(size, width - x), min(size, height - y)) for y in range(0, height, size) for x in range(0, width, size)
+    ]

@@ -1,0 +1,240 @@
+"""What the service and a worker say to each other. Ids and numbers go through Celery; sums and news come back on a stream.
+
+    service --- Celery task PREPARE ------> worker     {scene}
+    service --- Celery task RENDER_BATCH -> worker     RenderBatch
+    worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
+    worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
+    worker ---- HTTP /api/farm/... -------> service    join, manifests, blobs (both ways), by FARM_TOKEN
+
+Queues carry the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code)
+takes its batches, so films of two kinds cannot mix. Imports neither numba nor the kernel.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import lz4.block
+import numpy as np
+
+from renderer.film import CHANNELS, Sums
+from renderer.settings import RenderSettings, Tile
+
+__all__ = [
+    "HEARTBEAT_EVERY_S",
+    "HEARTBEAT_TTL_S",
+    "PREPARE",
+    "RENDER_BATCH",
+    "RESULTS",
+    "WORKER_KEYS",
+    "BlobRef",
+    "Manifest",
+    "RenderBatch",
+    "Result",
+    "SceneInfo",
+    "WorkerReport",
+    "celery_config",
+    "pack_sums",
+    "prepare_queue",
+    "render_queue",
+    "unpack_sums",
+    "worker_key",
+]
+
+PREPARE = "rayfarm.prepare"
+RENDER_BATCH = "rayfarm.render_batch"
+RESULTS = "rayfarm:results"
+WORKER_KEYS = "rayfarm:worker:*"
+HEARTBEAT_EVERY_S = 1.0
+HEARTBEAT_TTL_S = 6
+
+
+def prepare_queue(kind: str) -> str:
+    """The Celery queue for preparing scenes on workers of this kind."""
+    return f"rayfarm.prepare.{kind}"
+
+
+def render_queue(kind: str) -> str:
+    """The Celery queue for batches of jobs of this kind."""
+    return f"rayfarm.render.{kind}"
+
+
+def worker_key(name: str) -> str:
+    """The Redis key under which a worker reports itself."""
+    return f"rayfarm:worker:{name}"
+
+
+def celery_config(redis_url: str) -> dict[str, Any]:
+    """The Celery settings of both ends.
+
+    acks_late + reject_on_worker_lost: a killed child's batch goes back to the queue. No result backend: results travel on
+    the stream. The visibility timeout lies above the hard time limit, so that a running task is never handed out twice
+    by the broker; the service's own deadlines are shorter and make duplicates harmless.
+    """
+    return {
+        "broker_url": redis_url,
+        "result_backend": None,
+        "task_ignore_result": True,
+        "task_serializer": "json",
+        "accept_content": ["json"],
+        "task_acks_late": True,
+        "task_reject_on_worker_lost": True,
+        "worker_prefetch_multiplier": 1,
+        "task_time_limit": 900,
+        "broker_transport_options": {"visibility_timeout": 1200},
+        "broker_connection_retry_on_startup": True,
+        "worker_send_task_events": False,
+        "worker_enable_remote_control": False,
+        "task_create_missing_queues": True,
+    }
+
+
+@dataclass(frozen=True)
+class BlobRef:
+    """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size."""
+
+    path: str
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A scene as uploaded: its files, which of them is the scene, and an environment image among them, if any."""
+
+    scene: str
+    main: str
+    files: list[BlobRef]
+    environment: str | None = None
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Manifest:
+        """The manifest that `dataclasses.asdict` made JSON of."""
+        return cls(**{**data, "files": [BlobRef(**f) for f in data["files"]]})
+
+
+@dataclass(frozen=True)
+class SceneInfo:
+    """What preparing a scene found out. `compiled` and `thumbnail` are blobs that the worker has stored at the service."""
+
+    kind: str
+    compiled: BlobRef
+    thumbnail: BlobRef | None
+    cameras: list[dict[str, Any]]  # {name, view: {eye, target, up, fov}}; never empty: the last one frames the bounds
+    counts: dict[str, int]  # triangles, spheres, materials, textures, lights, ...
+    bounds: list[list[float]]  # lower and upper corner
+    animations: list[str]
+    warnings: list[str]
+    defaults: dict[str, Any]  # settings that the scene file asks for
+    seconds: float
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> SceneInfo:
+        """The info that `dataclasses.asdict` made JSON of."""
+        thumbnail = data.get("thumbnail")
+        return cls(
+            **{
+                **data,
+                "compiled": BlobRef(**data["compiled"]),
+                "thumbnail": BlobRef(**thumbnail) if thumbnail else None,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class RenderBatch:
+    """The unit of work: sample numbers first ... first + count - 1 of every pixel of a tile."""
+
+    batch: str  # unique for every time it is handed out
+    job: str
+    frame: int
+    compiled: str  # SHA-256 of the compiled scene's blob
+    tile: Tile
+    first: int
+    count: int
+    settings: RenderSettings
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON-ready dict for the Celery message."""
+        return {**asdict(self), "tile": list(self.tile), "settings": self.settings.to_json()}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> RenderBatch:
+        """The batch that `to_json` wrote."""
+        settings = RenderSettings.from_json(data["settings"])
+        return cls(**{**data, "tile": Tile(*data["tile"]), "settings": settings})
+
+
+@dataclass(frozen=True)
+class WorkerReport:
+    """A worker of itself, every HEARTBEAT_EVERY_S."""
+
+    name: str
+    host: str
+    pid: int
+    slots: int
+    cpu: str
+    kind: str
+    state: Literal["starting", "ready"]  # starting: compiling or loading its kernels
+    started: float  # unix time
+    samples_per_s: float = 0.0  # of one slot, over its latest batches
+    current: list[dict[str, Any]] = field(default_factory=list)  # a slot each: {} or {job, frame, tile, first, count} or {scene}
+
+    def to_bytes(self) -> bytes:
+        """JSON for the worker's key."""
+        return json.dumps(asdict(self)).encode()
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> WorkerReport:
+        """The report that `to_bytes` wrote."""
+        return cls(**json.loads(data))
+
+
+@dataclass(frozen=True)
+class Result:
+    """One entry of the RESULTS stream: Redis fields `event` (JSON) and, for a rendered batch, `sums`.
+
+    type and the further keys of `event`:
+        batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
+        batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command)
+        prepare-started  scene, kind, worker
+        prepare-progress scene, kind, step (a phrase), fraction 0..1
+        prepared         scene, kind, worker, info: SceneInfo
+        prepare-failed   scene, kind, worker, error (a sentence)
+    """
+
+    event: dict[str, Any]
+    sums: bytes | None = None
+
+    def to_fields(self) -> dict[bytes, bytes]:
+        """The fields to XADD."""
+        fields = {b"event": json.dumps(self.event).encode()}
+        if self.sums is not None:
+            fields[b"sums"] = self.sums
+        return fields
+
+    @classmethod
+    def from_fields(cls, fields: dict[bytes, bytes]) -> Result:
+        """The result that `to_fields` wrote."""
+        return cls(json.loads(fields[b"event"]), fields.get(b"sums"))
+
+
+def pack_sums(sums: Sums) -> bytes:
+    """A batch's sums, byte-shuffled and LZ4-compressed: the high bytes of small numbers fall together and vanish."""
+    shuffled = np.ascontiguousarray(sums, dtype="<i8").reshape(-1, 1).view(np.uint8).T
+    return lz4.block.compress(np.ascontiguousarray(shuffled).tobytes(), store_size=False)
+
+
+def unpack_sums(data: bytes, tile: Tile) -> Sums:
+    """The sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError where they are not of this tile."""
+    size = CHANNELS * tile.h * tile.w * 8
+    try:
+        raw = lz4.block.decompress(data, uncompressed_size=size)
+    except lz4.block.LZ4BlockError as error:
+        raise ValueError(f"damaged sums: {error}") from error
+    if len(raw) != size:
+        raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
+    shuffled = np.frombuffer(raw, np.uint8).reshape(8, -1)
+    return np.ascontiguousarray(shuffled.T).view("<i8").reshape(CHANNELS, tile.h, tile.w)
