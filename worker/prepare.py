@@ -10,15 +10,14 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from renderer.render import render_frame
-from renderer.scene.compile import compile_scene, summarise
-from renderer.scene.load import read
-
 from renderer.errors import SceneError
 from renderer.film import mean
 from renderer.image import encode
+from renderer.render import render_frame
 from renderer.scene import compiled as compiled_file
+from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
+from renderer.scene.load import read
 from renderer.settings import RenderSettings, View
 from worker.bounded import Send, WorkError, run_bounded
 from worker.context import WorkerContext

@@ -7,9 +7,8 @@ import time
 from collections import OrderedDict
 from typing import Any
 
-from renderer.render import render_batch
-
 from renderer.errors import RayfarmError
+from renderer.render import render_batch
 from renderer.scene.compiled import CompiledScene, load
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums

@@ -76,13 +76,12 @@ def render(
         raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
 
     marks = {"begun": time.perf_counter()}
-    from renderer.render import warm_up
-    from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import read
-
     from renderer.film import mean
     from renderer.image import encode
     from renderer.image import tonemap as tonemaps
+    from renderer.render import warm_up
+    from renderer.scene.compile import compile_scene, summarise
+    from renderer.scene.load import read
     from renderer.settings import RenderSettings
 
     encode.format_of(output)
@@ -133,9 +132,10 @@ def _sums(
     compiled: CompiledScene, settings: RenderSettings, spp: int, first: int, tile: Tile | None, threads: int
 ) -> tuple[Sums, int]:
     """The film's sums, and how many samples were taken."""
-    from renderer.render import render_batch, render_frame
+    import numpy as np
 
-    from renderer.film import CHANNELS, np
+    from renderer.film import CHANNELS
+    from renderer.render import render_batch, render_frame
 
     if tile is not None or first:
         whole = tile or (0, 0, settings.width, settings.height)
