@@ -20,7 +20,7 @@ from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secre
 from rayfarm.local.supervisor import Part, Supervisor
 from worker.contract import WORKER_KEYS, WorkerReport
 
-__all__ = ["LocalFarm"]
+__all__ = ["LocalFarm", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
 PATIENCE_S = 60.0
@@ -37,11 +37,11 @@ class LocalFarm:
         self.host = host
         self.slots = slots
         self.secrets = secrets_of(data)
-        self.port = port or _free_port(host)
+        self.port = port or free_port(host)
         if port and not _is_free(host, port):
             raise CommandError(f"Port {port} of {host} is in use by another program. Choose another with --port.")
         if not (self.secrets.redis_port and _is_free(host, self.secrets.redis_port)):
-            self.secrets.redis_port = _free_port(host)
+            self.secrets.redis_port = free_port(host)
             save_secrets(data, self.secrets)
         self.supervisor = Supervisor(ROOT, say)
         self._parts: dict[str, Part] = {}
@@ -171,7 +171,8 @@ def _is_free(host: str, port: int) -> bool:
     return True
 
 
-def _free_port(host: str) -> int:
+def free_port(host: str) -> int:
+    """A port of an address that nothing listens on."""
     with socket.socket(_family(host)) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
