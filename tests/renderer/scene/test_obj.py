@@ -32,7 +32,7 @@ def test_missing_normals_are_smooth_on_a_sphere_and_sharp_on_a_box(scene):
     normals = mesh.normals[mesh.triangles].reshape(-1, 3)
     positions = mesh.positions[mesh.triangles].reshape(-1, 3)
     side = np.abs(normals[:, 2]) < 0.5
-    np.testing.assert_allclose(normals[side, :2], positions[side, :2], atol=0.04)  # round: the normal is the radius
+    np.testing.assert_allclose(normals[side, :2], positions[side, :2], atol=1e-5)  # round: the normal is the radius
     np.testing.assert_allclose(normals[~side], [(0, 0, 1 if z == 1 else -1) for z in positions[~side, 2]], atol=1e-6)
 
 

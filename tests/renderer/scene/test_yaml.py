@@ -100,7 +100,7 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
     ("text", "said"),
     [
         ("", "is empty"),
-        ("shapes: [", "line 1: is no YAML"),
+        ("name: a\nshapes: ]", "line 2: is no YAML"),
         ("hello", "line 1: 'hello' is not of type 'object'"),
         ("name: x", "'shapes' is a required property"),
         ("shapes: []", "line 1: shapes:"),
@@ -119,11 +119,14 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
         ("cameras:\n  - {eye: [0, 0, 1e999], target: [0, 0, 0]}\n" + QUAD, "finite"),
         ("name: a\nname: b\n" + QUAD, "line 2: name stands here a second time"),
         ("shapes:\n  - type: sphere\n    transform: [{scale: [1, 2, 1]}]", "scaled alike"),
-        ("shapes:\n  - type: quad\n    transform: [{rotate: {axis: [0, 0, 0], degrees: 3}}]", "line 3: shapes[0].transform[0].rotate.axis"),
+        (
+            "shapes:\n  - type: quad\n    transform: [{rotate: {axis: [0, 0, 0], degrees: 3}}]",
+            "line 3: shapes[0].transform[0].rotate",
+        ),
         ("environment: {image: sky.exr}\n" + QUAD, "line 1: environment.image: sky.exr is not among"),
         ("textures: {t: {wrap: clamp}}\n" + QUAD, "one of image and checker"),
     ],
-)  # fmt: skip
+)
 def test_errors_name_line_and_field(scene, text, said):
     with pytest.raises(SceneError) as caught:
         scene("s.yaml", text)
