@@ -83,7 +83,7 @@ class RenderSettings:
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:
         """The settings that `to_json` wrote. Raises SettingsError where a value is out of range."""
         data = dict(data)
-        view = {k: tuple(v) if isinstance(v, list) else v for k, v in data.pop("view").items()}
+        view: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.pop("view").items()}
         environment = data.pop("environment", None)
         return cls(view=View(**view), environment=None if environment is None else tuple(environment), **data)
 
