@@ -1,10 +1,15 @@
 """Our scene files: what they say is what is read, and what is wrong is said with line and field."""
 
+import json
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.geometry import flatten
+from renderer.scene.load import read
 
 QUAD = "shapes:\n  - {type: quad}\n"
 
@@ -145,3 +150,46 @@ def test_aliases_that_stand_for_billions_are_refused(scene):
 def test_an_alias_inside_itself_is_refused(scene):
     with pytest.raises(SceneError, match="nested deeper"):
         scene("s.yaml", "a: &a [*a]\n")
+
+
+def test_the_documentations_example_is_a_scene(scene):
+    text = (Path(__file__).parents[3] / "docs" / "scene-format.md").read_text()
+    example = text.split("```yaml\n")[1].split("```")[0]
+    assert "cup.glb" in example
+    example = example.replace("cup.glb", "cup.obj").replace("image: sky.exr, ", "")
+    description = scene("s.yaml", example, {"cup.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"})
+    assert len(description.spheres) == 1
+
+
+def test_the_documentation_names_every_field_of_the_schema():
+    root = Path(__file__).parents[3]
+    schema = json.loads((root / "renderer" / "scene" / "schema.json").read_text())
+    text = (root / "docs" / "scene-format.md").read_text()
+
+    def fields(part):
+        if isinstance(part, dict):
+            for key, value in part.items():
+                if key == "properties":
+                    yield from value
+                yield from fields(value)
+        elif isinstance(part, list):
+            for value in part:
+                yield from fields(value)
+
+    missing = {name for name in fields(schema) if f"`{name}`" not in text and f"{name}:" not in text}
+    assert missing == set()
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "spheres", "still-life"])
+def test_our_example_scenes_read_without_a_warning(name):
+    folder = Path(__file__).parents[3] / "scenes"
+    assert (folder / f"{name}.yaml").stat().st_size < 300_000
+    assert read(folder, f"{name}.yaml").warnings == []
+
+
+def test_the_made_scenes_are_those_of_the_script():
+    folder = Path(__file__).parents[3] / "scenes"
+    made = runpy.run_path(str(folder / "make.py"))
+    for name, scene in (("spheres", made["spheres"]()), ("still-life", made["still_life"]())):
+        written = (folder / f"{name}.yaml").read_text().split("\n", 2)[2]
+        assert written == made["text_of"](scene, "").split("\n", 2)[2]
