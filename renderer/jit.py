@@ -18,7 +18,7 @@ from typing import Any
 
 from renderer import __version__
 
-__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "inlined", "kind"]
+__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "inlined", "kind", "out_of_line"]
 
 _X86 = ("x86_64", "amd64")
 _ARM = ("aarch64", "arm64")
@@ -76,7 +76,8 @@ def _configure() -> None:
 _configure()
 
 import llvmlite.binding as llvm  # noqa: E402
-from numba import njit  # noqa: E402
+from numba import njit, types  # noqa: E402
+from numba.extending import intrinsic  # noqa: E402
 
 if TARGET == "x86-64-v3":
     _has = llvm.get_host_cpu_features()
@@ -96,6 +97,17 @@ _COMMON: dict[str, Any] = {"fastmath": _FASTMATH, "error_model": "numpy", "nogil
 _NO_HEAP: dict[str, Any] = {"_nrt": False}
 
 Function = Callable[..., Any]
+
+
+@intrinsic
+def out_of_line(typingctx: Any) -> Any:
+    """Called in a function's body: the function is never merged into its callers, so that its registers are its own."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.void(), codegen
 
 
 def entry(function: Function) -> Function:
