@@ -5,8 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.layout import WIDTH
-from renderer.bvh.simd import bits, flip, fma, less, less_equal, load_from, minimum, product, select, splat, sqrt, to_double, to_single
-from renderer.jit import device, out_of_line
+from renderer.bvh.simd import (
+    bits,
+    flip,
+    fma,
+    less,
+    less_equal,
+    load_from,
+    minimum,
+    product,
+    select,
+    splat,
+    sqrt,
+    to_double,
+    to_single,
+)
+from renderer.jit import device, out_of_line, subroutine
 
 __all__ = ["meet_spheres", "meet_triangles"]
 
@@ -57,7 +71,7 @@ def meet_triangles(base, axes, shear, origin, t_max):
     return bits(hit), t, v, w, determinant
 
 
-@device
+@subroutine
 def meet_spheres(base, origin, direction, t_max):
     """Where the ray first meets the spheres of a packet ahead of its origin: (mask8, f32x8 distance).
 

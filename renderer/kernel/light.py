@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, inlined
+from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.kernel.material import emission
@@ -42,7 +42,7 @@ def _nothing():
     return LightSample(_NO_SAMPLE_W, _BLACK, _BLACK, _ZERO)
 
 
-@inlined
+@device
 def _sample_triangle(scene, number, area, p, u):
     """A point of a triangle, uniformly: a LightSample, its pdf without the choice of the light."""
     b, c = square_to_triangle(u)
@@ -69,7 +69,7 @@ def _cone(square, radius):
     return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
 
 
-@inlined
+@device
 def _sample_sphere(scene, number, p, u):
     """A point of a sphere, uniform in the solid angle seen from p (by area from inside): as `_sample_triangle`."""
     center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
@@ -111,7 +111,7 @@ def _sample_sphere(scene, number, p, u):
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf)
 
 
-@inlined
+@device
 def sample_light(scene, p, choice, u):
     """Light towards the point p: a LightSample. `choice` picks the light, u the place on it."""
     environment_chance = scene.environment_frame[3]
@@ -131,7 +131,7 @@ def sample_light(scene, p, choice, u):
     return LightSample(sample.direction, sample.end, sample.radiance, sample.pdf * (_ONE - environment_chance) * chance)
 
 
-@inlined
+@device
 def environment_light_pdf(scene, w):
     """The density with which `sample_light` gives the environment's direction w, per steradian."""
     frame = scene.environment_frame
@@ -140,7 +140,7 @@ def environment_light_pdf(scene, w):
     return frame[3] * environment_pdf(scene.environment_marginal, scene.environment_conditional, frame, w)
 
 
-@inlined
+@device
 def primitive_light_pdf(scene, light, p, hit, cosine):
     """The density with which `sample_light`, at p, gives the point `hit` of a light seen under `cosine`, per steradian."""
     chance = (scene.light_cdf[light + 1] - scene.light_cdf[light]) * (_ONE - scene.environment_frame[3])
