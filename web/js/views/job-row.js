@@ -51,7 +51,7 @@ export function jobRow(job, life) {
       latest = next;
       setText(name, next.name);
       remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
-      setText(size, `${next.width}×${next.height} · ${count(next.spp)} samples`);
+      setText(size, `${next.width}×${next.height} · ${count(next.spp)} spp`);
       chip.update(next.state);
       bar.update(next.progress, next.state);
       setText(far, progressLine(next));

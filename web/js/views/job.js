@@ -87,6 +87,9 @@ function open(page, job, life) {
     stage = h("div", { class: "stage" }, emptyState("image", "The live picture cannot be shown here", h("p", null, error.message)));
   }
 
+  const stageBox = h("div", { class: "stage-box" }, stage, notice);
+  stageBox.style.setProperty("--aspect", `${job.width} / ${job.height}`);
+
   const aov = new AovImage(
     job.id,
     (image) => view?.setOverlay(image),
@@ -165,7 +168,7 @@ function open(page, job, life) {
       actions.element,
     ),
     h("div", { class: "job-line" }, line.element),
-    h("div", { class: "stage-box" }, stage, notice),
+    stageBox,
     h(
       "footer",
       { class: "status-bar" },
