@@ -33,6 +33,9 @@ export class FilmView {
     this.canvas.setFilm(this.film);
     this.canvas.afterDraw = () => {
       this.over.draw();
+      // Where the picture lies, for whoever compares screenshots with films.
+      const { scale, x, y } = this.viewport;
+      this.element.dataset.view = `${scale} ${x} ${y}`;
       handlers.moved();
     };
     this.undoPan = panAndZoom(this.element, this.viewport, () => this.canvas.invalidate());

@@ -111,7 +111,7 @@ function open(page, job, life) {
         if (message.type === "state") putJob(message.job);
       },
       link: (up) => link.set(up),
-      refused: (sentence) => showError("The live picture ended", sentence, "Reload the page to try again."),
+      refused: (sentence) => showError("The live picture ended", sentence, { action: { label: "Reload the page", run: () => location.reload() } }),
     });
   }
   life.add(() => live.close());
@@ -149,7 +149,8 @@ function open(page, job, life) {
       ...[["ArrowLeft", -1, 0], ["ArrowRight", 1, 0], ["ArrowUp", 0, -1], ["ArrowDown", 0, 1]].flatMap(([key, dx, dy]) =>
         [1, 10].map((by) => ({
           keys: `${by > 1 ? "Shift+" : ""}${key}`,
-          does: `Read the pixel ${by > 1 ? "ten further" : "next to it"}`,
+          does: "Read pixels by keys; with Shift ten at a time",
+          shown: key === "ArrowLeft" && by === 1 ? "Arrows" : null,
           run: () => view?.moveCursor(Number(dx) * by, Number(dy) * by),
         })),
       ),
