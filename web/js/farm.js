@@ -14,22 +14,30 @@ export const scenes = new Store(/** @type {Scene[] | null} */ (null));
 export const jobs = new Store(/** @type {Job[] | null} */ (null));
 /** @type {Store<Worker[] | null>} */
 export const workers = new Store(/** @type {Worker[] | null} */ (null));
-/** Whether events arrive. @type {Store<boolean>} */
-export const link = new Store(true);
+/** The connections that are lost at the moment, by name. @type {Store<ReadonlySet<string>>} */
+export const lost = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
 /** What the user deleted and may still take back: hidden, not gone. @type {Store<ReadonlySet<string>>} */
 export const hidden = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
 /**
- * @param {string} id
- * @param {boolean} hide
+ * @param {Store<ReadonlySet<string>>} store
+ * @param {string} item
+ * @param {boolean} member
  */
-export function setHidden(id, hide) {
-  const next = new Set(hidden.value);
-  if (hide) next.add(id);
-  else next.delete(id);
-  hidden.set(next);
+function setMember(store, item, member) {
+  if (store.value.has(item) === member) return;
+  const next = new Set(store.value);
+  if (member) next.add(item);
+  else next.delete(item);
+  store.set(next);
 }
+
+/** @param {string} id @param {boolean} hide */
+export const setHidden = (id, hide) => setMember(hidden, id, hide);
+
+/** @param {string} connection @param {boolean} up */
+export const setLink = (connection, up) => setMember(lost, connection, !up);
 
 /**
  * @template {{id: string}} T
@@ -79,7 +87,7 @@ export function followFarm() {
       refetch().then(
         () => {
           backoff.succeeded();
-          link.set(true);
+          setLink("events", true);
         },
         () => source.dispatchEvent(new Event("error")),
       );
@@ -91,7 +99,7 @@ export function followFarm() {
     source.addEventListener("workers", (event) => workers.set(data(event)));
     source.onerror = () => {
       source.close(); // its own reconnection knows no back-off, and gives up after some answers
-      link.set(false);
+      setLink("events", false);
       backoff.schedule(connect);
     };
   };

@@ -4,7 +4,7 @@ import { getJob } from "../api.js";
 import { AovImage } from "../aov-image.js";
 import { EXPOSURE_STEP, clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
 import { fill, h, setText } from "../dom.js";
-import { jobs, link, putJob, workers } from "../farm.js";
+import { jobs, putJob, setLink, workers } from "../farm.js";
 import { field } from "../fields.js";
 import { CannotShow } from "../film-canvas.js";
 import { FilmView } from "../film-view.js";
@@ -110,11 +110,11 @@ function open(page, job, life) {
       message(message) {
         if (message.type === "state") putJob(message.job);
       },
-      link: (up) => link.set(up),
+      link: (up) => setLink("live", up),
       refused: (sentence) => showError("The live picture ended", sentence, { action: { label: "Reload the page", run: () => location.reload() } }),
     });
   }
-  life.add(() => live.close());
+  life.add(() => (live.close(), setLink("live", true)));
 
   const outline = () => {
     const on = display.value.outlines && latest.state === "running";
