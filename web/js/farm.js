@@ -52,15 +52,6 @@ function put(store, item) {
   });
 }
 
-/**
- * @template {{id: string}} T
- * @param {Store<T[] | null>} store
- * @param {string} id
- */
-function drop(store, id) {
-  store.update((items) => items?.filter((item) => item.id !== id) ?? null);
-}
-
 /** @param {Scene} scene */
 export const putScene = (scene) => put(scenes, scene);
 
@@ -75,8 +66,25 @@ async function refetch() {
   workers.set(allWorkers);
 }
 
-/** @param {MessageEvent<string>} event */
-const data = (event) => JSON.parse(event.data);
+/**
+ * @template {{id: string}} T
+ * @param {Store<T[] | null>} store
+ * @param {(item: T) => void} putItem
+ * @param {T & {deleted?: boolean}} item
+ */
+function take(store, putItem, item) {
+  if (item.deleted) store.update((items) => items?.filter(({ id }) => id !== item.id) ?? null);
+  else putItem(item);
+}
+
+/** @param {Worker & {id: string, deleted?: boolean}} worker */
+function takeWorker(worker) {
+  workers.update((all) => {
+    const name = worker.deleted ? worker.id : worker.name;
+    const others = (all ?? []).filter((other) => other.name !== name);
+    return worker.deleted ? others : [...others, worker].sort((a, b) => a.name.localeCompare(b.name));
+  });
+}
 
 /** Subscribes to the farm's news for as long as the page is open. */
 export function followFarm() {
@@ -92,11 +100,9 @@ export function followFarm() {
         () => source.dispatchEvent(new Event("error")),
       );
     };
-    source.addEventListener("scene", (event) => putScene(data(event)));
-    source.addEventListener("scene-deleted", (event) => drop(scenes, data(event).id));
-    source.addEventListener("job", (event) => putJob(data(event)));
-    source.addEventListener("job-deleted", (event) => drop(jobs, data(event).id));
-    source.addEventListener("workers", (event) => workers.set(data(event)));
+    source.addEventListener("scene", (event) => take(scenes, putScene, JSON.parse(event.data)));
+    source.addEventListener("job", (event) => take(jobs, putJob, JSON.parse(event.data)));
+    source.addEventListener("worker", (event) => takeWorker(JSON.parse(event.data)));
     source.onerror = () => {
       source.close(); // its own reconnection knows no back-off, and gives up after some answers
       setLink("events", false);

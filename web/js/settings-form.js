@@ -14,6 +14,7 @@ import { viewFields } from "./view-fields.js";
 
 const MAX_SIZE = 16384;
 const MAX_SPP = 1 << 20;
+const AUTO_CAMERA = "auto"; // the one that every scene has
 const CUSTOM = "custom";
 const OWN_VIEW = "\0view"; // no camera's name has a NUL in it
 
@@ -26,7 +27,7 @@ export function settingsForm(scene, submit) {
   const { defaults } = scene;
   let aspect = defaults.width && defaults.height ? defaults.width / defaults.height : DEFAULT_ASPECT;
 
-  const camera = h("select", null, scene.cameras.map(({ name }) => h("option", { value: name }, name)), h("option", { value: OWN_VIEW }, "Custom view …"));
+  const camera = h("select", null, scene.cameras.map(({ name }) => h("option", { value: name }, name === AUTO_CAMERA ? "Automatic: frames the scene" : name)), h("option", { value: OWN_VIEW }, "Custom view …"));
   const view = viewFields(scene.cameras[0]?.view);
   view.element.hidden = true;
   camera.addEventListener("change", () => {
@@ -131,8 +132,7 @@ export function settingsForm(scene, submit) {
     ...(seconds.value && { seconds: seconds.valueAsNumber }),
     max_depth: depth.valueAsNumber,
     seed: seed.valueAsNumber,
-    environment_strength: strength.valueAsNumber,
-    ...(replace.checked && { environment: linearOf(colour.value) }),
+    environment: { strength: strength.valueAsNumber, color: replace.checked ? linearOf(colour.value) : null },
   });
 
   const element = h(
