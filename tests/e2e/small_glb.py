@@ -33,12 +33,14 @@ def floor(height: float, size: float, down: bool = False) -> tuple[np.ndarray, n
 
 def small_glb() -> bytes:
     """The file's bytes: three meshes, a camera."""
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}  # parts of the picture are brighter than 1
     parts = [
         (*cube(), {"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.1, 0.08, 1], "metallicFactor": 0}}),
         (*floor(-1.001, 6.0), {"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.8, 0.8, 1], "metallicFactor": 0}}),
-        (*floor(5.0, 1.5, down=True), {"emissiveFactor": [1, 0.9, 0.7], "doubleSided": True}),
+        (*floor(2.6, 1.5, down=True), {"emissiveFactor": [1, 0.9, 0.7], "doubleSided": True, "extensions": strength}),
     ]
     document: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "accessors": [], "bufferViews": [], "meshes": []}
+    document["extensionsUsed"] = ["KHR_materials_emissive_strength"]
     document["materials"] = [material for *_, material in parts]
     blob = b""
     for positions, triangles, _ in parts:
