@@ -14,11 +14,11 @@ import OpenImageIO
 import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
-from tests.helpers import Farm
 
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
 from tests.e2e.small_glb import small_glb
+from tests.helpers import Farm
 
 pytestmark = [pytest.mark.browser, pytest.mark.farm]
 
