@@ -56,6 +56,7 @@ class Engine:
         self.preparing = Preparing(self._dispatcher, self.workers, settings.prepare_deadline)
         self.scheduler = Scheduler(settings, self._dispatcher, self.workers, self._start)
         self._changes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
+        self._purged = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed, lost
@@ -103,6 +104,9 @@ class Engine:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
     def _step(self) -> None:
+        if not self._purged:
+            self._dispatcher.purge()
+            self._purged = True
         while not self._changes.empty():
             self._apply(*self._changes.get())
         if self.workers.look():
