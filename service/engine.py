@@ -130,6 +130,7 @@ class Engine:
         job = self.scheduler.jobs.get(id)
         if row is None or row.state not in ("queued", "running", "paused"):
             if job is not None:
+                self.records.progress(job)
                 self._drop(job)
             if row is None:
                 self.films.delete(id)
@@ -138,6 +139,7 @@ class Engine:
         else:
             if row.state == "paused" != job.state:
                 self.scheduler.withdraw(job)
+                self.records.progress(job)
             job.state, job.priority = row.state, row.priority
             if row.spp and row.spp != job.plan.spp:
                 self.scheduler.withdraw(job)
