@@ -89,4 +89,4 @@ def _summary(url: str, public_url: str, token: str, host: str, folder: Path) -> 
         out.print("  Add a machine   on the other machine:")
         out.print(f"                  rayfarm worker --join {public_url} --token {token}", soft_wrap=True)
     out.print(f"  Data and logs   {folder}", soft_wrap=True)
-    out.print("  Compiling or loading the renderer's kernels (up to half a minute on the first start) ...\n")
+    out.print("  Loading the renderer's kernels (the first start compiles them: half a minute) ...\n", soft_wrap=True)
