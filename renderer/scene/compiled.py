@@ -1,52 +1,106 @@
-"""The compiled scene: the flat arrays that the kernel reads, and the one safetensors file that keeps them.
+"""Keeps a compiled scene in one safetensors file, and maps it into memory again without copying.
 
-Every array is C-contiguous and read-only (Numba compiles read-only arrays as a type of their own, so that one rule keeps
-one compiled kernel for memory-mapped and freshly built scenes alike). A primitive's number is its triangle's index, or
-T + its sphere's index.
+The safetensors format: u64 length of the header, the header (JSON: name -> dtype, shape, offsets), the arrays. The header is
+padded so that the arrays start at a multiple of 64 bytes, and read back as views of the mapping: all processes of a machine
+share one copy.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import json
+import mmap
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
 
-import numpy.typing as npt
+import numpy as np
 
-from renderer.bvh.layout import Bvh
+from renderer.errors import SceneError
+from renderer.scene.arrays import LAYOUT, CompiledScene, check, flat, nested, seal
 
-__all__ = ["CompiledScene"]
+__all__ = ["CompiledScene", "load", "save", "seal"]
 
-Array = npt.NDArray[Any]
+_FORMAT = {"format": "rayfarm-scene", "version": "1"}
+_NAMES = {"<f4": "F32", "<i4": "I32", "|u1": "U8"}
+_ALIGN = 64
+_MAX_HEADER = 1 << 20
 
 
-class CompiledScene(NamedTuple):
-    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights."""
+def save(scene: CompiledScene, path: Path) -> None:
+    """Writes the scene to `path`, which is there whole or not at all. The same scene gives the same bytes."""
+    header: dict[str, Any] = {"__metadata__": _FORMAT}
+    end = 0
+    arrays = flat(scene)
+    for name, array in arrays.items():
+        start, end = end, end + array.nbytes
+        header[name] = {"dtype": _NAMES[LAYOUT[name][0]], "shape": list(array.shape), "data_offsets": [start, end]}
+    text = json.dumps(header, separators=(",", ":")).encode()
+    text += b" " * (-(8 + len(text)) % _ALIGN)
+    path = Path(path)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(len(text).to_bytes(8, "little") + text)
+            for array in arrays.values():
+                file.write(np.ascontiguousarray(array).data)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
 
-    bvh: Bvh
 
-    position: Array  # (V, 3) f32, world space
-    normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
-    uv: Array  # (V, 2) f32
-    triangle: Array  # (T, 3) i32 into the vertices
-    triangle_material: Array  # (T,) i32
-    triangle_light: Array  # (T,) i32: its light, or -1
-    sphere: Array  # (S, 4) f32: centre, radius
-    sphere_material: Array  # (S,) i32
-    sphere_light: Array  # (S,) i32: its light, or -1
+def load(path: Path) -> CompiledScene:
+    """The scene that `save` wrote, as read-only views of the file.
 
-    material_kind: Array  # (M,) i32: renderer.kernel.material's DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS
-    material: Array  # (M, 10) f32: base colour 3, emission 3, metallic, roughness, ior, double-sided (0/1)
-    material_texture: Array  # (M, 3) i32: base colour, emission, metallic-roughness; -1 for none
+    Raises SceneError where the file is damaged, cut short, or not a compiled scene; OSError where it cannot be opened.
+    """
+    path = Path(path)
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        if size < 8:
+            raise SceneError(f"{path.name} is no compiled scene: it has only {size} bytes")
+        mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    try:
+        return nested(_views(mapped, size))
+    except SceneError as error:
+        raise SceneError(f"{path.name} is damaged or no compiled scene: {error}. Prepare the scene again") from error
 
-    texture: Array  # (X, 6) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1)
-    texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
 
-    light_primitive: Array  # (L,) i32: the emitting primitive; environments are not in this list
-    light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
-    light_area: Array  # (L,) f32
-
-    environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
-    environment_marginal: Array  # (H + 1,) f32: cdf over rows, luminance times sin(theta)
-    environment_conditional: Array  # (H, W + 1) f32: cdf within a row
-    environment_frame: Array  # (4,) f32: cos and sin of the rotation, mean radiance, probability of choosing it over the lights
-
-    bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
+def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
+    """The arrays by name, checked against the layout."""
+    length = int.from_bytes(mapped[:8], "little")
+    if not 2 <= length <= min(_MAX_HEADER, size - 8):
+        raise SceneError("its header's length is wrong")
+    try:
+        header = json.loads(mapped[8 : 8 + length])
+        if header.pop("__metadata__") != _FORMAT:
+            raise SceneError("it was written by another version")
+        if list(header) != list(LAYOUT):
+            raise SceneError("its list of arrays is not the expected one")
+        arrays = {}
+        end = 0
+        for name, (dtype, _) in LAYOUT.items():
+            entry = header[name]
+            shape = tuple(int(n) for n in entry["shape"])
+            start, stop = entry["data_offsets"]
+            count = int(np.prod(shape, dtype=object)) if shape else 1
+            if (
+                entry["dtype"] != _NAMES[dtype]
+                or start != end
+                or min(shape) < 0
+                or stop - start != count * np.dtype(dtype).itemsize
+            ):
+                raise SceneError(f"the entry of {name} is wrong")
+            end = stop
+            if 8 + length + stop > size:
+                raise SceneError(f"it ends before {name} does")
+            arrays[name] = np.frombuffer(mapped, dtype, count, 8 + length + start).reshape(shape)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise SceneError("its header cannot be read") from error
+    if 8 + length + end != size:
+        raise SceneError("it is longer than its arrays")
+    check(arrays)
+    return arrays

@@ -1,0 +1,259 @@
+#!/usr/bin/env python3
+"""The one command: `python3 farm.py up` installs Rayfarm into .venv (once) and starts the farm.
+
+    python3 farm.py up                     the farm and its page; a second start takes seconds
+    python3 farm.py render|submit|info ... any other command of `rayfarm`
+    python3 farm.py test [--long] [...]    installs what the tests need and runs all checks; more arguments go to pytest
+    python3 farm.py bench [...]            the benchmarks
+
+Needs Python 3.11 or 3.12 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
+so that a wrong version gets a sentence and not a traceback.
+"""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+VENV = ROOT / ".venv"
+PYTHONS = ((3, 12), (3, 11))
+FOR_USE = ("worker", "local")
+FOR_TESTS = ("worker", "local", "test")
+TYPESCRIPT = VENV / "typescript"
+
+
+def main():
+    """Install where needed, then become the command that was asked for."""
+    find_python()
+    arguments = sys.argv[1:]
+    if not arguments:
+        print(__doc__)
+        return 2
+    command, rest = arguments[0], arguments[1:]
+    if command in ("test", "bench"):
+        python = install(FOR_TESTS)
+        return run_tests(python, rest) if command == "test" else run_benchmarks(python, rest)
+    install(FOR_USE)
+    program = str(VENV / "bin" / "rayfarm")
+    return os.execv(program, [program, *arguments])
+
+
+def say(text):
+    """A line for the person who waits."""
+    print("farm.py: " + text, file=sys.stderr, flush=True)
+
+
+def fail(text):
+    """End with a sentence."""
+    say(text)
+    sys.exit(1)
+
+
+def find_python():
+    """Go on under a Python that Rayfarm runs on: this one, or another of this machine."""
+    if sys.version_info[:2] in PYTHONS:
+        return
+    for version in PYTHONS:
+        other = shutil.which("python{}.{}".format(*version))
+        # A version manager's shim exists for versions that it will not run here.
+        if other and subprocess.call([other, "-c", "pass"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) == 0:
+            os.execv(other, [other, str(Path(__file__).resolve()), *sys.argv[1:]])
+    mine = "{}.{}".format(*sys.version_info[:2])
+    fail(
+        "This is Python "
+        + mine
+        + "; Rayfarm needs Python 3.11 or 3.12. Install one (Debian: apt install python3.11 python3.11-venv)."
+    )
+
+
+def install(extras):
+    """The environment's Python, with Rayfarm and these extras installed; quick where nothing has changed."""
+    python = VENV / "bin" / "python"
+    sources = [ROOT / "pyproject.toml", ROOT / "constraints.txt"]
+    state = hashlib.sha256(
+        b"".join(path.read_bytes() for path in sources) + sys.version.encode() + str(VENV).encode()
+    ).hexdigest()
+    stamp = VENV / "rayfarm-stamp"
+    known = stamp.read_text().split() if stamp.is_file() else []
+    if known[:1] == [state] and set(extras) <= set(known[1:]) and python.exists():
+        return python
+    begun = time.monotonic()
+    if known[:1] != [state]:
+        known = []
+    extras = sorted(set(extras) | set(known[1:]))
+    if not (python.exists() and (VENV / "bin" / "pip").exists() and same_version(python)):
+        make_environment()
+    say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
+    target = "{}[{}]".format(ROOT, ",".join(extras))
+    pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
+    stamp.write_text(" ".join([state, *extras]) + "\n")
+    say(f"installed after {time.monotonic() - begun:.0f} s")
+    return python
+
+
+def same_version(python):
+    """Whether the environment's Python works and is of this one's version."""
+    asked = [str(python), "-c", "import sys; print(sys.version_info[:2])"]
+    answer = subprocess.run(asked, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False)
+    return answer.stdout.decode().strip() == str(sys.version_info[:2])
+
+
+def make_environment():
+    """Make .venv anew; where Debian has left out what that needs, install it or say how."""
+    say("making a Python environment in .venv ...")
+    shutil.rmtree(VENV, ignore_errors=True)
+    command = [sys.executable, "-m", "venv", str(VENV)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    if done.returncode == 0:
+        return
+    package = "python{}.{}-venv".format(*sys.version_info[:2])
+    if may_install():
+        apt_install(package)
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    if done.returncode != 0:
+        shutil.rmtree(VENV, ignore_errors=True)
+        fail("Python cannot make an environment here. On Debian: apt install " + package + "\n" + done.stdout.decode())
+
+
+def pip(python, arguments):
+    """Run pip, and show on one line how far it is; all of its output where it fails."""
+    command = [str(python), "-m", "pip", "--disable-pip-version-check", "--no-input", *arguments, "--progress-bar", "off"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+    lines = []
+    packages = 0
+    shown = time.monotonic()
+    for line in process.stdout:
+        lines.append(line)
+        words = line.split()
+        if words[:1] == ["Collecting"]:
+            packages += 1
+        interesting = words[:1] in (["Collecting"], ["Downloading"], ["Building"]) or words[:2] == ["Installing", "collected"]
+        if interesting and sys.stderr.isatty():
+            what = "installing" if words[0] == "Installing" else " ".join(words[:2])
+            sys.stderr.write(f"\r\033[K  {packages} packages, {what[:60]}")
+            sys.stderr.flush()
+        elif interesting and (time.monotonic() - shown > 10 or words[0] == "Installing"):
+            shown = time.monotonic()
+            say(f"  {packages} packages" + (", installing them" if words[0] == "Installing" else ""))
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
+    if process.wait() != 0:
+        sys.stderr.write("".join(lines[-30:]))
+        fail("pip could not install Rayfarm's packages; its last words are above. Check the network, then start again.")
+
+
+def may_install():
+    """Whether Debian's packages can be installed here."""
+    return hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get") is not None
+
+
+def apt_install(package):
+    """Install a Debian package; False where that fails."""
+    say("installing Debian's " + package + " ...")
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
+    command = ["apt-get", "install", "-y", "--no-install-recommends", package]
+    if subprocess.call(command, env=environment, **quiet) == 0:
+        return True
+    subprocess.call(["apt-get", "update"], env=environment, **quiet)
+    return subprocess.call(command, env=environment, **quiet) == 0
+
+
+def run_tests(python, arguments):
+    """Every check, then the tests; pytest's closing line comes last."""
+    need_chromium()
+    long = "--long" in arguments
+    arguments = [a for a in arguments if a != "--long"]
+    failed = []
+    checks = [
+        ("ruff check", [str(python), "-m", "ruff", "check", "."]),
+        ("ruff format", [str(python), "-m", "ruff", "format", "--check", "."]),
+        ("mypy", [str(python), "-m", "mypy"]),
+        ("import contracts", [str(VENV / "bin" / "lint-imports"), "--no-cache"]),
+    ]
+    typescript = typescript_check()
+    if typescript:
+        checks.append(("types of web/", typescript))
+    for name, command in checks:
+        begun = time.monotonic()
+        done = subprocess.run(command, cwd=str(ROOT), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+        say("{:<18} {} ({:.1f} s)".format(name, "ok" if done.returncode == 0 else "FAILED", time.monotonic() - begun))
+        if done.returncode != 0:
+            failed.append(name)
+            sys.stdout.write(done.stdout.decode(errors="replace"))
+            sys.stdout.flush()
+    marks = [] if long else ["-m", "not long"]
+    if subprocess.call([str(python), "-m", "pytest", *marks, *arguments], cwd=str(ROOT)) != 0:
+        failed.append("pytest")
+    if failed:
+        fail("failed: " + ", ".join(failed))
+    return 0
+
+
+def run_benchmarks(python, arguments):
+    """The benchmarks, one after the other; with names, only those."""
+    folder = ROOT / "tests" / "benchmarks"
+    wanted = [a for a in arguments if not a.startswith("-")]
+    options = [a for a in arguments if a.startswith("-")]
+    found = sorted(path for path in folder.glob("bench_*.py") if not wanted or path.stem[len("bench_") :] in wanted)
+    if not found:
+        known = ", ".join(sorted(path.stem[len("bench_") :] for path in folder.glob("bench_*.py")))
+        fail("There is no such benchmark; known are " + known + ".")
+    results = []
+    for path in found:
+        say("benchmark " + path.stem)
+        results.append(
+            subprocess.call([str(python), str(path), *options], cwd=str(ROOT), env=dict(os.environ, PYTHONPATH=str(ROOT)))
+        )
+    return 1 if any(results) else 0
+
+
+def need_chromium():
+    """The browser tests drive Debian's Chromium."""
+    if any(shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")):
+        return
+    if not (may_install() and apt_install("chromium")):
+        say("No Chromium is installed: the browser tests are skipped. On Debian: apt install chromium")
+
+
+def typescript_check():
+    """The command that checks the types of web/, or None where this machine cannot."""
+    package = ROOT / "web" / "package.json"
+    npm = shutil.which("npm")
+    if not package.is_file():
+        return None
+    if npm is None:
+        say("Node.js is not installed: the types of web/ are not checked. On Debian: apt install nodejs npm")
+        return None
+    compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
+    copied = TYPESCRIPT / "package.json"
+    if not compiler.exists() or not copied.is_file() or copied.read_bytes() != package.read_bytes():
+        say("installing TypeScript ...")
+        TYPESCRIPT.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(str(package), str(copied))
+        done = subprocess.run(
+            [npm, "install", "--no-audit", "--no-fund", "--ignore-scripts", "--prefix", str(TYPESCRIPT)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+        if done.returncode != 0:
+            copied.unlink()
+            say(
+                "npm cannot install TypeScript: the types of web/ are not checked.\n"
+                + done.stdout.decode(errors="replace")[-1000:]
+            )
+            return None
+    config = next((c for c in (ROOT / "web" / "tsconfig.json", ROOT / "web" / "jsconfig.json") if c.is_file()), None)
+    return [str(compiler), "--noEmit", "--project", str(config)] if config else None
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

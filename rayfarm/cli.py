@@ -1,0 +1,55 @@
+"""The program `rayfarm`: its commands, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from rayfarm.commands import info, jobs, render, submit, up, worker
+from rayfarm.console import err
+from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
+from renderer.errors import RayfarmError
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="rayfarm",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""A render farm that starts with one command.
+
+    [bold]On this machine[/bold]   rayfarm up                                the farm and its page
+    [bold]On another[/bold]        rayfarm worker --join URL --token T       adds its cores to the farm
+    [bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
+    [bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
+    """,
+)
+
+for command in (up, worker, render, submit, jobs, info):
+    command.register(app)
+
+
+@app.callback()
+def _all(
+    debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error came from.")] = False,
+) -> None:
+    if debug:
+        os.environ["RAYFARM_DEBUG"] = "1"
+
+
+def main() -> None:
+    """Run a command. Faults that a person can mend are one sentence on standard error and exit code 1."""
+    try:
+        app()
+    except RayfarmError as error:
+        if os.environ.get("RAYFARM_DEBUG"):
+            raise
+        err.print(f"rayfarm: {error}", markup=False, soft_wrap=True)
+        sys.exit(EXIT_FAILED)
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)

@@ -1,0 +1,69 @@
+"""`rayfarm info`: what is in a scene."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rayfarm.console import out
+from rayfarm.scene_files import opened
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("info")(info)
+
+
+def info(
+    scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip.")],
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Show what is in a scene: its cameras, counts, bounds, and what is wrong with it.
+
+    [bold]Example[/bold]
+
+      rayfarm info truck.glb
+    """
+    from renderer.scene.compile import compile_scene, summarise
+    from renderer.scene.load import read
+
+    begun = time.perf_counter()
+    with opened(scene) as (folder, main, _):
+        description = read(folder, main)
+        compiled = compile_scene(description)
+    summary = {"name": description.name, "main": main, **summarise(description, compiled)}
+    summary["seconds"] = round(time.perf_counter() - begun, 3)
+    if as_json:
+        print(json.dumps(summary, indent=1))
+        return
+    _show(summary)
+
+
+def _show(summary: dict[str, Any]) -> None:
+    def line(title: str, text: str) -> None:
+        out.print(f"{title:<11} {text}", markup=False, soft_wrap=True)
+
+    line("Scene", f"{summary['name']} ({summary['main']}, read and built in {summary['seconds']:.2f} s)")
+    line("Holds", ", ".join(f"{count:,} {noun}" for noun, count in summary["counts"].items() if count))
+    lower, upper = summary["bounds"]
+    line("Bounds", f"{_vector(lower)} to {_vector(upper)}")
+    for number, camera in enumerate(summary["cameras"]):
+        view = camera["view"]
+        text = f"{number}: {camera['name']}, eye {_vector(view['eye'])}, target {_vector(view['target'])}, fov {view['fov']:.4g}"
+        line("Cameras" if number == 0 else "", text)
+    if summary["animations"]:
+        line("Animations", ", ".join(summary["animations"]))
+    if summary["defaults"]:
+        line("Asks for", ", ".join(f"{key} {value}" for key, value in summary["defaults"].items()))
+    for warning in summary["warnings"]:
+        line("Note", warning)
+
+
+def _vector(values: list[float]) -> str:
+    return "(" + ", ".join(f"{v:.4g}" for v in values) + ")"

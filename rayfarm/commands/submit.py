@@ -1,0 +1,146 @@
+"""`rayfarm submit`: a scene for a farm."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rayfarm import options
+from rayfarm.client import Client
+from rayfarm.console import Ticker, bar, err, out
+from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.scene_files import belonging
+
+__all__ = ["register", "server_url"]
+
+FORMATS = ("png", "exr", "jpg")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("submit")(submit)
+
+
+def server_url(server: str | None) -> str:
+    """The farm to talk to: --server, $RAYFARM_SERVER, the one that runs on the data folder, or this machine's port 8000."""
+    from rayfarm.local.state import default_data_dir, running_farm
+
+    if server or (server := os.environ.get("RAYFARM_SERVER")):
+        return server
+    here = running_farm(default_data_dir())
+    return here.url if here else "http://127.0.0.1:8000"
+
+
+def submit(
+    scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it names are taken along.")],
+    server: options.Server = None,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="With --wait: the picture, .png .exr or .jpg.")] = None,
+    camera: options.Camera = None,
+    eye: options.Eye = None,
+    target: options.Target = None,
+    up: options.Up = None,
+    fov: options.Fov = None,
+    size: options.Size = None,
+    spp: options.Spp = None,
+    max_depth: options.MaxDepth = None,
+    integrator: options.Integrator = None,
+    seed: options.Seed = 0,
+    env: options.Env = None,
+    env_strength: options.EnvStrength = 1.0,
+    priority: Annotated[int | None, typer.Option(help="Larger goes first.")] = None,
+) -> None:
+    """Upload a scene to a farm and ask for its picture.
+
+    Prints the job's number. Without --wait it returns at once; Ctrl-C while waiting leaves the job running.
+
+    [bold]Examples[/bold]
+
+      rayfarm submit scene.glb --wait -o out.exr
+      rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
+    """
+    if output is not None:
+        if output.suffix.lower().lstrip(".").replace("jpeg", "jpg") not in FORMATS:
+            raise CommandError(f"{output.name}: a farm gives .{', .'.join(FORMATS)}; end the name with one of these")
+        if not output.parent.is_dir():
+            raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
+        wait = True
+    width_height = options.parse_size(size) if size else None
+    environment, color = options.environment_of(env)
+    files: dict[str, Path] = belonging(scene)
+    inside = None
+    if environment is not None:
+        inside = f"rayfarm-environment{environment.suffix.lower()}"
+        files[inside] = environment
+
+    with Client(server_url(server)) as farm:
+        uploaded = farm.upload(
+            files, main=scene.name if inside and scene.is_file() else None, environment=inside, name=scene.name
+        )
+        ready = _prepared(farm, uploaded)
+        for warning in ready.get("warnings", []):
+            err.print(f"note: {warning}", markup=False, soft_wrap=True)
+        defaults = ready.get("defaults") or {}
+        width, height = width_height or (defaults.get("width", 960), defaults.get("height", 540))
+        view = options.choose_view(ready["cameras"], camera, eye, target, up, fov)
+        request: dict[str, Any] = {
+            "view": asdict(view),
+            "width": width,
+            "height": height,
+            "spp": spp or defaults.get("spp", 64),
+            "max_depth": max_depth or defaults.get("max_depth", 8),
+            "integrator": integrator or defaults.get("integrator", "path"),
+            "seed": seed,
+            "environment": color,
+            "environment_strength": env_strength,
+            "priority": priority,
+        }
+        job = farm.submit(ready["id"], **{key: value for key, value in request.items() if value is not None})
+        out.print(job["id"], markup=False)
+        if wait:
+            _wait(farm, job["id"], output)
+        else:
+            err.print(f"Watch it at {farm.url}/#/jobs/{job['id']}", markup=False, soft_wrap=True)
+
+
+def _prepared(farm: Client, uploaded: dict[str, Any]) -> dict[str, Any]:
+    with bar() as progress:
+        task = progress.add_task("preparing", total=1.0)
+
+        def show(state: dict[str, Any]) -> None:
+            step = state.get("step") or "preparing"
+            progress.update(task, description=str(step), completed=float(state.get("fraction") or 0.0))
+
+        return farm.wait_for_scene(uploaded["id"], watch=show)
+
+
+def _wait(farm: Client, job: str, output: Path | None) -> None:
+    ticker = Ticker()
+    try:
+        with bar() as progress:
+            task = progress.add_task("rendering", total=1.0)
+
+            def show(state: dict[str, Any]) -> None:
+                progress.update(task, description=str(state["state"]), completed=float(state["progress"]))
+                ticker.tick(f"{state['state']}: {100 * state['progress']:.0f} %")
+
+            final = farm.wait(job, watch=show)
+    except KeyboardInterrupt:
+        err.print(f"The job goes on. Its state: `rayfarm jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    if final["state"] != "finished":
+        raise CommandError(f"The job {job} {_outcome(final)}")
+    if output is not None:
+        format = output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
+        output.write_bytes(farm.image(job, format))
+        err.print(f"{output} written", markup=False, soft_wrap=True)
+
+
+def _outcome(job: dict[str, Any]) -> str:
+    if job["state"] == "failed":
+        return f"failed: {job.get('error') or 'no reason given'}"
+    return f"was {job['state']} before it was finished."

@@ -1,0 +1,92 @@
+"""`rayfarm up`: a whole farm on this machine."""
+
+from __future__ import annotations
+
+import time
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rayfarm.console import err, out
+from rayfarm.machine import StopSignals, cores
+
+__all__ = ["register"]
+
+COMPILING_S = 600.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("up")(up)
+
+
+def up(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page and the API; 0 takes a free one.")] = 8000,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines open the page and join as workers.")
+    ] = "127.0.0.1",
+    workers: Annotated[
+        int | None, typer.Option("--workers", "--slots", min=0, help="Worker slots; one per core unless told. 0: none here.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(file_okay=False, help="Where scenes, jobs and films are kept. [dim]$RAYFARM_DATA[/dim]")
+    ] = None,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
+) -> None:
+    """Start the farm on this machine: a Redis of its own, the service, one worker slot per core, and the page.
+
+    Ctrl-C stops all of it; what was uploaded and rendered is kept, and the next start goes on with unfinished jobs.
+
+    [bold]Examples[/bold]
+
+      rayfarm up
+      rayfarm up --port 9000 --workers 4 --data ~/farm
+      rayfarm up --host 0.0.0.0        other machines may join
+    """
+    from rayfarm.local.farm import LocalFarm
+    from rayfarm.local.state import default_data_dir, locked
+
+    signals = StopSignals()
+    folder = data.expanduser().resolve() if data else default_data_dir()
+    slots = cores() if workers is None else workers
+    begun = time.monotonic()
+
+    def say(sentence: str) -> None:
+        err.print(sentence, markup=False, soft_wrap=True)
+
+    with locked(folder):
+        farm = LocalFarm(folder, host, port, slots, say)
+        try:
+            farm.start(signals.stop)
+            if farm.wait(farm.service_answers, "service", signals.stop):
+                _summary(farm.url, farm.public_url, farm.secrets.token, host, folder)
+                if browser:
+                    webbrowser.open(farm.url)
+                if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
+                    out.print(f"Ready after {time.monotonic() - begun:.1f} s with {slots} worker slots. Ctrl-C stops the farm.")
+                elif not slots:
+                    out.print("Ready without a worker of its own. Ctrl-C stops the farm.")
+            while not signals.stop():
+                farm.tend()
+                time.sleep(0.2)
+        finally:
+            say("Stopping (Ctrl-C again: at once) ...")
+            farm.stop(signals.hurry)
+    say("Stopped. Nothing is left running.")
+
+
+def _summary(url: str, public_url: str, token: str, host: str, folder: Path) -> None:
+    out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{url}[/bold]   API: {url}/docs\n")
+    if host == "127.0.0.1":
+        out.print("  Add a machine   start with --host 0.0.0.0, then on the other machine:")
+        out.print(
+            f"                  rayfarm worker --join http://THIS-MACHINE:{url.rpartition(':')[2]} --token {token}",
+            soft_wrap=True,
+        )
+    else:
+        out.print("  Add a machine   on the other machine:")
+        out.print(f"                  rayfarm worker --join {public_url} --token {token}", soft_wrap=True)
+    out.print(f"  Data and logs   {folder}", soft_wrap=True)
+    out.print("  Compiling or loading the renderer's kernels (up to half a minute on the first start) ...\n")

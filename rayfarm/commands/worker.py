@@ -1,0 +1,79 @@
+"""`rayfarm worker`: this machine's cores for a farm that runs elsewhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rayfarm.console import err, out
+from rayfarm.errors import CommandError
+from rayfarm.machine import StopSignals, cores
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("worker")(worker)
+
+
+def worker(
+    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, as http://host:8000.")],
+    token: Annotated[str, typer.Option(help="The farm's token; `rayfarm up` shows it. [dim]$RAYFARM_TOKEN[/dim]")] = "",
+    slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; one per core unless told.")] = None,
+    name: Annotated[str | None, typer.Option(help="What the farm calls this machine; its host name unless told.")] = None,
+) -> None:
+    """Join a farm: render its batches with this machine's cores until Ctrl-C.
+
+    The machine needs a way to the farm's page and to its Redis, and no shared folder. It may come and go at any time.
+
+    [bold]Example[/bold]
+
+      rayfarm worker --join http://studio.local:8000 --token T
+    """
+    from rayfarm.local.state import ROOT
+    from rayfarm.local.supervisor import Part, Supervisor
+
+    if not join.startswith(("http://", "https://")):
+        join = f"http://{join}"
+    token = token or os.environ.get("RAYFARM_TOKEN", "")
+    if not token:
+        raise CommandError("A worker shows the farm's token. Give it as --token; `rayfarm up` prints the whole command.")
+    signals = StopSignals()
+    command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
+    if name:
+        command += ["--name", name]
+    log = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rayfarm" / "logs" / f"worker-{os.getpid()}.log"
+    supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
+    part = Part("worker", command, log, {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}, grace_s=10.0, fatal_codes=(3,))
+    supervisor.start(part)
+    out.print(f"Joining {join} with {slots or cores()} slots. Ctrl-C leaves the farm. Log: {log}", soft_wrap=True)
+    shown = 0
+    try:
+        while not signals.stop():
+            shown = _follow(log, shown)
+            if supervisor.tend() is not None:
+                raise CommandError(part.last_words(1).removeprefix("rayfarm worker: "))
+            time.sleep(0.2)
+    finally:
+        supervisor.stop(signals.hurry)
+        _follow(log, shown)
+        log.unlink(missing_ok=True)
+
+
+def _follow(log: Path, shown: int) -> int:
+    """Show what the log has beyond `shown` bytes; how much is shown then."""
+    try:
+        with log.open("rb") as file:
+            file.seek(shown)
+            text = file.read()
+    except OSError:
+        return shown
+    if text:
+        err.print(text.decode(errors="replace").rstrip("\n"), markup=False, soft_wrap=True)
+    return shown + len(text)

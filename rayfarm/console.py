@@ -1,0 +1,45 @@
+"""What a person reads: results on standard output, everything else on standard error."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+__all__ = ["Ticker", "bar", "err", "out"]
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+def bar(unit: str = "") -> Progress:
+    """A progress bar on standard error; nothing is drawn where that is no terminal."""
+    columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()]
+    if unit:
+        columns += [MofNCompleteColumn(), TextColumn(unit)]
+    return Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=err, disable=not err.is_terminal)
+
+
+class Ticker:
+    """Sentences for where no bar can be drawn: progress as plain lines, one every few seconds."""
+
+    def __init__(self, every_s: float = 5.0) -> None:
+        self.every_s = every_s
+        self.last = time.monotonic()
+
+    def tick(self, sentence: str) -> None:
+        """Say how far it is, where it is time and no bar shows it."""
+        now = time.monotonic()
+        if not err.is_terminal and now - self.last >= self.every_s:
+            self.last = now
+            print(sentence, file=sys.stderr, flush=True)

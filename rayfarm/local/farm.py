@@ -1,0 +1,188 @@
+"""What `rayfarm up` starts: Redis first, then the service and the worker side by side."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import redis
+
+from rayfarm.errors import CommandError
+from rayfarm.local import broker
+from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secrets_of
+from rayfarm.local.supervisor import Part, Supervisor
+from worker.contract import WORKER_KEYS, WorkerReport
+
+__all__ = ["LocalFarm", "free_port"]
+
+ANYWHERE = ("0.0.0.0", "::", "")
+PATIENCE_S = 60.0
+
+
+class LocalFarm:
+    """A farm of this machine on one data folder; hold `state.locked(data)` around it.
+
+    port 0 takes a free one. slots 0 starts no worker. say: gets sentences about what happens.
+    """
+
+    def __init__(self, data: Path, host: str, port: int, slots: int, say: Callable[[str], None]) -> None:
+        self.data = data
+        self.host = host
+        self.slots = slots
+        self.secrets = secrets_of(data)
+        self.port = port or free_port(host)
+        if port and not _is_free(host, port):
+            raise CommandError(f"Port {port} of {host} is in use by another program. Choose another with --port.")
+        if not (self.secrets.redis_port and _is_free(host, self.secrets.redis_port)):
+            self.secrets.redis_port = free_port(host)
+            save_secrets(data, self.secrets)
+        self.supervisor = Supervisor(ROOT, say)
+        self._parts: dict[str, Part] = {}
+
+    @property
+    def url(self) -> str:
+        """The address for a browser on this machine."""
+        host = "127.0.0.1" if self.host in ANYWHERE else self.host
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+    @property
+    def public_url(self) -> str:
+        """The address for other machines."""
+        return self.url if self.host not in ANYWHERE else f"http://{_own_address()}:{self.port}"
+
+    @property
+    def redis_url(self) -> str:
+        """The broker's address on this machine."""
+        return f"redis://:{self.secrets.redis_password}@127.0.0.1:{self.secrets.redis_port}/0"
+
+    def start(self, stopped: Callable[[], bool]) -> None:
+        """Start all parts; returns when Redis answers. Raises CommandError where one cannot be started."""
+        server = broker.find_server()
+        config = self.data / "redis.conf"
+        broker.write_config(config, self.host, self.secrets.redis_port, self.secrets.redis_password)
+        self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
+        self.wait(self._redis_answers, "redis", stopped)
+
+        env = {
+            "RAYFARM_DATA": str(self.data),
+            "RAYFARM_REDIS_URL": self.redis_url,
+            "RAYFARM_TOKEN": self.secrets.token,
+            "RAYFARM_HOST": self.host,
+            "RAYFARM_PORT": str(self.port),
+            "PYTHONUNBUFFERED": "1",
+        }
+        uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
+        uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
+        self._start(Part("service", uvicorn, self._log("service"), env))
+        if self.slots:
+            # The token goes by the environment: a command line is seen by everyone on the machine.
+            worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
+            self._start(Part("worker", worker, self._log("worker"), env))
+        self._announce()
+
+    def tend(self) -> None:
+        """Look after the parts once, and write down which processes they are."""
+        before = self._pids()
+        self.supervisor.tend()
+        if self._pids() != before:
+            self._announce()
+
+    def stop(self, hurry: Callable[[], bool]) -> None:
+        """Stop all parts."""
+        self.supervisor.stop(hurry)
+
+    def wait(self, ready: Callable[[], bool], name: str, stopped: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
+        """Tend the parts until `ready`; False where `stopped` came first. Raises CommandError where part `name` keeps ending."""
+        deadline = time.monotonic() + patience_s
+        part = self._parts[name]
+        while not stopped():
+            if ready():
+                return True
+            if part.failures >= 3 or time.monotonic() > deadline:
+                raise CommandError(f"{name} does not start. The end of its log ({part.log}):\n{part.last_words()}")
+            self.tend()
+            time.sleep(0.05)
+        return False
+
+    def service_answers(self) -> bool:
+        """Whether the service takes requests."""
+        try:
+            return httpx.get(f"{self.url}/readyz", timeout=5.0).is_success
+        except httpx.HTTPError:
+            return False
+
+    def worker_ready(self) -> bool:
+        """Whether this farm's worker has its kernels and takes batches."""
+        process = self._parts["worker"].process
+        with contextlib.suppress(redis.RedisError), redis.Redis.from_url(self.redis_url, socket_timeout=5) as store:
+            for key in store.scan_iter(WORKER_KEYS):
+                data = store.get(key)
+                if isinstance(data, bytes):
+                    report = WorkerReport.from_bytes(data)
+                    if process is not None and report.pid == process.pid and report.state == "ready":
+                        return True
+        return False
+
+    def _redis_answers(self) -> bool:
+        try:
+            with redis.Redis.from_url(self.redis_url, socket_timeout=2) as store:
+                return bool(store.ping())
+        except redis.RedisError:
+            return False
+
+    def _start(self, part: Part) -> None:
+        self._parts[part.name] = part
+        self.supervisor.start(part)
+
+    def _log(self, name: str) -> Path:
+        return self.data / "logs" / f"{name}.log"
+
+    def _pids(self) -> dict[str, int]:
+        return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
+
+    def _announce(self) -> None:
+        announce(self.data, FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids()))
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+def _is_free(host: str, port: int) -> bool:
+    with socket.socket(_family(host)) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except PermissionError as error:
+            raise CommandError(f"Port {port} needs more rights than this user has. Choose one above 1023 with --port.") from error
+        except socket.gaierror as error:
+            raise CommandError(f"{host!r} is no address of this machine. Use --host 127.0.0.1 or --host 0.0.0.0.") from error
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise CommandError(f"{host} is no address of this machine. Use --host 127.0.0.1 or --host 0.0.0.0.") from error
+            return False
+    return True
+
+
+def free_port(host: str) -> int:
+    """A port of an address that nothing listens on."""
+    with socket.socket(_family(host)) as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
+
+
+def _own_address() -> str:
+    """The address by which this machine reaches others; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # TEST-NET-1: a connected datagram socket only chooses a route
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()

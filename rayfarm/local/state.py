@@ -1,0 +1,113 @@
+"""A farm's data folder: one farm at a time, its secrets, and where it can be reached.
+
+lock          held by the running farm (flock: released by the kernel however the farm ends)
+secrets.json  the token that workers show, Redis's password and port; kept, so that a worker's command stays true
+farm.json     the running farm's address, for `rayfarm submit` and the second `rayfarm up`; removed at the end
+logs/         one file a part
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import secrets
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import rayfarm
+from rayfarm.errors import CommandError
+
+__all__ = ["ROOT", "FarmAddress", "Secrets", "default_data_dir", "locked", "running_farm", "secrets_of"]
+
+ROOT = Path(rayfarm.__file__).resolve().parent.parent
+
+
+def default_data_dir() -> Path:
+    """$RAYFARM_DATA, or `data` in the folder that Rayfarm was cloned into."""
+    named = os.environ.get("RAYFARM_DATA")
+    return Path(named).expanduser().resolve() if named else ROOT / "data"
+
+
+@dataclass
+class Secrets:
+    """What only the farm and its workers know."""
+
+    token: str
+    redis_password: str
+    redis_port: int = 0
+
+
+@dataclass(frozen=True)
+class FarmAddress:
+    """Where a running farm is. `pids`: its parts by name, for whoever wants to look at them."""
+
+    url: str
+    token: str
+    redis_url: str
+    pid: int
+    pids: dict[str, int]
+
+
+def secrets_of(data: Path) -> Secrets:
+    """The folder's secrets, made on first use and readable by their owner only."""
+    path = data / "secrets.json"
+    try:
+        return Secrets(**json.loads(path.read_text()))
+    except (OSError, ValueError, TypeError):
+        made = Secrets(token=secrets.token_urlsafe(18), redis_password=secrets.token_hex(24))
+        save_secrets(data, made)
+        return made
+
+
+def save_secrets(data: Path, known: Secrets) -> None:
+    """Write the secrets, whole or not at all."""
+    _write_private(data / "secrets.json", asdict(known))
+
+
+def announce(data: Path, farm: FarmAddress) -> None:
+    """Say where the farm is."""
+    _write_private(data / "farm.json", asdict(farm))
+
+
+def running_farm(data: Path) -> FarmAddress | None:
+    """The farm that runs on a data folder, or None."""
+    try:
+        farm = FarmAddress(**json.loads((data / "farm.json").read_text()))
+        os.kill(farm.pid, 0)
+    except (OSError, ValueError, TypeError):
+        return None
+    return farm
+
+
+@contextlib.contextmanager
+def locked(data: Path) -> Iterator[None]:
+    """Hold the data folder. Raises CommandError where another farm holds it, or where it cannot be made."""
+    try:
+        data.mkdir(parents=True, exist_ok=True)
+        lock = (data / "lock").open("a")
+    except OSError as error:
+        raise CommandError(f"The data folder {data} cannot be used ({error.strerror}). Choose another with --data.") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            other = running_farm(data)
+            where = f" at {other.url} (process {other.pid})" if other else ""
+            raise CommandError(
+                f"A farm already runs on {data}{where}. Use that one, stop it, or start another with --data and --port."
+            ) from None
+        try:
+            yield
+        finally:
+            (data / "farm.json").unlink(missing_ok=True)
+
+
+def _write_private(path: Path, data: dict[str, Any]) -> None:
+    temporary = path.with_suffix(".part")
+    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+        json.dump(data, file, indent=1)
+    temporary.replace(path)

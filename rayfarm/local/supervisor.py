@@ -1,0 +1,135 @@
+"""Processes that belong together: started, watched, restarted with a growing pause, and stopped without a remainder.
+
+Every part is the leader of its own session, so that a Ctrl-C at the terminal reaches the supervisor alone and it decides the
+order; and so that whatever a part forks can be ended with it as one group. Should the supervisor itself be killed, the
+kernel ends the parts (worker.process.die_with_parent). Everything runs in one thread: Linux ties that promise to the
+thread that forked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from worker.process import spawn_guard
+
+__all__ = ["Part", "Supervisor"]
+
+LOG_KEPT = 5 << 20
+STEADY_S = 30.0
+PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
+
+
+@dataclass
+class Part:
+    """One process of the farm. grace_s: how long it may take to stop when asked. fatal_codes: exits not worth a restart."""
+
+    name: str
+    command: list[str]
+    log: Path
+    env: dict[str, str] = field(default_factory=dict)
+    grace_s: float = 5.0
+    fatal_codes: tuple[int, ...] = ()
+    process: subprocess.Popen[bytes] | None = None
+    failures: int = 0
+    started: float = 0.0
+    restart_at: float | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether its process is alive."""
+        return self.process is not None and self.process.poll() is None
+
+    def last_words(self, lines: int = 12) -> str:
+        """The end of its log."""
+        try:
+            with self.log.open("rb") as file:
+                file.seek(max(self.log.stat().st_size - 8192, 0))
+                text = file.read().decode(errors="replace")
+        except OSError:
+            return ""
+        return "\n".join(text.splitlines()[-lines:])
+
+
+class Supervisor:
+    """Keeps parts running. say: gets a sentence whenever something noteworthy happens."""
+
+    def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
+        self.folder = folder
+        self.say = say
+        self.parts: list[Part] = []
+
+    def start(self, part: Part) -> None:
+        """Start a part and watch it from now on. Raises OSError where its program cannot be started."""
+        if part not in self.parts:
+            self.parts.append(part)
+        part.log.parent.mkdir(parents=True, exist_ok=True)
+        if part.log.exists() and part.log.stat().st_size > LOG_KEPT:
+            part.log.replace(part.log.with_suffix(".old.log"))
+        with part.log.open("ab") as log:
+            part.process = subprocess.Popen(
+                part.command,
+                cwd=self.folder,
+                env={**os.environ, **part.env},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=spawn_guard(),
+            )
+        part.started = time.monotonic()
+        part.restart_at = None
+
+    def tend(self) -> Part | None:
+        """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""
+        now = time.monotonic()
+        for part in self.parts:
+            if part.running:
+                if part.failures and now - part.started > STEADY_S:
+                    part.failures = 0
+            elif part.restart_at is None:
+                code = part.process.returncode if part.process else None
+                self._end_group(part)
+                if code in part.fatal_codes:
+                    return part
+                pause = PAUSES_S[min(part.failures, len(PAUSES_S) - 1)]
+                part.failures += 1
+                part.restart_at = now + pause
+                self.say(f"{part.name} ended ({_ending(code)}); it starts again in {pause:g} s. Its log: {part.log}")
+            elif now >= part.restart_at:
+                self.start(part)
+        return None
+
+    def stop(self, hurry: Callable[[], bool] = lambda: False) -> None:
+        """Stop all parts, the last started first. Where `hurry` turns true, at once and by force."""
+        for part in reversed(self.parts):
+            process = part.process
+            if process is None:
+                continue
+            deadline = time.monotonic() + part.grace_s
+            with contextlib.suppress(ProcessLookupError):
+                process.terminate()
+            while process.poll() is None and time.monotonic() < deadline and not hurry():
+                time.sleep(0.02)
+            self._end_group(part)
+        self.parts.clear()
+
+    def _end_group(self, part: Part) -> None:
+        """End whatever is left of a part and of the processes it started."""
+        if part.process is None:
+            return
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(part.process.pid, signal.SIGKILL)
+        part.process.wait()
+
+
+def _ending(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"by {signal.Signals(-code).name}"
+    return f"exit code {code}"

@@ -1,0 +1,122 @@
+"""Which files belong to a scene that a person names on the command line."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+from rayfarm.errors import CommandError
+from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
+
+__all__ = ["belonging", "opened"]
+
+# Beyond these, a folder beside a scene is a person's home and not the scene's.
+MAX_NEIGHBOURS = 5000
+MAX_UNPACKED = 8 << 30
+TEXT_SUFFIXES = (".gltf", ".glb", ".obj", ".mtl", ".dae", ".yaml", ".yml")
+
+
+def check(scene: Path) -> None:
+    """Raise CommandError where the path cannot be a scene."""
+    if not scene.exists():
+        raise CommandError(f"There is no file {scene}.")
+    if scene.is_file() and scene.suffix.lower() not in SCENE_SUFFIXES + ARCHIVE_SUFFIXES:
+        raise CommandError(
+            f"{scene.name} is no scene that Rayfarm reads. It reads {', '.join(SCENE_SUFFIXES + ARCHIVE_SUFFIXES)}."
+        )
+    if scene.is_file() and scene.stat().st_size == 0:
+        raise CommandError(f"{scene.name} is empty.")
+
+
+@contextlib.contextmanager
+def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
+    """For reading a scene here: its folder, its main file and the environment image, both by their path inside the folder.
+
+    A .zip is unpacked for the while. Readers open nothing outside the folder, so an environment image from elsewhere is
+    brought together with the scene's files in a folder of their own.
+    """
+    check(scene)
+    with contextlib.ExitStack() as stack:
+
+        def scratch() -> Path:
+            return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-")))
+
+        folder = scene if scene.is_dir() else scene.parent
+        names = [scene.name] if scene.is_file() else [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
+        if scene.suffix.lower() in ARCHIVE_SUFFIXES:
+            folder = scratch()
+            names = _unpack(scene, folder)
+        elif environment is not None:
+            folder = scratch()
+            for name, path in belonging(scene).items():
+                _link(path, folder / name)
+        inside = None
+        if environment is not None:
+            inside = f"rayfarm-environment{environment.suffix.lower()}"
+            _link(environment, folder / inside)
+        yield folder, pick_main(names)[0], inside
+
+
+def _link(path: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        target.hardlink_to(path.resolve())
+    except OSError:
+        shutil.copyfile(path, target)
+
+
+def _unpack(archive: Path, folder: Path) -> list[str]:
+    """Unpack a zip that is a person's own; names that climb out lose their dots (zipfile does that)."""
+    try:
+        with zipfile.ZipFile(archive) as packed:
+            entries = [entry for entry in packed.infolist() if not entry.is_dir() and not is_junk(entry.filename)]
+            total = sum(entry.file_size for entry in entries)
+            if total > MAX_UNPACKED:
+                raise CommandError(
+                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are taken."
+                )
+            return [str(Path(packed.extract(entry, folder)).relative_to(folder)) for entry in entries]
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        raise CommandError(
+            f"{archive.name} cannot be unpacked ({error}). Pack it again as a plain zip without a password."
+        ) from error
+
+
+def belonging(scene: Path) -> dict[str, Path]:
+    """The files to upload by their path inside the scene: the scene, and every neighbour that a file taken along names.
+
+    Names are looked for as bytes, so no format need be understood; a file too many does no harm.
+    """
+    check(scene)
+    if scene.is_dir():
+        files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
+        return {name: path for name, path in files.items() if not is_junk(name)}
+    taken = {scene.name: scene}
+    if scene.suffix.lower() not in TEXT_SUFFIXES:
+        return taken
+    neighbours = _neighbours(scene)
+    unread = [scene]
+    while unread:
+        text = unread.pop().read_bytes()
+        for name, path in neighbours.items():
+            if name not in taken and (path.name.encode() in text or quote(path.name).encode() in text):
+                taken[name] = path
+                if path.suffix.lower() in TEXT_SUFFIXES:
+                    unread.append(path)
+    return taken
+
+
+def _neighbours(scene: Path) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for path in scene.parent.rglob("*"):
+        name = path.relative_to(scene.parent).as_posix()
+        if path != scene and path.is_file() and not is_junk(name):
+            found[name] = path
+            if len(found) >= MAX_NEIGHBOURS:
+                break
+    return found

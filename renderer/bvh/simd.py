@@ -1,0 +1,275 @@
+"""Eight lanes at once: the types f32x8, f64x8 and mask8 for kernels, and what can be done with them.
+
+LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are spelled out
+here as LLVM IR. The operators + - * / work on vectors of one type; comparisons give a mask8, which & and | combine.
+None of the operations here may be contracted or reordered by the compiler: the triangle test relies on that.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.datamodel import models, register_default
+from numba.core.imputils import lower_builtin
+from numba.core.typing import signature
+from numba.core.typing.templates import ConcreteTemplate, infer_global
+from numba.extending import intrinsic
+
+__all__ = [
+    "LANES",
+    "any_lane",
+    "bits",
+    "extract",
+    "fma",
+    "less",
+    "less_equal",
+    "load",
+    "load_int",
+    "lowest_bit",
+    "maximum",
+    "minimum",
+    "not_equal",
+    "select",
+    "splat",
+    "sqrt",
+    "store",
+    "store_int",
+    "to_double",
+    "to_single",
+]
+
+LANES = 8
+_I32 = ir.IntType(32)
+_FLOAT = ir.FloatType()
+_DOUBLE = ir.DoubleType()
+
+
+class Lanes(types.Type):
+    """Eight values of one type in a register."""
+
+    def __init__(self, name: str, element: ir.Type) -> None:
+        self.element = element
+        super().__init__(name)
+
+
+f32x8 = Lanes("f32x8", _FLOAT)
+f64x8 = Lanes("f64x8", _DOUBLE)
+mask8 = Lanes("mask8", ir.IntType(1))
+
+
+@register_default(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, fe_type: Lanes) -> None:
+        super().__init__(manager, fe_type, ir.VectorType(fe_type.element, LANES))
+
+
+def _operator(symbol: Any, lower: Callable[[Any, Any, Any], Any], *kinds: Lanes) -> None:
+    """Gives `symbol` a meaning between two vectors of each of the types."""
+
+    class Template(ConcreteTemplate):
+        key = symbol
+        cases = [signature(kind, kind, kind) for kind in kinds]  # noqa: RUF012
+
+    infer_global(symbol)(Template)
+    for kind in kinds:
+        lower_builtin(symbol, kind, kind)(lambda context, builder, sig, args: lower(builder, *args))
+
+
+_operator(operator.add, lambda builder, a, b: builder.fadd(a, b), f32x8, f64x8)
+_operator(operator.sub, lambda builder, a, b: builder.fsub(a, b), f32x8, f64x8)
+_operator(operator.mul, lambda builder, a, b: builder.fmul(a, b), f32x8, f64x8)
+_operator(operator.truediv, lambda builder, a, b: builder.fdiv(a, b), f32x8, f64x8)
+_operator(operator.and_, lambda builder, a, b: builder.and_(a, b), mask8)
+_operator(operator.or_, lambda builder, a, b: builder.or_(a, b), mask8)
+
+
+def _row(context: Any, builder: Any, array_type: Any, array: Any, index: Any, element: ir.Type) -> Any:
+    """A pointer to the array's element at a flat index, as one to `element`."""
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
+
+
+@intrinsic
+def load(typingctx, array, index):
+    """Eight float32 from a C-contiguous array, from its flat element `index` on. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        pointer = _row(context, builder, sig.args[0], *args, ir.VectorType(_FLOAT, LANES))
+        value = builder.load(pointer)
+        value.align = 4
+        return value
+
+    return f32x8(array, types.uintp), codegen
+
+
+@intrinsic
+def store(typingctx, array, index, value):
+    """Eight float32 into a C-contiguous array, from its flat element `index` on. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        pointer = _row(context, builder, sig.args[0], args[0], args[1], ir.VectorType(_FLOAT, LANES))
+        builder.store(args[2], pointer).align = 4
+        return context.get_dummy_value()
+
+    return types.void(array, types.uintp, f32x8), codegen
+
+
+@intrinsic
+def load_int(typingctx, array, index):
+    """The int32 whose bits a float32 array keeps at its flat element `index`. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        return builder.load(_row(context, builder, sig.args[0], *args, _I32))
+
+    return types.int32(array, types.uintp), codegen
+
+
+@intrinsic
+def store_int(typingctx, array, index, value):
+    """Keeps an int32's bits in a float32 array at its flat element `index`. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _row(context, builder, sig.args[0], args[0], args[1], _I32))
+        return context.get_dummy_value()
+
+    return types.void(array, types.uintp, types.int32), codegen
+
+
+@intrinsic
+def splat(typingctx, value):
+    """A float32 in all lanes."""
+
+    def codegen(context, builder, sig, args):
+        vector = ir.VectorType(_FLOAT, LANES)
+        first = builder.insert_element(ir.Constant(vector, ir.Undefined), args[0], ir.Constant(_I32, 0))
+        zeros = ir.Constant(ir.VectorType(_I32, LANES), [0] * LANES)
+        return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), zeros)
+
+    return f32x8(types.float32), codegen
+
+
+def _call(builder: Any, name: str, arguments: Any) -> Any:
+    """A call of one of LLVM's vector intrinsics: all operands and the result are of one type."""
+    vector = arguments[0].type
+    suffix = "f32" if vector.element == _FLOAT else "f64"
+    function = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(vector, [vector] * len(arguments)), f"llvm.{name}.v{LANES}{suffix}"
+    )
+    return builder.call(function, arguments)
+
+
+@intrinsic
+def fma(typingctx, a, b, c):
+    """a * b + c, rounded once."""
+    return a(a, b, c), lambda context, builder, sig, args: _call(builder, "fma", args)
+
+
+@intrinsic
+def sqrt(typingctx, a):
+    """The square root, correctly rounded; NaN of negative numbers."""
+    return a(a), lambda context, builder, sig, args: _call(builder, "sqrt", args)
+
+
+@intrinsic
+def minimum(typingctx, a, b):
+    """The lesser of each pair; `b` where one is NaN (one vminps)."""
+
+    def codegen(context, builder, sig, args):
+        return builder.select(builder.fcmp_ordered("<", *args), *args)
+
+    return a(a, b), codegen
+
+
+@intrinsic
+def maximum(typingctx, a, b):
+    """The greater of each pair; `b` where one is NaN (one vmaxps)."""
+
+    def codegen(context, builder, sig, args):
+        return builder.select(builder.fcmp_ordered(">", *args), *args)
+
+    return a(a, b), codegen
+
+
+@intrinsic
+def less(typingctx, a, b):
+    """Where a < b; False with NaN."""
+    return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<", *args)
+
+
+@intrinsic
+def less_equal(typingctx, a, b):
+    """Where a <= b; False with NaN."""
+    return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<=", *args)
+
+
+@intrinsic
+def not_equal(typingctx, a, b):
+    """Where a != b; False with NaN."""
+    return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("!=", *args)
+
+
+@intrinsic
+def select(typingctx, mask, a, b):
+    """`a` where the mask is set, else `b`."""
+    return a(mask, a, b), lambda context, builder, sig, args: builder.select(*args)
+
+
+@intrinsic
+def bits(typingctx, mask):
+    """The mask as a number: bit i is lane i."""
+
+    def codegen(context, builder, sig, args):
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), _I32)
+
+    return types.uint32(mask), codegen
+
+
+@intrinsic
+def any_lane(typingctx, mask):
+    """Whether the mask has a lane set."""
+
+    def codegen(context, builder, sig, args):
+        return builder.icmp_unsigned("!=", builder.bitcast(args[0], ir.IntType(LANES)), ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(mask), codegen
+
+
+@intrinsic
+def lowest_bit(typingctx, number):
+    """The place of the lowest bit set in a number other than 0."""
+
+    def codegen(context, builder, sig, args):
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.uint32(types.uint32), codegen
+
+
+@intrinsic
+def extract(typingctx, vector, lane):
+    """One lane's value."""
+    element = types.float32 if vector.element == _FLOAT else types.float64
+    return element(vector, types.uint32), lambda context, builder, sig, args: builder.extract_element(*args)
+
+
+@intrinsic
+def to_double(typingctx, a):
+    """An f32x8 as f64x8."""
+
+    def codegen(context, builder, sig, args):
+        return builder.fpext(args[0], ir.VectorType(_DOUBLE, LANES))
+
+    return f64x8(f32x8), codegen
+
+
+@intrinsic
+def to_single(typingctx, a):
+    """An f64x8 rounded to f32x8."""
+
+    def codegen(context, builder, sig, args):
+        return builder.fptrunc(args[0], ir.VectorType(_FLOAT, LANES))
+
+    return f32x8(f64x8), codegen

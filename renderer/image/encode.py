@@ -1,0 +1,117 @@
+"""A picture as the bytes of a file.
+
+png, jpg: what a screen shows, after exposure and tone curve. exr, hdr: scene-linear Rec.709, untouched by both. EXR keeps
+float32 and can carry AOVs as further channels.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
+from PIL import Image
+
+from renderer.errors import SettingsError
+from renderer.image import tonemap
+
+__all__ = ["FORMATS", "encode", "format_of", "write"]
+
+F32 = npt.NDArray[np.float32]
+FORMATS = ("png", "jpg", "exr", "hdr")
+
+# Rec.709 primaries and the D65 white point, said in the file so that no reader has to guess.
+_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+
+
+def format_of(path: str | Path) -> str:
+    """The format that a file's name asks for. Raises SettingsError for one that is not written."""
+    suffix = Path(path).suffix.lower().lstrip(".")
+    suffix = {"jpeg": "jpg"}.get(suffix, suffix)
+    if suffix not in FORMATS:
+        raise SettingsError(f"{Path(path).name}: pictures are written as .{', .'.join(FORMATS)}; end the name with one of these")
+    return suffix
+
+
+def encode(rgb: F32, format: str, exposure: float = 0.0, curve: str = "neutral", aovs: Mapping[str, F32] | None = None) -> bytes:
+    """The bytes of a picture file of scene-linear (h, w, 3) float32 radiance.
+
+    format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) act on png and jpg alone.
+    aovs: for exr, further channels: (h, w) as a channel of that name, (h, w, 3) as name.R .G .B, or name.X .Y .Z for a
+    name that holds "normal". Raises SettingsError for an unknown format or curve.
+    """
+    if format in ("png", "jpg"):
+        shown = Image.fromarray(np.ascontiguousarray(tonemap.apply(rgb, exposure, curve)))
+        out = io.BytesIO()
+        if format == "png":
+            shown.save(out, "PNG", compress_level=4)
+        else:
+            shown.save(out, "JPEG", quality=95, subsampling=0)
+        return out.getvalue()
+    if format == "exr":
+        names, planes = _channels(rgb, aovs or {})
+        return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr")
+    if format == "hdr":
+        return _through_openimageio(np.asarray(rgb, np.float32), ["R", "G", "B"], ".hdr")
+    raise SettingsError(f"picture format is {format!r}; known are {', '.join(FORMATS)}")
+
+
+def write(
+    path: str | Path,
+    rgb: F32,
+    format: str | None = None,
+    exposure: float = 0.0,
+    curve: str = "neutral",
+    aovs: Mapping[str, F32] | None = None,
+) -> None:
+    """Writes the file of `encode` at once or not at all; the format is that of the name unless given."""
+    path = Path(path)
+    data = encode(rgb, format or format_of(path), exposure, curve, aovs)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        umask = os.umask(0)
+        os.umask(umask)
+        Path(temporary).chmod(0o666 & ~umask)  # mkstemp makes files that only their owner reads
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _channels(rgb: F32, aovs: Mapping[str, F32]) -> tuple[list[str], list[F32]]:
+    names, planes = ["R", "G", "B"], [np.asarray(rgb, np.float32)]
+    for name, values in aovs.items():
+        plane = np.asarray(values, np.float32)
+        if plane.shape[:2] != planes[0].shape[:2]:
+            raise ValueError(f"AOV {name} is {plane.shape[:2]}; the picture is {planes[0].shape[:2]}")
+        if plane.ndim == 2:
+            names.append(name)
+            planes.append(plane[..., None])
+        else:
+            names += [f"{name}.{axis}" for axis in ("XYZ" if "normal" in name.lower() else "RGB")]
+            planes.append(plane)
+    return names, planes
+
+
+def _through_openimageio(pixels: F32, names: list[str], suffix: str) -> bytes:
+    # OpenImageIO's Python module writes to named files only.
+    pixels = np.ascontiguousarray(pixels, np.float32)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
+    spec.channelnames = tuple(names)
+    spec.attribute("compression", "zip")
+    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), _REC709)
+    spec.attribute("Software", "Rayfarm")
+    with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
+        path = str(Path(folder) / f"picture{suffix}")
+        output = oiio.ImageOutput.create(path)
+        if output is None or not output.open(path, spec) or not output.write_image(pixels) or not output.close():
+            raise OSError(f"could not write a {suffix} picture: {(output or oiio).geterror()}")
+        return Path(path).read_bytes()

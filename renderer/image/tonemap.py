@@ -1,0 +1,110 @@
+"""From scene-linear radiance to what a screen shows: exposure, a tone curve, the sRGB encoding.
+
+Every curve takes scene-linear Rec.709 radiance, (..., 3) float32, not negative, and gives display-linear Rec.709 in 0..1.
+The live view's shader (web/) has the same formulas: change both, or what is seen is not what is downloaded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SettingsError
+
+__all__ = ["CURVES", "agx", "apply", "encode_srgb", "filmic", "neutral", "reinhard", "srgb"]
+
+F32 = npt.NDArray[np.float32]
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec.709
+
+
+def neutral(rgb: F32) -> F32:
+    """Khronos PBR Neutral: base colours stay true, only highlights are compressed and desaturated.
+
+    Source: KhronosGroup/ToneMapping, PBR_Neutral/README.md.
+    """
+    start, desaturation = np.float32(0.8 - 0.04), np.float32(0.15)
+    low = rgb.min(axis=-1, keepdims=True)
+    rgb = rgb - np.where(low < 0.08, low - 6.25 * low * low, np.float32(0.04))
+    peak = rgb.max(axis=-1, keepdims=True)
+    room = 1 - start
+    new_peak = 1 - room * room / (np.maximum(peak, start) + room - start)
+    grey = 1 - 1 / (desaturation * (peak - new_peak) + 1)
+    squeezed = rgb * (new_peak / np.maximum(peak, start))
+    return np.where(peak < start, rgb, squeezed + (new_peak - squeezed) * grey)
+
+
+def srgb(rgb: F32) -> F32:
+    """No curve: clipped at 1."""
+    return np.minimum(rgb, np.float32(1))
+
+
+def reinhard(rgb: F32) -> F32:
+    """x / (1 + luminance). Source: Reinhard et al., Photographic Tone Reproduction, 2002, equation 3."""
+    return rgb / (1 + rgb @ _LUMINANCE)[..., None]
+
+
+def filmic(rgb: F32) -> F32:
+    """A fit of the ACES reference curve. Source: K. Narkowicz, ACES Filmic Tone Mapping Curve, 2015."""
+    x = np.minimum(rgb, np.float32(1e6))
+    return np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1)
+
+
+# On column vectors; the rows of AgX's inset and outset matrices.
+_AGX_INSET = np.array(
+    [
+        [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+        [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+        [0.0423756549057051, 0.0784336, 0.879142973793104],
+    ],
+    np.float32,
+)
+_AGX_OUTSET = np.array(
+    [
+        [1.19687900512017, -0.0980208811401368, -0.0990297440797205],
+        [-0.0528968517574562, 1.15190312990417, -0.0989611768448433],
+        [-0.0529716355144438, -0.0980434501171241, 1.15107367264116],
+    ],
+    np.float32,
+)
+_AGX_MIN_EV, _AGX_MAX_EV = np.float32(-12.47393), np.float32(4.026069)
+
+
+def agx(rgb: F32) -> F32:
+    """AgX: bright hues turn white as on film. Sources: T. Sobotka, AgX; its polynomial by B. Wrensch, Minimal AgX, 2023."""
+    x = np.log2(np.maximum(rgb @ _AGX_INSET.T, np.float32(1e-10)))
+    x = (np.clip(x, _AGX_MIN_EV, _AGX_MAX_EV) - _AGX_MIN_EV) / (_AGX_MAX_EV - _AGX_MIN_EV)
+    x2 = x * x
+    x4 = x2 * x2
+    x = 15.5 * x4 * x2 - 40.14 * x4 * x + 31.96 * x4 - 6.868 * x2 * x + 0.4298 * x2 + 0.1191 * x - 0.00232
+    return np.clip(x @ _AGX_OUTSET.T, 0, 1) ** np.float32(2.2)  # the curve ends in a display's 2.2 power encoding
+
+
+_FUNCTIONS: dict[str, Callable[[F32], F32]] = {
+    "neutral": neutral,
+    "srgb": srgb,
+    "reinhard": reinhard,
+    "filmic": filmic,
+    "agx": agx,
+}
+CURVES: tuple[str, ...] = tuple(_FUNCTIONS)
+
+
+def encode_srgb(linear: F32) -> F32:
+    """Display-linear 0..1 to the sRGB encoding's 0..1. Source: IEC 61966-2-1."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-10) ** np.float32(1 / 2.4) - 0.055)
+
+
+def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:
+    """The picture a screen shows, (h, w, 3) uint8 sRGB, of scene-linear (h, w, 3) float32 radiance.
+
+    exposure: stops; +1 doubles the radiance. NaN and negative values show as black. Raises SettingsError for an unknown curve.
+    """
+    if curve not in _FUNCTIONS:
+        raise SettingsError(f"tone curve is {curve!r}; known are {', '.join(CURVES)}")
+    scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
+    clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
+    display = _FUNCTIONS[curve](np.minimum(clean, np.float32(1e18)))
+    return (encode_srgb(np.clip(display, 0, 1)) * 255 + 0.5).astype(np.uint8)

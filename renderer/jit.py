@@ -1,0 +1,104 @@
+"""The one owner of every compiler option, of the machine that kernels are compiled for, and of the folder that keeps them.
+
+Import this before numba: it pins the target. Every host runs the same machine code, x86-64-v3 on Intel and AMD, because a
+film adds up samples of many hosts and must not depend on which. ARM hosts compile for their own baseline and are a kind of
+their own (`kind`), whose films never mix with the others'.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from renderer import __version__
+
+__all__ = ["TARGET", "cache_folder", "device", "entry", "kind"]
+
+_X86 = ("x86_64", "amd64")
+_ARM = ("aarch64", "arm64")
+
+
+def _target() -> tuple[str, str]:
+    """This host's target: its name in a kind, and LLVM's name of the CPU."""
+    machine = platform.machine().lower()
+    if machine in _X86:
+        return "x86-64-v3", "x86-64-v3"
+    return ("aarch64" if machine in _ARM else machine), "generic"
+
+
+TARGET, _CPU = _target()
+
+
+def _source_hash() -> str:
+    """A hash of all that decides the machine code and the arrays it reads: our sources, the compiler, the target."""
+    total = hashlib.sha256(f"{version('numba')} {version('llvmlite')} {TARGET}".encode())
+    root = Path(__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        total.update(path.relative_to(root).as_posix().encode() + b"\0")
+        total.update(path.read_bytes() + b"\0")
+    return total.hexdigest()
+
+
+_HASH = _source_hash()
+
+
+def kind() -> str:
+    """Which films this worker's samples may be added to, e.g. "0.1.0-3fa9c1d2-x86-64-v3". Safe in a queue's name."""
+    return f"{__version__}-{_HASH[:8]}-{TARGET}"
+
+
+def cache_folder() -> Path:
+    """Where the machine code is kept: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
+
+    Numba looks at the age of one function's file only, so a change in a function that it calls would go unseen: hence a
+    folder of its own for each state of the sources.
+    """
+    base = os.environ.get("RAYFARM_CACHE")
+    return (Path(base) if base else Path.home() / ".cache" / "rayfarm") / "kernels" / _HASH[:16]
+
+
+def _configure() -> None:
+    settings = {"NUMBA_CPU_NAME": _CPU, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(cache_folder())}
+    os.environ.update(settings)
+    if "numba" in sys.modules:  # too late for the environment, in time for what is compiled from here on
+        from numba.core import config
+
+        for name, value in settings.items():
+            setattr(config, name.removeprefix("NUMBA_"), value)
+
+
+_configure()
+
+import llvmlite.binding as llvm  # noqa: E402
+from numba import njit  # noqa: E402
+
+if TARGET == "x86-64-v3":
+    _has = llvm.get_host_cpu_features()
+    _lacks = [name for name in ("avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c") if not _has.get(name)]
+    if _lacks:
+        raise RuntimeError(
+            f"This processor lacks {', '.join(_lacks)}. Rayfarm's kernels need x86-64-v3: Intel since 2013, AMD since 2017."
+        )
+
+# No nnan/ninf: they delete the NaN checks that the film relies on. No arcp/afn: they let LLVM use rcpps and rsqrtps, whose
+# low bits differ between Intel and AMD. `contract` forms fused multiply-adds, which every target of ours has.
+_FASTMATH = {"contract", "nsz"}
+_COMMON: dict[str, Any] = {"fastmath": _FASTMATH, "error_model": "numpy", "nogil": True}
+
+Function = Callable[..., Any]
+
+
+def entry(function: Function) -> Function:
+    """A kernel that Python calls: compiled once per signature, kept on disk, run without the GIL."""
+    return njit(cache=True, **_COMMON)(function)
+
+
+def device(function: Function) -> Function:
+    """A function for kernels to call. Kept on disk too, so that every further kernel finds it typed and optimised."""
+    return njit(cache=True, **_COMMON)(function)

@@ -1,0 +1,9 @@
+"""Where light is scattered, sampled and summed. Compiled by Numba; float32 and tuples throughout, no CPU-only trick.
+
+path.py      the integrator: one path from the camera, with next-event estimation and MIS
+camera.py    pixels to rays            surface.py   a hit to a point with normals, uv and material
+material.py  material dispatch         bsdf/        one scattering model a file
+light.py     choosing and sampling     environment.py  light from infinitely far
+sampler.py   counter-based numbers     warp.py      square_to_* beside square_to_*_pdf
+polynomial.py  sin, cos, exp, log, pow of our own     vec.py  tuple arithmetic     texture.py  lookups
+"""

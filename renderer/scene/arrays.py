@@ -1,0 +1,153 @@
+"""The compiled scene: the flat arrays that the kernel reads. renderer/scene/compiled.py keeps them in one file.
+
+Every array is C-contiguous and read-only (Numba compiles read-only arrays as a type of their own, so that one rule keeps
+one compiled kernel for memory-mapped and freshly built scenes alike: `seal` applies it). A primitive's number is its
+triangle's index, or T + its sphere's index.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.errors import SceneError
+
+__all__ = ["LAYOUT", "CompiledScene", "check", "flat", "nested", "seal"]
+
+Array = npt.NDArray[Any]
+
+
+class CompiledScene(NamedTuple):
+    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights."""
+
+    bvh: Bvh
+
+    position: Array  # (V, 3) f32, world space
+    normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
+    uv: Array  # (V, 2) f32
+    triangle: Array  # (T, 3) i32 into the vertices
+    triangle_material: Array  # (T,) i32
+    triangle_light: Array  # (T,) i32: its light, or -1
+    sphere: Array  # (S, 4) f32: centre, radius
+    sphere_material: Array  # (S,) i32
+    sphere_light: Array  # (S,) i32: its light, or -1
+
+    material_kind: Array  # (M,) i32: renderer.kernel.material's DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS
+    material: Array  # (M, 10) f32: base colour 3, emission 3, metallic, roughness, ior, double-sided (0/1)
+    material_texture: Array  # (M, 3) i32: base colour, emission, metallic-roughness; -1 for none
+
+    texture: Array  # (X, 6) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1)
+    texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
+
+    light_primitive: Array  # (L,) i32: the emitting primitive; environments are not in this list
+    light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
+    light_area: Array  # (L,) f32
+
+    environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
+    environment_marginal: Array  # (H + 1,) f32: cdf over rows, luminance times sin(theta)
+    environment_conditional: Array  # (H, W + 1) f32: cdf within a row
+    environment_frame: Array  # (4,) f32: cos and sin of the rotation, mean radiance, probability of choosing it over the lights
+
+    bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
+
+
+# Each array's element type and shape, in the file's order: what rays touch most comes first, where it is best aligned.
+# A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E.
+LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
+    "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
+    "bvh.packet": ("<f4", ("P", PACKET_ROWS, WIDTH)),
+    "position": ("<f4", ("V", 3)),
+    "normal": ("<f4", ("V", 3)),
+    "uv": ("<f4", ("V", 2)),
+    "triangle": ("<i4", ("T", 3)),
+    "triangle_material": ("<i4", ("T",)),
+    "triangle_light": ("<i4", ("T",)),
+    "sphere": ("<f4", ("S", 4)),
+    "sphere_material": ("<i4", ("S",)),
+    "sphere_light": ("<i4", ("S",)),
+    "material_kind": ("<i4", ("M",)),
+    "material": ("<f4", ("M", 10)),
+    "material_texture": ("<i4", ("M", 3)),
+    "texture": ("<i4", ("X", 6)),
+    "light_primitive": ("<i4", ("L",)),
+    "light_cdf": ("<f4", ("L+1",)),
+    "light_area": ("<f4", ("L",)),
+    "environment": ("<f4", ("H", "W", 3)),
+    "environment_marginal": ("<f4", ("H+1",)),
+    "environment_conditional": ("<f4", ("H", "W+1")),
+    "environment_frame": ("<f4", (4,)),
+    "bounds": ("<f4", (2, 3)),
+    "texel": ("|u1", ("Q", 4)),
+}
+
+
+def flat(scene: CompiledScene) -> dict[str, Array]:
+    """The arrays by name, in the layout's order."""
+    return {name: getattr(scene.bvh, name[4:]) if name.startswith("bvh.") else getattr(scene, name) for name in LAYOUT}
+
+
+def nested(arrays: dict[str, Array]) -> CompiledScene:
+    """The scene of these arrays: the reverse of `flat`."""
+    rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
+    return CompiledScene(bvh=Bvh(arrays["bvh.node"], arrays["bvh.packet"]), **rest)
+
+
+def seal(scene: CompiledScene) -> CompiledScene:
+    """The scene with every array C-contiguous, of its exact type and read-only, and checked. Copies only what is not so yet.
+
+    Raises SceneError where the arrays do not fit together, since the kernel checks no index.
+    """
+    arrays = {}
+    for name, array in flat(scene).items():
+        array = np.ascontiguousarray(array, LAYOUT[name][0]).view()
+        array.flags.writeable = False
+        arrays[name] = array
+    check(arrays)
+    return nested(arrays)
+
+
+def check(arrays: dict[str, Array]) -> None:
+    """Raises SceneError where shapes disagree or an index points outside."""
+    lengths: dict[str, int] = {}
+    for name, (_, shape) in LAYOUT.items():
+        actual = arrays[name].shape
+        if len(actual) != len(shape):
+            raise SceneError(f"{name} has {len(actual)} dimensions where {len(shape)} belong")
+        for length, expected in zip(actual, shape, strict=True):
+            if isinstance(expected, str):
+                key, more = expected[0], 1 if expected.endswith("+1") else 0
+                if lengths.setdefault(key, length - more) != length - more:
+                    raise SceneError(f"{name} has the shape {actual}, which does not fit the other arrays")
+            elif length != expected:
+                raise SceneError(f"{name} has the shape {actual}; {expected} belongs where {length} stands")
+    primitives = lengths["T"] + lengths["S"]
+    for name, lower, upper in (
+        ("triangle", 0, lengths["V"]),
+        ("triangle_material", 0, lengths["M"]),
+        ("sphere_material", 0, lengths["M"]),
+        ("triangle_light", -1, lengths["L"]),
+        ("sphere_light", -1, lengths["L"]),
+        ("light_primitive", 0, primitives),
+        ("material_texture", -1, lengths["X"]),
+    ):
+        array = arrays[name]
+        if array.size and not lower <= int(array.min()) <= int(array.max()) < upper:
+            raise SceneError(f"{name} points outside {lower} ... {upper - 1}")
+    texture = arrays["texture"].astype(np.int64)
+    if len(texture) and not (
+        texture[:, :3].min() >= 0
+        and texture[:, 1:3].min() > 0
+        and (texture[:, 0] + texture[:, 1] * texture[:, 2]).max() <= lengths["Q"]
+    ):
+        raise SceneError("a texture reaches beyond the texels")
+    if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
+        raise SceneError("the BVH or the environment is empty")
+    children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
+    if not -2 * lengths["P"] <= int(children.min()) <= int(children.max()) < lengths["N"]:
+        raise SceneError("the BVH points outside its nodes")
+    numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
+    if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
+        raise SceneError("the BVH names a primitive that is not there")

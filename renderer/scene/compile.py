@@ -1,0 +1,144 @@
+"""Where a scene is compiled: a SceneDescription becomes the flat arrays that the kernel reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from renderer.bvh.build import build
+from renderer.errors import SceneError
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.description import F32, Camera, SceneDescription
+from renderer.scene.framing import frame
+from renderer.scene.geometry import flatten
+from renderer.scene.lights import choose_environment, list_lights, tabulate_environment
+from renderer.scene.packing import pack
+from renderer.settings import View
+
+__all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
+
+AUTO_CAMERA = "auto"
+
+Progress = Callable[[str, float], None]
+
+
+def compile_scene(description: SceneDescription, progress: Progress | None = None) -> CompiledScene:
+    """The compiled scene, every array C-contiguous and read-only.
+
+    progress: told each step as a phrase and the fraction done, 0..1. Raises SceneError where there is nothing to see or
+    too much to hold.
+    """
+    say = progress or (lambda step, fraction: None)
+    say("placing meshes", 0.0)
+    geometry = flatten(description)
+    sphere = np.array([(*s.center, s.radius) for s in description.spheres], np.float32).reshape(-1, 4)
+    sphere_material = np.array([s.material for s in description.spheres], np.int32)
+    bounds = _bounds(description.name, geometry.position, geometry.triangle, sphere)
+    say("packing textures", 0.25)
+    packed = pack(description)
+    say("listing lights", 0.4)
+    lights = list_lights(
+        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material
+    )
+    environment = tabulate_environment(description)
+    chance = choose_environment(environment.mean, lights.power, bounds)
+    rotation = environment.rotation
+    say("building the BVH", 0.5)
+    bvh = build(geometry.position, geometry.triangle, sphere)
+    say("done", 1.0)
+    scene = CompiledScene(
+        bvh=bvh,
+        position=geometry.position,
+        normal=geometry.normal,
+        uv=geometry.uv,
+        triangle=geometry.triangle,
+        triangle_material=geometry.triangle_material,
+        triangle_light=lights.triangle_light,
+        sphere=sphere,
+        sphere_material=sphere_material,
+        sphere_light=lights.sphere_light,
+        material_kind=packed.material_kind,
+        material=packed.material,
+        material_texture=packed.material_texture,
+        texture=packed.texture,
+        texel=packed.texel,
+        light_primitive=lights.primitive,
+        light_cdf=lights.cdf,
+        light_area=lights.area,
+        environment=environment.radiance,
+        environment_marginal=environment.marginal,
+        environment_conditional=environment.conditional,
+        environment_frame=np.array([np.cos(rotation), np.sin(rotation), environment.mean, chance], np.float32),
+        bounds=bounds,
+    )
+    return CompiledScene(bvh, *(_frozen(array) for array in scene[1:]))
+
+
+def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
+    """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, warnings, defaults.
+
+    cameras: the file's own, then always one named "auto" that frames the scene.
+    """
+    cameras = [Camera(c.name, _aimed(c.view, compiled.bounds)) for c in description.cameras]
+    cameras.append(Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up)))
+    return {
+        "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
+        "counts": {
+            "triangles": len(compiled.triangle),
+            "vertices": len(compiled.position),
+            "spheres": len(compiled.sphere),
+            "meshes": len(description.meshes),
+            "instances": len(description.instances),
+            "materials": len(description.materials),
+            "textures": len(compiled.texture),
+            "lights": len(compiled.light_primitive),
+        },
+        "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
+        "animations": list(description.animations),
+        "warnings": list(description.warnings),
+        "defaults": dict(description.defaults),
+    }
+
+
+def _bounds(name: str, position: F32, triangle: np.ndarray, sphere: F32) -> F32:
+    corners = [position[triangle.reshape(-1)]] if len(triangle) else []
+    if len(sphere):
+        corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
+    if not corners:
+        raise SceneError(f"{name}: has no triangle with an area and no sphere; export it with its meshes")
+    return np.array(
+        [np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)], np.float32
+    )
+
+
+def _visible_points(compiled: CompiledScene) -> np.ndarray:
+    step = max(len(compiled.triangle) // 50_000, 1)
+    points = [compiled.position[compiled.triangle[::step].reshape(-1)]]
+    directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    for x, y, z, radius in compiled.sphere[:2000]:
+        points.append(np.array([x, y, z]) + radius * directions)
+    return np.concatenate(points)
+
+
+def _aimed(view: View, bounds: np.ndarray) -> View:
+    """The same view with its target moved along the line of sight to beside the scene's middle: who orbits, orbits that."""
+    eye, target = np.array(view.eye), np.array(view.target)
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    distance = float((bounds.mean(axis=0) - eye) @ forward)
+    if distance <= 1e-3 * float(np.linalg.norm(bounds[1] - bounds[0])):
+        return view
+    x, y, z = (float(c) for c in eye + forward * distance)
+    return View(view.eye, (x, y, z), view.up, view.fov)
+
+
+def _view_dict(view: View) -> dict[str, Any]:
+    return {"eye": list(view.eye), "target": list(view.target), "up": list(view.up), "fov": view.fov}
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    array = np.ascontiguousarray(array)
+    array.flags.writeable = False
+    return array

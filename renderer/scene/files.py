@@ -1,0 +1,155 @@
+"""A scene's folder, and nothing outside it: the only way by which readers open files.
+
+A scene is untrusted. Every name it says is looked up below the folder; absolute paths, `..` and symbolic links that lead
+out of it never open anything.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import os
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote, unquote_to_bytes
+
+from renderer.errors import SceneError
+
+__all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri"]
+
+MAX_FILE_BYTES = 2 << 30
+MAX_DATA_URI_BYTES = 256 << 20
+MAX_SEARCHED = 20_000  # files looked at for one that is not where it is said to be
+
+
+class SceneFiles:
+    """Files below one folder, by names relative to it with forward slashes."""
+
+    def __init__(self, folder: Path) -> None:
+        if not folder.is_dir():
+            raise SceneError(f"{folder.name}: is no folder; give the folder that holds the scene's files")
+        self._root = folder.resolve()
+
+    def read(self, name: str) -> bytes:
+        """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
+        path = self._inside(name)
+        if path is None:
+            raise SceneError(f"{name}: leads out of the scene's folder; put the file beside the scene and name it so")
+        if not path.is_file():
+            raise SceneError(f"{name}: is not among the scene's files; add it")
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise SceneError(f"{name}: is {size / 2**30:.1f} GiB; a file of a scene has at most {MAX_FILE_BYTES >> 30} GiB")
+        try:
+            return path.read_bytes()
+        except OSError as error:
+            raise SceneError(f"{name}: could not be read ({error.strerror})") from error
+
+    def path(self, name: str) -> Path:
+        """The file's path, for libraries that open files themselves. Raises SceneError as `read` does."""
+        path = self._inside(name)
+        if path is None or not path.is_file():
+            raise SceneError(f"{name}: is not among the scene's files; add it")
+        return path
+
+    def find(self, reference: str, beside: str) -> str | None:
+        """The name of the file that a scene file `beside` means by `reference`, or None.
+
+        As authors' tools write them: backslashes, another machine's directories, the wrong case, quotes. Tried are the
+        reference's whole path below `beside`'s folder and below the root, then ever less of it, then its bare name anywhere.
+        """
+        cleaned = reference.strip().strip("\"'").replace("\\", "/")
+        parts = [p for p in cleaned.split("/") if p not in ("", ".") and not p.endswith(":")]
+        if not parts or "\0" in cleaned:
+            return None
+        while ".." in parts:  # `a/../b` is `b`; a leading `..` leads to what only the author's machine has
+            i = parts.index("..")
+            del parts[max(i - 1, 0) : i + 1]
+        home = PurePosixPath(beside).parent
+        for first in range(len(parts)):
+            for base in dict.fromkeys((home, PurePosixPath())):
+                found = self._match(base, parts[first:])
+                if found:
+                    return found
+        return self._search(parts[-1]) if parts else None
+
+    def resolve_uri(self, uri: str, beside: str) -> str | None:
+        """`find` for a URI (glTF, Collada): percent escapes are undone and file: is dropped. None for other schemes."""
+        if uri.lower().startswith("file:"):
+            uri = uri[5:]
+        elif "://" in uri:
+            return None
+        return self.find(uri, beside) or self.find(unquote(uri), beside)
+
+    def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
+        """Names of the plain files in the same folder that end in one of the suffixes, in order of the alphabet."""
+        home = PurePosixPath(beside).parent
+        folder = self._inside(str(home))
+        if folder is None:
+            return []
+        names = sorted(e.name for e in os.scandir(folder) if e.is_file() and not e.name.startswith("."))
+        return [str(home / n) for n in names if n.lower().endswith(suffixes)]
+
+    def _inside(self, name: str) -> Path | None:
+        if "\0" in name or "\\" in name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+            return None
+        try:
+            path = (self._root / name).resolve()
+        except (OSError, RuntimeError):  # a name too long, a loop of links
+            return None
+        return path if path == self._root or self._root in path.parents else None
+
+    def _match(self, base: PurePosixPath, parts: list[str]) -> str | None:
+        exact = str(base.joinpath(*parts))
+        if self._is_file(exact):
+            return exact
+        here = base
+        for i, part in enumerate(parts):
+            folder = self._inside(str(here))
+            if folder is None or not folder.is_dir():
+                return None
+            try:
+                names = sorted(e.name for e in folder.iterdir())
+            except OSError:
+                return None
+            wanted = [n for n in names if n.lower() == part.lower()]
+            if not wanted:
+                return None
+            here = here / (part if part in wanted else wanted[0])
+            if i == len(parts) - 1:
+                return str(here) if self._is_file(str(here)) else None
+        return None
+
+    def _search(self, name: str) -> str | None:
+        seen = 0
+        for folder, folders, files in os.walk(self._root):
+            folders[:] = sorted(d for d in folders if not d.startswith("."))
+            for file in sorted(files):
+                seen += 1
+                if seen > MAX_SEARCHED:
+                    return None
+                if file.lower() == name.lower():
+                    found = (Path(folder) / file).relative_to(self._root).as_posix()
+                    return found if self._is_file(found) else None
+        return None
+
+    def _is_file(self, name: str) -> bool:
+        path = self._inside(name)
+        try:
+            return path is not None and path.is_file()
+        except OSError:
+            return False
+
+
+def data_uri(uri: str, where: str) -> bytes:
+    """The bytes in a data: URI. Raises SceneError where it is damaged or absurdly large; `where` is said in errors."""
+    header, comma, body = uri.partition(",")
+    if not comma:
+        raise SceneError(f"{where}: its data URI has no data; export the file again")
+    if len(body) > MAX_DATA_URI_BYTES:
+        raise SceneError(f"{where}: its data URI is {len(body) >> 20} MiB; keep such data in a file beside the scene")
+    if not header.lower().endswith(";base64"):
+        return unquote_to_bytes(body)
+    try:
+        return base64.b64decode(unquote(body) if "%" in body else body, validate=False)
+    except (binascii.Error, ValueError) as error:
+        raise SceneError(f"{where}: its data URI is damaged ({error}); export the file again") from error

@@ -1,0 +1,54 @@
+"""A camera for scenes without one: sees all of the scene, as large as it can, from a three-quarter angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.settings import Vec3, View
+
+__all__ = ["frame"]
+
+FOV = 35.0  # degrees, vertical: about a 55 mm lens on full frame, natural for objects
+ASPECT = 4 / 3  # wider pictures show more at the sides, squares stay nearly whole
+MARGIN = 1.06
+SAMPLED = 50_000
+
+
+def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
+    """The view that frames (N, 3) points tightly, from a little above, to the right of the front.
+
+    The front is +Z for Y up (glTF's convention) and -Y for Z up (Blender's and CAD's).
+    """
+    if len(points) > SAMPLED:
+        points = points[:: len(points) // SAMPLED + 1]
+    points = points.astype(np.float64)
+    vertical = np.asarray(up, np.float64) / np.linalg.norm(up)
+    front = np.array([0.0, 0.0, 1.0]) if abs(vertical[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
+    side = np.cross(vertical, front)
+    back = front + 0.62 * side + 0.42 * vertical  # from the scene to the camera
+    back /= np.linalg.norm(back)
+    right = np.cross(vertical, back)
+    right /= np.linalg.norm(right)
+    above = np.cross(back, right)
+
+    # For a fixed orientation the nearest eye that sees every point has a closed form on each axis: the points bound the
+    # frustum's two planes, and where these meet is the eye.
+    tall = np.tan(np.radians(FOV / 2)) / MARGIN
+    depth = points @ back
+    eye_depth, at = -np.inf, []
+    for axis, slope in ((right, tall * ASPECT), (above, tall)):
+        across = points @ axis
+        high, low = (across + slope * depth).max(), (slope * depth - across).max()
+        at.append((high - low) / 2)
+        eye_depth = max(eye_depth, (high + low) / (2 * slope))
+    size = max(float(np.ptp(points, axis=0).max()), 1e-6)
+    eye_depth = max(eye_depth, depth.max() + 0.05 * size)
+    middle = (depth.max() + depth.min()) / 2
+    eye = at[0] * right + at[1] * above + eye_depth * back
+    target = at[0] * right + at[1] * above + middle * back
+    return View(_vec3(eye), _vec3(target), _vec3(vertical), FOV)
+
+
+def _vec3(v: npt.NDArray[np.float64]) -> Vec3:
+    return float(v[0]), float(v[1]), float(v[2])

@@ -1,0 +1,46 @@
+"""One description put into another: its lists appended, its indices moved on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Instance, SceneDescription
+
+__all__ = ["merge"]
+
+
+def merge(
+    part: SceneDescription, whole: SceneDescription, placed: list[npt.NDArray[np.float64]], material: int | None = None
+) -> None:
+    """Shows all of `part`'s meshes in `whole` once for each transform; `material`, of the whole, replaces their own.
+
+    The part's cameras and environment stay out.
+    """
+    images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
+    whole.warnings += [w for w in part.warnings if w not in whole.warnings]
+    if material is None:
+
+        def moved(index: int | None) -> int | None:
+            return None if index is None else index + textures
+
+        whole.images += part.images
+        whole.textures += [replace(t, image=t.image + images) for t in part.textures]
+        whole.materials += [
+            replace(
+                m,
+                base_color_texture=moved(m.base_color_texture),
+                emission_texture=moved(m.emission_texture),
+                metallic_roughness_texture=moved(m.metallic_roughness_texture),
+            )
+            for m in part.materials
+        ]
+    for mesh in part.meshes:
+        whole.meshes.append(replace(mesh, material=mesh.material + materials if material is None else material))
+    for transform in placed:
+        for instance in part.instances:
+            own = instance.material
+            number = None if own is None or material is not None else own + materials
+            whole.instances.append(Instance(instance.mesh + meshes, transform @ instance.transform, number))

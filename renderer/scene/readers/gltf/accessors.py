@@ -1,0 +1,143 @@
+"""glTF's arrays: buffers, views and accessors (specification 3.6), with bounds checked before anything is touched."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.files import SceneFiles, data_uri
+from renderer.scene.readers.gltf.container import Json
+
+__all__ = ["Accessors"]
+
+MAX_ELEMENTS = 1 << 26
+
+_COMPONENT = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+class Accessors:
+    """The arrays of one glTF file. Buffers are opened when first used."""
+
+    def __init__(self, root: Json, binary: memoryview | None, files: SceneFiles) -> None:
+        self._file = root.file
+        self._binary = binary
+        self._files = files
+        self._buffers = root.objects("buffers")
+        self._views = root.objects("bufferViews")
+        self.accessors = root.objects("accessors")
+        self._loaded: dict[int, memoryview] = {}
+
+    def floats(self, index: int, width: int) -> npt.NDArray[np.float32]:
+        """(count, width) float32; integers are scaled to 0..1 or -1..1 where the accessor says `normalized`.
+
+        Raises SceneError for another width and for values that are not finite.
+        """
+        values = self._values(index, width)
+        accessor = self.accessors[index]
+        if values.dtype.kind in "iu" and accessor.value.get("normalized") is True:
+            limit = np.float32(np.iinfo(values.dtype).max)
+            values = np.maximum(values.astype(np.float32) / limit, -1)  # specification 3.11, equations of animation and mesh data
+        values = np.ascontiguousarray(values, np.float32)
+        if not np.isfinite(values).all():
+            raise SceneError(f"{self._file}: {accessor.where} holds values that are not finite numbers; export the file again")
+        return values
+
+    def integers(self, index: int) -> npt.NDArray[np.int64]:
+        """(count,) integers: indices."""
+        values = self._values(index, 1)
+        if values.dtype.kind == "f":
+            raise SceneError(
+                f"{self._file}: {self.accessors[index].where} holds floats where indices belong; export the file again"
+            )
+        return values.reshape(-1).astype(np.int64)
+
+    def view_bytes(self, index: int) -> memoryview:
+        """The bytes of a buffer view."""
+        view = self._views[index]
+        buffer = self._buffer(view.integer("buffer", high=len(self._buffers)))
+        offset = view.integer("byteOffset", 0)
+        length = view.integer("byteLength")
+        if offset + length > len(buffer):
+            raise SceneError(f"{self._file}: {view.where} reads past its buffer's end; the file is damaged, export it again")
+        return buffer[offset : offset + length]
+
+    @property
+    def views(self) -> list[Json]:
+        """The buffer views."""
+        return self._views
+
+    def _buffer(self, index: int) -> memoryview:
+        if index not in self._loaded:
+            self._loaded[index] = self._open(self._buffers[index], index)
+        return self._loaded[index]
+
+    def _open(self, buffer: Json, index: int) -> memoryview:
+        if "uri" not in buffer:
+            if index != 0 or self._binary is None:
+                raise SceneError(f"{self._file}: {buffer.where} has no data; the file is damaged, export it again")
+            data = self._binary
+        else:
+            uri = buffer.text("uri", "")
+            if uri.startswith("data:"):
+                data = memoryview(data_uri(uri, f"{self._file}: {buffer.where}"))
+            else:
+                name = self._files.resolve_uri(uri, self._file)
+                if name is None:
+                    raise SceneError(f"{self._file}: its buffer {uri[:120]} is not among the files; add it, or export as .glb")
+                data = memoryview(self._files.read(name))
+        length = buffer.integer("byteLength")
+        if length > len(data):
+            raise SceneError(f"{self._file}: {buffer.where} has {len(data)} of {length} bytes; the data was cut, take it again")
+        return data[:length]
+
+    def _values(self, index: int, width: int) -> npt.NDArray[Any]:
+        accessor = self.accessors[index]
+        component = _COMPONENT.get(accessor.integer("componentType"))
+        kind = accessor.text("type", "")
+        if component is None or _WIDTH.get(kind) != width:
+            raise accessor.wrong(
+                "type", f"is {kind[:10]} of component type {accessor.value.get('componentType')}, which does not fit here"
+            )
+        count = accessor.integer("count", low=1, high=MAX_ELEMENTS + 1)
+        view = accessor.index("bufferView", self._views)
+        if view is None:
+            values = np.zeros((count, width), component)
+        else:
+            values = self._strided(view, accessor.integer("byteOffset", 0), count, width, np.dtype(component), accessor.where)
+        sparse = accessor.object("sparse")
+        return self._replaced(values, sparse) if sparse else values
+
+    def _strided(self, view: int, offset: int, count: int, width: int, component: np.dtype[Any], where: str) -> npt.NDArray[Any]:
+        data = self.view_bytes(view)
+        size = width * component.itemsize
+        stride = self._views[view].integer(
+            "byteStride", size, low=size, high=253 if "byteStride" in self._views[view] else 1 << 10
+        )
+        if offset + stride * (count - 1) + size > len(data):
+            raise SceneError(f"{self._file}: {where} reads past the end of its data; the file is damaged, export it again")
+        little = component.newbyteorder("<")
+        return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))
+
+    def _replaced(self, values: npt.NDArray[Any], sparse: Json) -> npt.NDArray[Any]:
+        # Specification 3.6.2.3: some elements of an array stand elsewhere.
+        count = sparse.integer("count", low=1, high=len(values) + 1)
+        places, replacements = sparse.object("indices"), sparse.object("values")
+        if places is None or replacements is None:
+            raise sparse.wrong("indices", "or values is missing")
+        component = _COMPONENT.get(places.integer("componentType"))
+        if component not in (np.uint8, np.uint16, np.uint32):
+            raise places.wrong("componentType", "is no unsigned integer")
+        arrays = []
+        for part, width, dtype in ((places, 1, np.dtype(component)), (replacements, values.shape[1], values.dtype)):
+            view = part.integer("bufferView", high=len(self._views))
+            arrays.append(self._strided(view, part.integer("byteOffset", 0), count, width, dtype, part.where))
+        at = arrays[0].reshape(-1).astype(np.int64)
+        if at.max() >= len(values):
+            raise places.wrong("bufferView", "holds a place outside of the array")
+        result = values.copy()
+        result[at] = arrays[1]
+        return result

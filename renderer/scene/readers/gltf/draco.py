@@ -1,0 +1,45 @@
+"""KHR_draco_mesh_compression: a primitive whose arrays are one compressed block."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.readers.gltf.accessors import MAX_ELEMENTS, Accessors
+from renderer.scene.readers.gltf.container import Json
+
+__all__ = ["EXTENSION", "decode"]
+
+EXTENSION = "KHR_draco_mesh_compression"
+
+
+def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64], dict[str, npt.NDArray[np.float32]]]:
+    """The indices (T * 3) and the float attributes by their glTF names, each (V, width).
+
+    Raises SceneError where DracoPy is not installed or the block is damaged.
+    """
+    try:
+        import DracoPy
+    except ImportError as error:
+        raise SceneError(
+            f"{extension.file}: is compressed with Draco; install DracoPy, or export it without compression"
+        ) from error
+    block = bytes(accessors.view_bytes(extension.integer("bufferView", high=len(accessors.views))))
+    try:
+        mesh: Any = DracoPy.decode(block)
+        faces = np.asarray(mesh.faces, np.int64).reshape(-1)
+        found = {int(a["unique_id"]): np.asarray(a["data"], np.float32) for a in mesh.attributes}
+    except Exception as error:  # the decoder's own errors have no common type
+        raise SceneError(f"{extension.file}: {extension.where} is damaged ({error}); export the file again") from error
+    if faces.size > 3 * MAX_ELEMENTS:
+        raise SceneError(f"{extension.file}: {extension.where} holds {faces.size // 3} triangles; split the mesh")
+    names = extension.object("attributes")
+    attributes = {}
+    for name in names.value if names else ():
+        key = names.integer(name) if names else 0
+        if key in found:
+            attributes[name] = found[key].reshape(len(found[key]), -1)
+    return faces, attributes

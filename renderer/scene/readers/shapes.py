@@ -1,0 +1,79 @@
+"""Meshes that a scene file names and no file holds. All face outwards, counter-clockwise, in their own space.
+
+quad: -1..1 in x and y, towards +Z. disk: radius 1, towards +Z. cube: -1..1. (The conventions of Mitsuba's shapes.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.description import Mesh
+from renderer.scene.normals import smoothed
+
+__all__ = ["cube", "disk", "lathe", "quad"]
+
+_CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float32)
+_CORNER_UVS = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
+_TWO_TRIANGLES = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
+
+
+def quad(name: str) -> Mesh:
+    """The square; its texture stands upright, seen from +Z."""
+    positions = np.column_stack([_CORNERS, np.zeros(4, np.float32)])
+    normals = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
+    return Mesh(name, positions, _TWO_TRIANGLES, normals, _CORNER_UVS)
+
+
+def disk(name: str, segments: int = 256) -> Mesh:
+    """The disk as a fan; with 256 segments its area is 0.01 % below that of the circle."""
+    angle = np.arange(segments) * (2 * np.pi / segments)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)])
+    flat = np.concatenate([np.zeros((1, 2)), rim])
+    positions = np.column_stack([flat, np.zeros(len(flat))]).astype(np.float32)
+    i = np.arange(segments)
+    triangles = np.column_stack([np.zeros_like(i), 1 + i, 1 + (i + 1) % segments]).astype(np.int32)
+    uvs = np.column_stack([0.5 + 0.5 * flat[:, 0], 0.5 - 0.5 * flat[:, 1]]).astype(np.float32)
+    return Mesh(name, positions, triangles, np.tile(np.array([0, 0, 1], np.float32), (len(flat), 1)), uvs)
+
+
+def cube(name: str) -> Mesh:
+    """The cube; each face has the whole texture."""
+    positions, normals = [], []
+    square = np.column_stack([_CORNERS, np.ones(4, np.float32)])
+    # Each is a rotation that turns +Z to the face's side, given by its columns.
+    for x, y, z in (
+        ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
+        ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+        ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+        ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+        ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    ):
+        positions.append(square @ np.array([x, y, z], np.float32))
+        normals.append(np.tile(np.array(z, np.float32), (4, 1)))
+    triangles = np.concatenate([_TWO_TRIANGLES + 4 * i for i in range(6)]).astype(np.int32)
+    return Mesh(name, np.concatenate(positions), triangles, np.concatenate(normals), np.tile(_CORNER_UVS, (6, 1)))
+
+
+def lathe(name: str, profile: list[tuple[float, float]], segments: int = 96) -> Mesh:
+    """The surface that a profile of (radius, y) sweeps about the Y axis; smooth but for sharp bends of the profile.
+
+    A profile from the bottom up, outside first, faces out. u goes once round, v from the last point (0) to the first (1).
+    """
+    points = np.array(profile, np.float64)
+    points[:, 0] = np.abs(points[:, 0])
+    along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
+    angle = np.arange(segments + 1) * (2 * np.pi / segments)
+    radius, height = points[:, 0][:, None], points[:, 1][:, None]
+    ring = np.stack(
+        [radius * np.sin(angle), np.broadcast_to(height, (len(points), segments + 1)), radius * np.cos(angle)], axis=-1
+    )
+    ring[:, -1] = ring[:, 0]  # closed to the bit, so that normals are smooth over the seam
+    uvs = np.stack(np.broadcast_arrays(angle / (2 * np.pi), 1 - (along / max(along[-1], 1e-30))[:, None]), axis=-1)
+    row = segments + 1
+    corner = (np.arange(len(points) - 1)[:, None] * row + np.arange(segments)).reshape(-1)
+    below, right, above = corner, corner + 1, corner + row
+    triangles = np.concatenate([np.stack([below, right, above + 1], 1), np.stack([below, above + 1, above], 1)])
+    positions = ring.reshape(-1, 3).astype(np.float32)
+    solid = [i for i, (a, b, c) in enumerate(positions[triangles]) if not ((a == b).all() or (b == c).all() or (a == c).all())]
+    return smoothed(Mesh(name, positions, triangles[solid].astype(np.int32), None, uvs.reshape(-1, 2).astype(np.float32)))

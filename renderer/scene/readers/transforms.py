@@ -1,0 +1,52 @@
+"""A scene file's transforms: a list of operations, applied in the order written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.readers.yaml_lines import Path, Yaml
+
+__all__ = ["matrix", "uniform_scale"]
+
+Matrix = npt.NDArray[np.float64]
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matrix:
+    """The 4x4 matrix on column vectors of a list of operations. Raises SceneError for an axis of length 0."""
+    result = np.eye(4)
+    for i, operation in enumerate(operations):
+        ((kind, value),) = operation.items()
+        step = np.eye(4)
+        if kind == "translate":
+            step[:3, 3] = value
+        elif kind == "scale":
+            step[[0, 1, 2], [0, 1, 2]] = value
+        elif kind == "matrix":
+            step = np.array(value, np.float64)
+            if not np.allclose(step[3], (0, 0, 0, 1)):
+                raise document.error((*path, i, "matrix"), "its last row is 0 0 0 1, or it is no transform of space")
+        else:
+            axis = np.array(_AXES[value["axis"]] if isinstance(value["axis"], str) else value["axis"], np.float64)
+            if np.linalg.norm(axis) < 1e-12:
+                raise document.error((*path, i, "rotate", "axis"), "has length 0; give a direction")
+            step[:3, :3] = _rotation(axis / np.linalg.norm(axis), np.radians(value["degrees"]))
+        result = step @ result
+    return result
+
+
+def uniform_scale(transform: Matrix) -> float | None:
+    """The factor by which a transform scales, or None where that differs by direction."""
+    gram = transform[:3, :3].T @ transform[:3, :3]
+    square = float(np.trace(gram)) / 3
+    return float(np.sqrt(square)) if np.allclose(gram, square * np.eye(3), atol=1e-6 * max(square, 1e-30)) else None
+
+
+def _rotation(axis: Matrix, angle: float) -> Matrix:
+    # Rodrigues' formula.
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross

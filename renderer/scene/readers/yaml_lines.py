@@ -1,0 +1,117 @@
+"""YAML as plain data, with the line of every value: errors can say where."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import yaml
+
+from renderer.errors import SceneError
+
+__all__ = ["Path", "Yaml", "parse"]
+
+Path = tuple[str | int, ...]
+
+MAX_BYTES = 32 << 20
+MAX_VALUES = 2_000_000  # after aliases are resolved: a file of a few lines can otherwise stand for billions
+MAX_DEPTH = 40
+
+# YAML 1.1, which PyYAML reads, takes 1e3 for a string; YAML 1.2, JSON and everybody else for a number.
+_FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$")
+
+
+class Yaml:
+    """Plain data (dict, list, str, int, float, bool, None) and the lines where it stands."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.data: Any = None
+        self._lines: dict[Path, int] = {}
+        self._count = 0
+
+    def error(self, path: Path, what: str) -> SceneError:
+        """The error to raise for the value at a path: names the file, the line and the field."""
+        at = path
+        while at and at not in self._lines:
+            at = at[:-1]
+        return SceneError(f"{self.file}, line {self._lines.get(at, 1)}: {_field(path)}{what}")
+
+    def take(self, node: yaml.Node, path: Path) -> Any:
+        """The plain data of a node, its lines noted."""
+        self._count += 1
+        if self._count > MAX_VALUES:
+            raise SceneError(f"{self.file}: holds more than {MAX_VALUES} values, its aliases resolved; make it smaller")
+        if len(path) > MAX_DEPTH:
+            raise SceneError(
+                f"{self.file}, line {node.start_mark.line + 1}: is nested deeper than any scene is; take an alias out"
+            )
+        self._lines[path] = node.start_mark.line + 1
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.take(child, (*path, i)) for i, child in enumerate(node.value)]
+        return self._scalar(node, path)
+
+    def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
+            if key is None or key == "<<":
+                raise SceneError(f"{self.file}, line {key_node.start_mark.line + 1}: a key is a plain word here")
+            if key in result:
+                raise SceneError(
+                    f"{self.file}, line {key_node.start_mark.line + 1}: {key[:80]} stands here a second time; take one out"
+                )
+            result[key] = self.take(value_node, (*path, key))
+        return result
+
+    def _scalar(self, node: yaml.Node, path: Path) -> Any:
+        text: str = node.value
+        tag = node.tag.rpartition(":")[2]
+        plain = not getattr(node, "style", None)
+        value: Any = text
+        if plain and tag == "null":
+            value = None
+        elif plain and tag == "bool":
+            value = text.lower() in ("true", "yes", "on")
+        elif plain and re.fullmatch(r"[-+]?\d{1,18}", text):
+            value = int(text)
+        elif plain and _FLOAT.match(text):
+            value = float(text)
+        elif plain and tag == "float":
+            raise self.error(path, f"{text[:40]} is not a finite number")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise self.error(path, f"{text[:40]} is not a finite number")
+        return value
+
+
+def parse(data: bytes, file: str) -> Yaml:
+    """The file's one document. Raises SceneError with the line for what is no YAML, and for files out of all bounds."""
+    if len(data) > MAX_BYTES:
+        raise SceneError(
+            f"{file}: has {len(data) >> 20} MiB; a scene file has at most {MAX_BYTES >> 20}. Keep meshes in files beside it"
+        )
+    try:
+        text = data.decode("utf-8-sig")
+        node = yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{file}: is not UTF-8 text; save it as that") from error
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise SceneError(f"{file}, line {line}: is no YAML: {error.problem or error.context}") from error
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise SceneError(f"{file}: is no YAML: {str(error).splitlines()[0][:200]}") from error
+    result = Yaml(file)
+    if node is None:
+        raise SceneError(f"{file}: is empty; see docs/scene-format.md for what a scene holds")
+    result.data = result.take(node, ())
+    return result
+
+
+def _field(path: Path) -> str:
+    words = ""
+    for part in path:
+        words += f"[{part}]" if isinstance(part, int) else f".{part[:80]}" if words else part[:80]
+    return f"{words}: " if words else ""

@@ -1,0 +1,83 @@
+"""A scene's images while it is read: each opened once, missing ones named, all together within bounds."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from renderer.errors import SceneError
+from renderer.image import read
+from renderer.scene.description import Image, SceneDescription, Texture, Wrap
+from renderer.scene.files import SceneFiles
+
+__all__ = ["MAX_IMAGE_BYTES", "TextureShelf"]
+
+MAX_IMAGE_BYTES = 4 << 30  # of all decoded images of a scene
+
+
+class TextureShelf:
+    """Adds images and textures to a description; the same source or (image, wrap) pair gives the same index again."""
+
+    def __init__(self, description: SceneDescription, files: SceneFiles) -> None:
+        self._description = description
+        self._files = files
+        self._images: dict[tuple[str, bool], int | None] = {}
+        self._textures: dict[tuple[int, Wrap, Wrap], int] = {}
+        self._bytes = 0
+
+    def warn(self, sentence: str) -> None:
+        """Adds a warning, once."""
+        if sentence not in self._description.warnings:
+            self._description.warnings.append(sentence)
+
+    def image_file(self, name: str, srgb: bool = True) -> int | None:
+        """The image in a file of the scene (a name that SceneFiles.find gave)."""
+        key = (name, srgb)
+        if key not in self._images:
+            try:
+                self._images[key] = self._add(name, self._files.read(name), srgb)
+            except SceneError as error:
+                self._images[key] = None
+                self.warn(f"{error}; rendered without it.")
+        return self._images[key]
+
+    def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
+        """The image that a scene file holds inside itself; `name` tells it from the others."""
+        key = (f"\0{name}", srgb)
+        if key not in self._images:
+            try:
+                self._images[key] = self._add(name, data, srgb)
+            except SceneError as error:
+                self._images[key] = None
+                self.warn(f"{error}; rendered without it.")
+        return self._images[key]
+
+    def texture(self, image: int | None, wrap_s: Wrap = "repeat", wrap_t: Wrap = "repeat") -> int | None:
+        """The texture of an image and how it repeats; None for an image that could not be had."""
+        if image is None:
+            return None
+        key = (image, wrap_s, wrap_t)
+        if key not in self._textures:
+            self._description.textures.append(Texture(image, wrap_s, wrap_t))
+            self._textures[key] = len(self._description.textures) - 1
+        return self._textures[key]
+
+    def find(self, reference: str, beside: str, user: str, srgb: bool = True) -> int | None:
+        """The texture that scene file `beside` means by `reference`; where it is missing, a warning that names it and `user`."""
+        name = self._files.find(reference, beside)
+        if name is None:
+            self.missing(reference, user)
+            return None
+        return self.texture(self.image_file(name, srgb))
+
+    def missing(self, reference: str, user: str) -> None:
+        """Warns of a texture that is not among the files."""
+        wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
+        self.warn(f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile.")
+
+    def _add(self, name: str, data: bytes, srgb: bool) -> int:
+        pixels = read.read(data, name)
+        self._bytes += pixels.nbytes
+        if self._bytes > MAX_IMAGE_BYTES:
+            raise SceneError(f"{name}: with it the scene's images need more than {MAX_IMAGE_BYTES >> 30} GiB; make them smaller")
+        self._description.images.append(Image(name, pixels, srgb))
+        return len(self._description.images) - 1

@@ -1,0 +1,35 @@
+"""What all tests share: a real Redis, a whole farm, and where the sample files are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import ROOT, Farm, running_redis, start_farm, stop_farm
+
+
+@pytest.fixture(scope="session")
+def assets() -> Path:
+    """The folder of sample files; the test is skipped where it is not at hand."""
+    folder = Path(os.environ.get("RAYFARM_ASSETS", ROOT.parent / "shared" / "assets"))
+    if not folder.is_dir():
+        pytest.skip("sample files are not here; name their folder in $RAYFARM_ASSETS")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A real Redis server of the tests' own."""
+    with running_redis(tmp_path_factory.mktemp("redis")) as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    """A farm with two slots that the tests share; those that kill things start their own."""
+    made = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
+    yield made
+    stop_farm(made)

@@ -1,0 +1,146 @@
+"""Real processes for tests: a Redis server, and a whole farm as `rayfarm up` starts it."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+import pytest
+import redis
+
+from rayfarm.client import Client
+from rayfarm.local import broker
+from rayfarm.local.farm import free_port
+from worker.process import spawn_guard
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+class running_redis:  # noqa: N801 - used like a function
+    """A Redis server for the length of a `with` block, on a free port; `stop` and `start` in between."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.port = free_port("127.0.0.1")
+        self.password = secrets.token_hex(8)
+        self.url = f"redis://:{self.password}@127.0.0.1:{self.port}/0"
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        config = self.folder / "redis.conf"
+        broker.write_config(config, "127.0.0.1", self.port, self.password)
+        with (self.folder / "redis.log").open("ab") as log:
+            self.process = subprocess.Popen(
+                [str(broker.find_server()), str(config)], stdout=log, stderr=log, preexec_fn=spawn_guard()
+            )
+        wait_until(self._answers, 10, "Redis answers")
+
+    def stop(self) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
+    def _answers(self) -> bool:
+        try:
+            with redis.Redis.from_url(self.url) as store:
+                return bool(store.ping())
+        except redis.RedisError:
+            return False
+
+    def __enter__(self) -> str:
+        self.start()
+        return self.url
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+
+def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:
+    """Wait for a condition; fail with what was waited for."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            pytest.fail(f"after {seconds:g} s not true: {what}")
+        time.sleep(0.05)
+
+
+@dataclass
+class Farm:
+    """A whole farm as `rayfarm up` starts it."""
+
+    data: Path
+    process: subprocess.Popen[bytes]
+    url: str = ""
+    token: str = ""
+    log: Path = field(default_factory=Path)
+
+    def client(self) -> Client:
+        return Client(self.url)
+
+    def pids(self) -> dict[str, int]:
+        """The parts' processes, as they are now."""
+        return dict(json.loads((self.data / "farm.json").read_text())["pids"])
+
+    def family(self) -> list[psutil.Process]:
+        """Every process of the farm."""
+        me = psutil.Process(self.process.pid)
+        return [me, *me.children(recursive=True)]
+
+    def logs(self) -> str:
+        """The ends of all logs, for a test that fails."""
+        files = [self.log, *sorted((self.data / "logs").glob("*.log"))]
+        return "\n".join(f"--- {path.name}\n{path.read_text(errors='replace')[-3000:]}" for path in files if path.exists())
+
+
+def start_farm(data: Path, workers: int, *arguments: str) -> Farm:
+    """`rayfarm up` on a free port; returns when the service answers and all slots are ready."""
+    log = data.parent / f"{data.name}-up.log"
+    with log.open("ab") as out:
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "rayfarm",
+                "up",
+                "--port=0",
+                f"--workers={workers}",
+                f"--data={data}",
+                "--no-browser",
+                *arguments,
+            ],
+            cwd=ROOT,
+            stdout=out,
+            stderr=out,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            preexec_fn=spawn_guard(),
+        )
+    farm = Farm(data, process, log=log)
+    deadline = time.monotonic() + 240
+    while b"Ready" not in log.read_bytes():
+        if process.poll() is not None or time.monotonic() > deadline:
+            stop_farm(farm)
+            pytest.fail(f"the farm does not start\n{farm.logs()}")
+        time.sleep(0.05)
+    known = json.loads((data / "farm.json").read_text())
+    farm.url, farm.token = known["url"], known["token"]
+    return farm
+
+
+def stop_farm(farm: Farm, sig: int = signal.SIGTERM) -> None:
+    """Stop it as a person would; by force where it does not."""
+    if farm.process.poll() is None:
+        farm.process.send_signal(sig)
+        try:
+            farm.process.wait(30)
+        except subprocess.TimeoutExpired:
+            farm.process.kill()
+            farm.process.wait()

@@ -1,0 +1,58 @@
+"""Tone curves: values worked out by hand from their sources, and what every curve must hold."""
+
+import numpy as np
+import pytest
+
+from renderer.errors import SettingsError
+from renderer.image import tonemap
+
+GREYS = np.repeat(np.linspace(0, 20, 2001, dtype=np.float32)[:, None], 3, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("curve", "radiance", "expected"),
+    [
+        ("neutral", (0.5, 0.5, 0.5), (0.46, 0.46, 0.46)),  # below the compression only the 0.04 of Fresnel goes
+        ("neutral", (0.04, 0.04, 0.04), (0.01, 0.01, 0.01)),  # the toe: 6.25 x^2
+        ("neutral", (1.04, 1.04, 1.04), (1 - 0.24**2 / 0.48,) * 3),
+        ("srgb", (0.25, 1.0, 7.0), (0.25, 1.0, 1.0)),
+        ("reinhard", (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)),
+        ("reinhard", (1.0, 0.0, 0.0), (1 / 1.2126, 0.0, 0.0)),
+        ("filmic", (1.0, 1.0, 1.0), (2.54 / 3.16,) * 3),
+        ("agx", (0.18, 0.18, 0.18), (0.2145,) * 3),  # AgX puts middle grey at 0.5 of the 2.2 encoding, near enough
+    ],
+)
+def test_known_values(curve, radiance, expected):
+    found = getattr(tonemap, curve)(np.array([radiance], np.float32))[0]
+    assert found == pytest.approx(expected, abs=5e-3 if curve == "agx" else 1e-6)
+
+
+@pytest.mark.parametrize("curve", tonemap.CURVES)
+def test_curves_rise_from_black_to_white_and_keep_grey_grey(curve):
+    shown = tonemap.apply(GREYS[None], 0.0, curve)[0].astype(int)
+    assert shown[0].max() <= 1
+    assert (np.diff(shown, axis=0) >= 0).all()
+    assert np.ptp(shown, axis=1).max() <= 1
+    assert shown[-1].min() >= 225
+
+
+def test_exposure_is_in_stops():
+    rgb = np.random.default_rng(1).random((4, 5, 3), np.float32)
+    np.testing.assert_array_equal(tonemap.apply(rgb, 2.0, "agx"), tonemap.apply(rgb * 4, 0.0, "agx"))
+
+
+@pytest.mark.parametrize("curve", tonemap.CURVES)
+def test_nan_and_negative_are_black_and_infinity_is_white(curve):
+    shown = tonemap.apply(np.array([[[np.nan] * 3, [-1.0] * 3, [np.inf] * 3]], np.float32), 0.0, curve)
+    assert shown[0, 0].max() <= 1
+    assert shown[0, 1].max() <= 1
+    assert shown[0, 2].min() >= 254
+
+
+def test_middle_grey_in_srgb_is_the_standards_value():
+    assert tonemap.apply(np.full((1, 1, 3), 0.18, np.float32), 0.0, "srgb")[0, 0].tolist() == [118, 118, 118]
+
+
+def test_an_unknown_curve_names_the_known():
+    with pytest.raises(SettingsError, match="neutral"):
+        tonemap.apply(np.zeros((1, 1, 3), np.float32), 0.0, "sepia")

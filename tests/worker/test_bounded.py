@@ -1,0 +1,109 @@
+"""The bounded child: whatever a file does to its reader, the worker gets a sentence.
+
+Run in a process of one thread, as a slot of a worker is.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import ROOT
+
+PROGRAM = """
+import json, os, signal, sys, time
+from renderer.errors import SceneError
+from worker.bounded import WorkError, run_bounded
+
+def good(send):
+    send({"step": "reading", "fraction": 0.5})
+    return {"triangles": 12}
+
+def fault(send):
+    raise SceneError("truck.glb: the buffer ends early; export it again")
+
+def hungry(send):
+    return {"sum": len(bytearray(4 << 30))}
+
+def slow(send):
+    time.sleep(60)
+
+def segfault(send):
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+def odd(send):
+    return {}["missing"]
+
+def deep(send):
+    return deep(send)
+
+def quiet(send):
+    os._exit(0)
+
+said = []
+try:
+    answer = run_bounded(globals()[sys.argv[1]], said.append, 256 << 20, 2.0, (SceneError,), "truck.glb")
+except WorkError as error:
+    print(json.dumps({"error": str(error), "said": said}))
+else:
+    print(json.dumps({"answer": answer, "said": said}))
+"""
+
+
+def run(what: str) -> dict:
+    done = subprocess.run([sys.executable, "-c", PROGRAM, what], capture_output=True, cwd=ROOT, timeout=30, check=True)
+    return json.loads(done.stdout)
+
+
+def test_the_answer_and_the_progress_arrive() -> None:
+    assert run("good") == {"answer": {"triangles": 12}, "said": [{"step": "reading", "fraction": 0.5}]}
+
+
+@pytest.mark.parametrize(
+    ("what", "sentence"),
+    [
+        ("fault", "truck.glb: the buffer ends early; export it again"),
+        ("hungry", "truck.glb needs more than the 0.2 GiB that this worker grants one scene"),
+        ("slow", "truck.glb took longer than 2 seconds"),
+        ("segfault", "truck.glb made its reader crash (SIGSEGV)"),
+        ("odd", "truck.glb cannot be read (KeyError: 'missing')"),
+        ("deep", "truck.glb is nested too deeply"),
+        ("quiet", "truck.glb could not be prepared"),
+    ],
+)
+def test_every_way_to_fail_is_a_sentence(what: str, sentence: str) -> None:
+    assert run(what)["error"].startswith(sentence)
+
+
+def test_the_child_ends_with_its_parent(tmp_path: Path) -> None:
+    note = tmp_path / "pid"
+    program = f"""
+import os, time
+from pathlib import Path
+from worker.bounded import run_bounded
+def work(send):
+    Path({str(note)!r}).write_text(str(os.getpid()))
+    time.sleep(60)
+run_bounded(work, print, 1 << 30, 60.0)
+"""
+    parent = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT)
+    from tests.helpers import wait_until
+
+    wait_until(lambda: note.exists() and bool(note.read_text()), 10, "the child has begun")
+    child = int(note.read_text())
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    wait_until(lambda: not _alive(child), 5, "the child has ended")
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        # A child that has ended and waits to be reaped by init still has its number.
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False

@@ -1,0 +1,54 @@
+"""The way back to the service: bounded, and through a restart of Redis."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import redis
+
+from tests.helpers import running_redis
+from worker.contract import RESULTS, Result
+from worker.results import ResultStream
+
+
+def test_a_result_arrives_as_it_was_sent(redis_url: str) -> None:
+    with redis.Redis.from_url(redis_url) as store:
+        store.delete(RESULTS)
+        assert ResultStream(redis_url).send(Result({"type": "batch", "batch": "b1"}, b"\x00\xff"))
+        [(_, fields)] = store.xrange(RESULTS)
+        assert Result.from_fields(fields) == Result({"type": "batch", "batch": "b1"}, b"\x00\xff")
+        store.delete(RESULTS)
+
+
+def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> None:
+    with redis.Redis.from_url(redis_url) as store:
+        store.delete(RESULTS)
+        stream = ResultStream(redis_url, max_entries=2, patience_s=0.3)
+        assert stream.send(Result({"type": "a"}))
+        assert stream.send(Result({"type": "b"}))
+        assert not stream.send(Result({"type": "c"}))
+        assert store.xlen(RESULTS) == 2
+        store.delete(RESULTS)
+        assert stream.send(Result({"type": "c"}))
+        store.delete(RESULTS)
+
+
+def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:
+    server = running_redis(tmp_path)
+    server.start()
+    try:
+        stream = ResultStream(server.url)
+        assert stream.send(Result({"type": "before"}))
+        server.stop()
+        with ThreadPoolExecutor() as pool:
+            sending = pool.submit(stream.send, Result({"type": "after"}))
+            time.sleep(0.5)
+            assert not sending.done()
+            server.start()  # in this thread: a server ends with the thread that started it
+            assert sending.result(10)
+        with redis.Redis.from_url(server.url) as store:
+            assert store.xlen(RESULTS) == 1
+    finally:
+        server.stop()

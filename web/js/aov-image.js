@@ -1,0 +1,58 @@
+/** An AOV, fetched as the service's picture of it and renewed while the job runs. */
+
+import { imageUrl } from "./api.js";
+
+const EVERY_MS = 3000;
+
+export class AovImage {
+  /**
+   * @param {string} job
+   * @param {(image: ImageBitmap | null) => void} show
+   * @param {(error: unknown) => void} failed
+   */
+  constructor(job, show, failed) {
+    this.job = job;
+    this.show = show;
+    this.failed = failed;
+    this.channel = "";
+    this.frame = 0;
+    this.fetching = new AbortController();
+    this.timer = setInterval(() => this.stale && void this.load(), EVERY_MS);
+    /** The film changed since the picture was fetched. */
+    this.stale = false;
+  }
+
+  /**
+   * @param {string} channel "" for none
+   * @param {number} frame
+   */
+  choose(channel, frame) {
+    if (channel === this.channel && frame === this.frame) return;
+    this.channel = channel;
+    this.frame = frame;
+    this.fetching.abort();
+    if (channel) void this.load();
+    else this.show(null);
+  }
+
+  async load() {
+    if (!this.channel) return;
+    this.stale = false;
+    this.fetching.abort();
+    const fetching = (this.fetching = new AbortController());
+    try {
+      const response = await fetch(imageUrl(this.job, this.frame, "png", { aov: this.channel }), { signal: fetching.signal });
+      if (!response.ok) throw new Error(`The service gave no picture of it (status ${response.status}).`);
+      const image = await createImageBitmap(await response.blob(), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+      if (fetching.signal.aborted) image.close();
+      else this.show(image);
+    } catch (error) {
+      if (!fetching.signal.aborted) this.failed(error);
+    }
+  }
+
+  dispose() {
+    clearInterval(this.timer);
+    this.fetching.abort();
+  }
+}

@@ -1,0 +1,128 @@
+/** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
+
+/** @typedef {import("./types.js").Scene} Scene */
+/** @typedef {import("./types.js").Job} Job */
+/** @typedef {import("./types.js").JobRequest} JobRequest */
+/** @typedef {import("./types.js").Worker} Worker */
+/** @typedef {import("./types.js").Example} Example */
+/** @typedef {import("./types.js").PixelValue} PixelValue */
+
+export class ApiError extends Error {
+  /**
+   * @param {number} status HTTP status; 0 where the service did not answer
+   * @param {string} message a sentence for a person
+   */
+  constructor(status, message) {
+    super(message);
+    this.status = status;
+  }
+}
+
+const NO_ANSWER = "The service does not answer. Is it still running? (`rayfarm up` starts it.)";
+
+/**
+ * The sentence in an error answer: RFC 9457's `detail`, or the plain status where something else than the service spoke.
+ *
+ * @param {number} status
+ * @param {string} body
+ * @returns {ApiError}
+ */
+export function errorOf(status, body) {
+  if (status === 0) return new ApiError(0, NO_ANSWER);
+  try {
+    const problem = JSON.parse(body);
+    const sentence = problem.detail ?? problem.title;
+    if (typeof sentence === "string" && sentence) return new ApiError(status, sentence);
+  } catch {
+    // Not JSON: a proxy between the page and the service.
+  }
+  return new ApiError(status, `The service answered with status ${status}.`);
+}
+
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal}} [options]
+ * @returns {Promise<any>}
+ */
+async function call(method, path, { json, headers = {}, signal } = {}) {
+  let response;
+  try {
+    response = await fetch(`api${path}`, {
+      method,
+      headers: json === undefined ? headers : { ...headers, "Content-Type": "application/json" },
+      body: json === undefined ? undefined : JSON.stringify(json),
+      signal,
+    });
+  } catch (error) {
+    if (signal?.aborted) throw error;
+    throw new ApiError(0, NO_ANSWER);
+  }
+  const text = await response.text();
+  if (!response.ok) throw errorOf(response.status, text);
+  return text ? JSON.parse(text) : null;
+}
+
+export const UPLOAD_URL = "api/scenes";
+
+/** @returns {Promise<Scene[]>} newest first */
+export const getScenes = () => call("GET", "/scenes");
+
+/** @param {string} id @returns {Promise<Scene>} */
+export const getScene = (id) => call("GET", `/scenes/${id}`);
+
+/** @param {string} id @returns {Promise<void>} */
+export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
+
+/** @returns {Promise<Job[]>} newest first */
+export const getJobs = () => call("GET", "/jobs");
+
+/** @param {string} id @returns {Promise<Job>} */
+export const getJob = (id) => call("GET", `/jobs/${id}`);
+
+/**
+ * @param {JobRequest} request
+ * @param {string} idempotencyKey a repeated POST with the same key makes one job
+ * @returns {Promise<Job>}
+ */
+export const createJob = (request, idempotencyKey) =>
+  call("POST", "/jobs", { json: request, headers: { "Idempotency-Key": idempotencyKey } });
+
+/** @param {string} id @param {{state?: "running" | "paused" | "cancelled", spp?: number}} change @returns {Promise<Job>} */
+export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
+
+/** @param {string} id @returns {Promise<void>} */
+export const deleteJob = (id) => call("DELETE", `/jobs/${id}`);
+
+/** @returns {Promise<Worker[]>} */
+export const getWorkers = () => call("GET", "/workers");
+
+/** @returns {Promise<Example[]>} */
+export const getExamples = () => call("GET", "/examples");
+
+/** @param {string} name @returns {Promise<Scene>} the scene that the example became */
+export const openExample = (name) => call("POST", `/examples/${encodeURIComponent(name)}`);
+
+/**
+ * @param {string} job
+ * @param {number} frame
+ * @param {number} x
+ * @param {number} y
+ * @param {AbortSignal} signal
+ * @returns {Promise<PixelValue>}
+ */
+export const getPixel = (job, frame, x, y, signal) => call("GET", `/jobs/${job}/frames/${frame}/pixel?x=${x}&y=${y}`, { signal });
+
+/** @param {string} scene */
+export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
+
+/**
+ * @param {string} job
+ * @param {number} frame
+ * @param {"png" | "exr" | "jpg"} format
+ * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
+ */
+export function imageUrl(job, frame, format, query = {}) {
+  const text = new URLSearchParams(Object.entries(query).map(([k, v]) => [k, String(v)])).toString();
+  return `api/jobs/${job}/frames/${frame}/image.${format}${text ? `?${text}` : ""}`;
+}

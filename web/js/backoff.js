@@ -1,0 +1,41 @@
+/** How long to wait before trying again: twice as long each time, up to a bound, and not all pages at the same moment. */
+
+const FIRST_MS = 400;
+const LONGEST_MS = 8000;
+
+export class Backoff {
+  constructor() {
+    this.failures = 0;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    /** @type {(() => void) | null} */
+    this.waiting = null;
+    addEventListener("online", () => this.now());
+  }
+
+  /** @param {() => void} attempt */
+  schedule(attempt) {
+    const wait = Math.min(LONGEST_MS, FIRST_MS * 2 ** this.failures) * (0.75 + 0.5 * Math.random());
+    this.failures += 1;
+    this.waiting = attempt;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.now(), wait);
+  }
+
+  /** Tries at once what waits. */
+  now() {
+    clearTimeout(this.timer);
+    const attempt = this.waiting;
+    this.waiting = null;
+    attempt?.();
+  }
+
+  succeeded() {
+    this.failures = 0;
+  }
+
+  cancel() {
+    clearTimeout(this.timer);
+    this.waiting = null;
+  }
+}

@@ -1,0 +1,13 @@
+/** sRGB colours of the page's colour fields, as the linear light that the renderer takes. */
+
+/**
+ * @param {string} hex "#rrggbb"
+ * @returns {[number, number, number]} linear Rec.709, 0..1
+ */
+export function linearOf(hex) {
+  const channel = (/** @type {number} */ at) => {
+    const v = parseInt(hex.slice(at, at + 2), 16) / 255;
+    return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  };
+  return [channel(1), channel(3), channel(5)];
+}

@@ -1,0 +1,108 @@
+/** Building the page out of elements, without markup strings: what a user typed or a file is called is always text, never HTML. */
+
+/** @typedef {Node | string | number | null | undefined | false} Child */
+
+/**
+ * An element with properties and children. `on…` properties are listeners; a property that the element knows is set as such
+ * (value, checked, hidden …), everything else as an attribute; null, undefined and false leave an attribute out.
+ *
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag
+ * @param {Record<string, any> | null} [props]
+ * @param {...(Child | Child[])} children
+ * @returns {HTMLElementTagNameMap[K]}
+ */
+export function h(tag, props, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(props ?? {})) setProperty(element, name, value);
+  append(element, children);
+  return element;
+}
+
+/**
+ * @param {HTMLElement} element
+ * @param {string} name
+ * @param {any} value
+ */
+function setProperty(element, name, value) {
+  if (name.startsWith("on")) {
+    element.addEventListener(name.slice(2), value);
+  } else if (name === "class") {
+    element.className = value;
+  } else if (!name.includes("-") && name in element && typeof value !== "string" && value != null) {
+    /** @type {any} */ (element)[name] = value;
+  } else if (value != null && value !== false) {
+    element.setAttribute(name, value === true ? "" : String(value));
+  }
+}
+
+/**
+ * @param {Node} parent
+ * @param {(Child | Child[])[]} children
+ */
+export function append(parent, children) {
+  for (const child of children.flat()) {
+    if (child == null || child === false) continue;
+    parent.appendChild(child instanceof Node ? child : document.createTextNode(String(child)));
+  }
+}
+
+/**
+ * Replaces an element's children.
+ *
+ * @param {Element} element
+ * @param {...(Child | Child[])} children
+ */
+export function fill(element, ...children) {
+  element.textContent = "";
+  append(element, children);
+}
+
+/**
+ * Sets an element's text, and touches it only when it differs: screen readers repeat what is written again.
+ *
+ * @param {Element} element
+ * @param {string | number} text
+ */
+export function setText(element, text) {
+  if (element.textContent !== String(text)) element.textContent = String(text);
+}
+
+/**
+ * @template T
+ * @typedef {object} Row  One element of a list that stays in place while its item changes.
+ * @property {HTMLElement} element
+ * @property {(item: T) => void} update
+ */
+
+/**
+ * Keeps a container's children in step with a list of items: rows keep their identity, and so focus and running
+ * transitions, as items change; they are made, moved and removed only as needed.
+ *
+ * @template T
+ * @param {Element} container
+ * @param {(item: T) => string} key
+ * @param {(item: T) => Row<T>} create
+ * @returns {(items: T[]) => void}
+ */
+export function keyedList(container, key, create) {
+  /** @type {Map<string, Row<T>>} */
+  let rows = new Map();
+  return (items) => {
+    /** @type {typeof rows} */
+    const next = new Map();
+    for (const item of items) {
+      const id = key(item);
+      const row = rows.get(id) ?? create(item);
+      row.update(item);
+      next.set(id, row);
+    }
+    for (const [id, row] of rows) if (!next.has(id)) row.element.remove();
+    let at = container.firstElementChild;
+    for (const row of next.values()) {
+      if (row.element === at) at = at.nextElementSibling;
+      else container.insertBefore(row.element, at);
+    }
+    rows = next;
+  };
+}

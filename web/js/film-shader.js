@@ -1,0 +1,71 @@
+/** The shader that shows a film: which texels a screen pixel covers, exposure, tone curve, sRGB. */
+
+import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
+
+export const VERTEX = `#version 300 es
+void main() {
+  // One triangle that covers the screen.
+  vec2 p = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
+  gl_Position = vec4(p, 0.0, 1.0);
+}`;
+
+export const FRAGMENT = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+
+uniform sampler2D film;      // linear RGB, row 0 at the top; or sRGB-coded display values where raw is set
+uniform vec2 canvasSize;     // device pixels
+uniform vec2 origin;         // of the picture on the canvas, from the upper left corner
+uniform float scale;         // device pixels per picture pixel
+uniform float gain;          // 2^exposure
+uniform int curve;
+uniform bool raw;
+out vec4 color;
+
+// At most this many texels an axis are averaged; beyond, they are taken at equal steps.
+const int MAX_TAPS = 12;
+
+${TONEMAP_GLSL}
+
+// The mean of the film over the screen pixel's footprint, every texel weighted by the area that it covers. At whole
+// scales above 1 this is the nearest texel exactly; at scales between, edges stay sharp and even; below 1 nothing aliases.
+vec3 footprint(vec2 lo, vec2 hi) {
+  ivec2 size = textureSize(film, 0);
+  ivec2 first = ivec2(floor(lo + 1e-4));
+  ivec2 last = ivec2(ceil(hi - 1e-4)) - 1;
+  ivec2 stride = max(ivec2(1), (last - first + MAX_TAPS) / MAX_TAPS);
+  vec3 sum = vec3(0.0);
+  float area = 0.0;
+  for (int y = first.y; y <= last.y; y += stride.y) {
+    float wy = min(float(y + 1), hi.y) - max(float(y), lo.y);
+    for (int x = first.x; x <= last.x; x += stride.x) {
+      float w = wy * (min(float(x + 1), hi.x) - max(float(x), lo.x));
+      sum += w * texelFetch(film, clamp(ivec2(x, y), ivec2(0), size - 1), 0).rgb;
+      area += w;
+    }
+  }
+  return sum / area;
+}
+
+void main() {
+  vec2 p = vec2(gl_FragCoord.x, canvasSize.y - gl_FragCoord.y);
+  vec2 lo = (p - 0.5 - origin) / scale;
+  vec2 hi = (p + 0.5 - origin) / scale;
+  vec2 size = vec2(textureSize(film, 0));
+  vec2 centre = 0.5 * (lo + hi);
+  if (any(lessThan(centre, vec2(0.0))) || any(greaterThanEqual(centre, size))) {
+    color = vec4(0.0);
+    return;
+  }
+  vec3 linear = footprint(lo, hi);
+  color = vec4(raw ? linear : displayed(linear * gain, curve), 1.0);
+}`;
+
+/**
+ * @param {string} name
+ * @returns {number} the number that the shader knows a curve by
+ */
+export function curveIndex(name) {
+  return Math.max(0, CURVES.findIndex((c) => c.name === name));
+}

@@ -1,0 +1,129 @@
+/**
+ * The picture on the page: film, WebGL canvas, what lies over it, and the mouse. It knows nothing of jobs; it is given
+ * tiles and a look, and tells which pixel is under the cursor.
+ */
+
+import { h } from "./dom.js";
+import { FilmCanvas } from "./film-canvas.js";
+import { Film } from "./film.js";
+import { panAndZoom } from "./pan-zoom.js";
+import { PixelOverlay } from "./pixel-overlay.js";
+import { Viewport } from "./viewport.js";
+
+/** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
+/** @typedef {import("./film-canvas.js").Look} Look */
+
+export class FilmView {
+  /**
+   * @param {number} width of the picture, in pixels
+   * @param {number} height
+   * @param {{cursor: (at: {x: number, y: number} | null) => void, moved: () => void}} handlers
+   *   cursor: the pixel under it, or none; moved: the viewport changed
+   */
+  constructor(width, height, handlers) {
+    this.handlers = handlers;
+    this.viewport = new Viewport();
+    const canvas = h("canvas", { class: "film", role: "img", "aria-label": "The picture" });
+    const overlay = h("canvas", { class: "over", "aria-hidden": "true" });
+    this.element = h("div", { class: "stage" }, canvas, overlay);
+    this.film = new Film(width, height);
+    this.over = new PixelOverlay(overlay, this.viewport);
+    this.over.film = this.film;
+    this.canvas = new FilmCanvas(canvas, this.viewport);
+    this.canvas.setFilm(this.film);
+    this.canvas.afterDraw = () => {
+      this.over.draw();
+      handlers.moved();
+    };
+    this.undoPan = panAndZoom(this.element, this.viewport, () => this.canvas.invalidate());
+    this.resizing = new ResizeObserver(() => this.canvas.resize());
+    this.resizing.observe(this.element);
+    this.element.addEventListener("pointermove", (event) => this.pointAt(event));
+    this.element.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && this.setCursor(null));
+    this.element.addEventListener("pointerdown", (event) => this.pointAt(event));
+    this.element.addEventListener("dblclick", () => this.fit());
+  }
+
+  /** @param {TilePacket} tile */
+  putTile(tile) {
+    this.film.put(tile);
+    this.canvas.putTile(tile);
+  }
+
+  /** Another frame of the same size: what is shown until its tiles come is black. */
+  clear() {
+    this.film.words.fill(0);
+    this.film.samples.fill(0);
+    this.canvas.uploadAll();
+  }
+
+  /** @param {Look} look */
+  setLook(look) {
+    this.canvas.look = look;
+    this.over.exposure = look.exposure;
+    this.canvas.invalidate();
+  }
+
+  /** @param {ImageBitmap | null} image shown in place of the film */
+  setOverlay(image) {
+    this.over.showValues = image === null;
+    this.canvas.setOverlay(image);
+  }
+
+  /** @param {import("./pixel-overlay.js").Outline[]} outlines */
+  setOutlines(outlines) {
+    if (!outlines.length && !this.over.outlines.length) return;
+    this.over.outlines = outlines;
+    this.over.draw();
+  }
+
+  /** @param {PointerEvent} event */
+  pointAt(event) {
+    const box = this.element.getBoundingClientRect();
+    const at = this.viewport.pixelAt((event.clientX - box.left) * devicePixelRatio, (event.clientY - box.top) * devicePixelRatio);
+    this.setCursor(this.film.contains(at.x, at.y) ? at : null);
+  }
+
+  /** @param {{x: number, y: number} | null} at */
+  setCursor(at) {
+    const was = this.over.cursor;
+    if (was?.x === at?.x && was?.y === at?.y) return;
+    this.over.cursor = at;
+    this.over.draw();
+    this.handlers.cursor(at);
+  }
+
+  /**
+   * Moves the inspected pixel by keys, from the middle where there is none.
+   *
+   * @param {number} dx
+   * @param {number} dy
+   */
+  moveCursor(dx, dy) {
+    const { width, height } = this.film;
+    const { x, y } = this.over.cursor ?? { x: Math.floor(width / 2) - dx, y: Math.floor(height / 2) - dy };
+    this.setCursor({ x: Math.min(Math.max(x + dx, 0), width - 1), y: Math.min(Math.max(y + dy, 0), height - 1) });
+  }
+
+  fit() {
+    this.viewport.fit();
+    this.canvas.invalidate();
+  }
+
+  actualSize() {
+    this.viewport.actualSize();
+    this.canvas.invalidate();
+  }
+
+  /** @param {1 | -1} direction */
+  zoom(direction) {
+    this.viewport.step(direction);
+    this.canvas.invalidate();
+  }
+
+  dispose() {
+    this.undoPan();
+    this.resizing.disconnect();
+    this.canvas.dispose();
+  }
+}

@@ -1,0 +1,104 @@
+/** Numbers, sizes and times as people read them. */
+
+/**
+ * 1,234,567 -> "1.23 M". Three significant digits, decimal prefixes.
+ *
+ * @param {number} value
+ */
+export function compact(value) {
+  const prefixes = /** @type {const} */ ([[1e12, " T"], [1e9, " G"], [1e6, " M"], [1e3, " k"]]);
+  for (const [size, prefix] of prefixes) if (Math.abs(value) >= size) return `${significant(value / size)}${prefix}`;
+  return significant(value);
+}
+
+/** @param {number} value */
+function significant(value) {
+  return Number(value.toPrecision(3)).toString();
+}
+
+/** @param {number} value */
+export function count(value) {
+  return value.toLocaleString("en");
+}
+
+/**
+ * "1 camera", "2 cameras".
+ *
+ * @param {number} n
+ * @param {string} noun
+ * @param {string} [plural]
+ */
+export function plural(n, noun, plural = `${noun}s`) {
+  return `${count(n)} ${n === 1 ? noun : plural}`;
+}
+
+/** @param {number} n */
+export function bytes(n) {
+  if (n < 1000) return `${n} B`;
+  return `${compact(n)}B`.replace(" kB", " kB");
+}
+
+/**
+ * A duration on a clock: "0:07", "2:05", "1:02:05".
+ *
+ * @param {number} seconds
+ */
+export function clock(seconds) {
+  const s = Math.max(0, Math.round(seconds));
+  const two = (/** @type {number} */ n) => String(n).padStart(2, "0");
+  const minutes = Math.floor(s / 60);
+  if (minutes < 60) return `${minutes}:${two(s % 60)}`;
+  return `${Math.floor(minutes / 60)}:${two(minutes % 60)}:${two(s % 60)}`;
+}
+
+/**
+ * A duration in words, as precise as an estimate is: "about 3 s", "about 2 min", "about 5 h".
+ *
+ * @param {number} seconds
+ */
+export function roughly(seconds) {
+  if (seconds < 1) return "under a second";
+  if (seconds < 90) return `about ${Math.round(seconds)} s`;
+  if (seconds < 90 * 60) return `about ${Math.round(seconds / 60)} min`;
+  if (seconds < 36 * 3600) return `about ${Math.round(seconds / 3600)} h`;
+  return `about ${plural(Math.round(seconds / 86400), "day")}`;
+}
+
+/**
+ * A moment in the past: "just now", "3 min ago".
+ *
+ * @param {number} then unix seconds
+ * @param {number} [now]
+ */
+export function ago(then, now = Date.now() / 1000) {
+  const s = now - then;
+  if (s < 10) return "just now";
+  if (s < 60) return `${Math.floor(s / 10) * 10} s ago`;
+  if (s < 3600) return `${Math.floor(s / 60)} min ago`;
+  if (s < 86400) return `${Math.floor(s / 3600)} h ago`;
+  if (s < 30 * 86400) return `${plural(Math.floor(s / 86400), "day")} ago`;
+  return new Date(then * 1000).toISOString().slice(0, 10);
+}
+
+/**
+ * A film value with four significant digits and a width that does not jump: "0.1234", "12.35", "1.2e-5".
+ *
+ * @param {number} value
+ */
+export function radiance(value) {
+  const size = Math.abs(value);
+  if (value === 0) return "0";
+  if (size < 1e-3 || size >= 1e5) return value.toExponential(2);
+  return size >= 1 ? value.toPrecision(4) : value.toFixed(4);
+}
+
+/** @param {number} stops */
+export function stops(stops) {
+  return `${stops < 0 ? "−" : "+"}${Math.abs(stops).toFixed(1)}`;
+}
+
+/** @param {number} fraction */
+export function percent(fraction) {
+  const p = fraction * 100;
+  return `${p >= 99.95 || p < 0.05 || p >= 10 ? Math.floor(p + 1e-9) : p.toFixed(1)} %`;
+}

@@ -1,0 +1,66 @@
+/** Files out of a drop or a picker, each with its path inside of what was chosen: a scene finds its textures by path. */
+
+/** @typedef {{file: File, path: string}} NamedFile */
+
+/** Above this many, somebody dropped their home folder. */
+const MAX_FILES = 5000;
+
+export class TooManyFiles extends Error {
+  constructor() {
+    super(`That folder holds more than ${MAX_FILES} files. Drop the scene's own folder, or a zip of it.`);
+  }
+}
+
+/**
+ * The files of a drop, folders walked. Must be called in the drop event itself: the browser empties the list after it.
+ *
+ * @param {DataTransfer} transfer
+ * @returns {Promise<NamedFile[]>}
+ */
+export async function filesOfDrop(transfer) {
+  const entries = [...transfer.items].filter((item) => item.kind === "file").map((item) => item.webkitGetAsEntry());
+  if (!entries.length || entries.includes(null)) return filesOfList(transfer.files);
+  /** @type {NamedFile[]} */
+  const found = [];
+  for (const entry of entries) if (entry) await walk(entry, found);
+  return found;
+}
+
+/**
+ * The files of `<input type=file>`, with or without `webkitdirectory`.
+ *
+ * @param {FileList} list
+ * @returns {NamedFile[]}
+ */
+export function filesOfList(list) {
+  if (list.length > MAX_FILES) throw new TooManyFiles();
+  return [...list].map((file) => ({ file, path: file.webkitRelativePath || file.name }));
+}
+
+/**
+ * @param {FileSystemEntry} entry
+ * @param {NamedFile[]} found
+ */
+async function walk(entry, found) {
+  if (entry.isFile) {
+    const file = await new Promise((resolve, reject) => /** @type {FileSystemFileEntry} */ (entry).file(resolve, reject));
+    if (found.length >= MAX_FILES) throw new TooManyFiles();
+    found.push({ file, path: entry.fullPath.replace(/^\//, "") });
+    return;
+  }
+  const reader = /** @type {FileSystemDirectoryEntry} */ (entry).createReader();
+  for (;;) {
+    // A reader gives a hundred entries at a time, and none when it is done.
+    /** @type {FileSystemEntry[]} */
+    const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+    if (!some.length) return;
+    for (const child of some) await walk(child, found);
+  }
+}
+
+/** @param {NamedFile[]} files what an upload is called until the service names it */
+export function titleOf(files) {
+  const scene = files.find(({ path }) => /\.(glb|gltf|obj|ya?ml|dae|ply|stl|off|zip)$/i.test(path)) ?? files[0];
+  if (!scene) return "Nothing";
+  return files.length > 1 ? `${scene.path} and ${files.length - 1} more` : scene.path;
+}

@@ -1,0 +1,44 @@
+/** The page's icons: strokes on a 16-pixel grid, in the colour of the text beside them, silent to screen readers. */
+
+const PATHS = {
+  upload: "M8 11V2.5M4.5 6 8 2.5 11.5 6M2.5 10.5v2a1 1 0 0 0 1 1h9a1 1 0 0 0 1-1v-2",
+  download: "M8 2.5V11M4.5 7.5 8 11l3.5-3.5M2.5 13.5h11",
+  play: "M4.5 3v10l8-5z",
+  pause: "M5 3v10M11 3v10",
+  stop: "M4 4h8v8H4z",
+  plus: "M8 3v10M3 8h10",
+  close: "M4 4l8 8M12 4l-8 8",
+  check: "M3 8.5 6.5 12 13 4.5",
+  warning: "M8 2 14.5 13.5h-13zM8 6.5v3.2M8 11.6v.1",
+  info: "M8 1.8a6.2 6.2 0 1 0 0 12.4A6.2 6.2 0 0 0 8 1.8M8 7.2v4M8 4.8v.1",
+  trash: "M2.5 4h11M6 4V2.5h4V4M4 4l.6 9.5h6.8L12 4M6.7 6.5v4.5M9.3 6.5v4.5",
+  camera: "M2 5h3l1.2-1.7h3.6L11 5h3v8H2zM8 6.6a2.2 2.2 0 1 0 0 4.4 2.2 2.2 0 0 0 0-4.4",
+  sun: "M8 5.2a2.8 2.8 0 1 0 0 5.6 2.8 2.8 0 0 0 0-5.6M8 1v1.6M8 13.4V15M1 8h1.6M13.4 8H15M3 3l1.2 1.2M11.8 11.8 13 13M3 13l1.2-1.2M11.8 4.2 13 3",
+  moon: "M13.2 9.6A5.7 5.7 0 0 1 6.4 2.8a5.7 5.7 0 1 0 6.8 6.8z",
+  auto: "M8 2a6 6 0 1 0 0 12A6 6 0 0 0 8 2M8 2v12M10 3.2v9.6M12 4.6v6.8",
+  back: "M9.5 3.5 5 8l4.5 4.5",
+  clock: "M8 1.8a6.2 6.2 0 1 0 0 12.4A6.2 6.2 0 0 0 8 1.8M8 4.5V8l2.4 1.6",
+  worker: "M2.5 3h11v6.5h-11zM8 9.5V13M5 13h6M5 6.2h2.5",
+  fit: "M2.5 6V2.5H6M10 2.5h3.5V6M13.5 10v3.5H10M6 13.5H2.5V10",
+  folder: "M1.8 12.8V3.5h4.4L7.8 5.3h6.4v7.5z",
+  image: "M2 3h12v10H2zM2.2 11.2 6 7.5l3 3 2-1.8 2.8 2.6M10.6 5.8v.1",
+  cube: "M8 1.8 13.5 5v6L8 14.2 2.5 11V5zM2.6 5 8 8.2 13.4 5M8 8.2v6",
+  copy: "M5.5 5.5h8v8h-8zM3.5 10.5h-1v-8h8v1",
+};
+
+/** @typedef {keyof typeof PATHS} IconName */
+
+/**
+ * @param {IconName} name
+ * @returns {SVGSVGElement}
+ */
+export function icon(name) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("viewBox", "0 0 16 16");
+  svg.setAttribute("class", "icon");
+  svg.setAttribute("aria-hidden", "true");
+  const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
+  path.setAttribute("d", PATHS[name]);
+  svg.append(path);
+  return svg;
+}

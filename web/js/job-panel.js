@@ -1,0 +1,140 @@
+/** A job's progress and what can be done with it: pause, resume, cancel, more samples, download. */
+
+import { changeJob, imageUrl } from "./api.js";
+import { h, setText } from "./dom.js";
+import { putJob } from "./farm.js";
+import { clock, compact, count } from "./format.js";
+import { icon } from "./icons.js";
+import { progressBar } from "./state-chip.js";
+import { showError } from "./tray.js";
+
+/** @typedef {import("./types.js").Job} Job */
+/** @typedef {import("./store.js").Store<import("./display-panel.js").Display>} DisplayStore */
+
+const MORE_SAMPLES = 256;
+
+/**
+ * @param {Job} job
+ * @param {Parameters<typeof changeJob>[1]} change
+ * @param {string} failure
+ */
+export async function change(job, change, failure) {
+  try {
+    putJob(await changeJob(job.id, change));
+  } catch (error) {
+    showError(failure, error);
+  }
+}
+
+/** Progress in numbers, ticking between the service's messages. */
+export function progressPanel() {
+  const samples = h("strong", { class: "big number" });
+  const of = h("span", { class: "quiet number" });
+  const bar = progressBar("Progress of the picture");
+  const elapsed = h("dd");
+  const left = h("dd");
+  const speed = h("dd");
+  const error = h("div", { class: "notice error", role: "alert", hidden: true });
+  /** @type {Job | null} */
+  let latest = null;
+  let heard = 0;
+  const tick = () => {
+    if (!latest) return;
+    const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
+    setText(elapsed, clock(latest.elapsed_s + since));
+    setText(left, latest.state === "running" ? (latest.eta_s == null ? "…" : clock(latest.eta_s - since)) : latest.state === "finished" ? "0:00" : "–");
+  };
+  return {
+    element: h(
+      "section",
+      { class: "side-section stack", "aria-label": "Progress" },
+      h("div", { class: "row baseline" }, samples, of),
+      bar.element,
+      h("dl", { class: "figures number" }, [["Elapsed", elapsed], ["Left", left], ["Samples/s", speed]].map(([name, value]) => h("div", null, h("dt", null, name), value))),
+      error,
+    ),
+    tick,
+    /** @param {Job} job */
+    update(job) {
+      latest = job;
+      heard = performance.now();
+      const frames = job.last_frame - job.first_frame + 1;
+      const mean = job.samples / (job.width * job.height * frames);
+      setText(samples, count(Math.floor(mean)));
+      setText(of, `of ${count(job.spp)} samples per pixel`);
+      bar.update(job.progress, job.state);
+      setText(speed, job.samples_per_s > 0 ? compact(job.samples_per_s) : "–");
+      error.hidden = !job.error;
+      error.replaceChildren(icon("warning"), h("div", null, job.error ?? ""));
+      tick();
+    },
+  };
+}
+
+/** @returns {{element: HTMLElement, update: (job: Job) => void}} */
+export function actionsPanel() {
+  /** @type {Job | null} */
+  let latest = null;
+  /** @param {import("./icons.js").IconName} symbol @param {string} label @param {(job: Job) => void} run @param {string} [style] */
+  const button = (symbol, label, run, style = "") =>
+    h("button", { class: `button ${style}`, type: "button", onclick: () => latest && run(latest) }, icon(symbol), label);
+  const pause = button("pause", "Pause", pauseOrResume);
+  const resume = button("play", "Resume", pauseOrResume, "primary");
+  const cancel = button("stop", "Cancel", (job) => change(job, { state: "cancelled" }, "The job was not cancelled"), "danger");
+  cancel.title = "Stops rendering; the picture so far stays";
+  const more = button("plus", `${MORE_SAMPLES} samples`, moreSamples);
+  more.title = "Goes on from here: the same picture as if they had been asked for at once";
+  const element = h("div", { class: "row actions" }, resume, pause, cancel, more);
+  return {
+    element,
+    update(job) {
+      latest = job;
+      const open = ["queued", "running", "paused"].includes(job.state);
+      pause.hidden = !open || job.state === "paused";
+      resume.hidden = job.state !== "paused";
+      cancel.hidden = !open;
+      more.hidden = job.state === "failed";
+    },
+  };
+}
+
+/** @param {Job} job */
+export function pauseOrResume(job) {
+  if (job.state === "paused") void change(job, { state: "running" }, "The job was not resumed");
+  else if (job.state === "running" || job.state === "queued") void change(job, { state: "paused" }, "The job was not paused");
+}
+
+/** @param {Job} job */
+export function moreSamples(job) {
+  const stopped = job.state === "cancelled";
+  void change(job, { spp: job.spp + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) }, "No samples were added");
+}
+
+/**
+ * @param {Job} job
+ * @param {() => number} frame that is shown
+ * @param {DisplayStore} display
+ */
+export function savePanel(job, frame, display) {
+  /** @param {"png" | "exr" | "jpg"} format @param {string} hint */
+  const save = (format, hint) => {
+    const anchor = h("a", { class: "button", title: hint }, icon("download"), format.toUpperCase());
+    // The address is made when it is used: exposure, channel and frame are those of that moment.
+    const aim = () => {
+      const { exposure, curve, channel } = display.value;
+      /** @type {Record<string, string | number>} */
+      const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
+      anchor.href = imageUrl(job.id, frame(), format, query);
+      anchor.download = `${job.name.replace(/\.[a-z]+$/i, "")}${channel && `-${channel}`}.${format}`;
+    };
+    for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
+    aim();
+    return anchor;
+  };
+  return h(
+    "section",
+    { class: "side-section stack", "aria-label": "Save" },
+    h("h2", null, "Save"),
+    h("div", { class: "triple" }, save("png", "As it looks now, exposure and tone curve included"), save("exr", "Scene-linear floats, untouched by exposure and curve"), save("jpg", "As it looks now, small")),
+  );
+}

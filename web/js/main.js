@@ -1,0 +1,50 @@
+/** Starts the page: the shell, the farm's news, drops, and the view that the URL names. */
+
+import { fill, h } from "./dom.js";
+import { followFarm } from "./farm.js";
+import { showHelp } from "./help-dialog.js";
+import { emptyState } from "./hints.js";
+import { linkTo, onNavigate } from "./router.js";
+import { buildShell } from "./shell.js";
+import { addShortcuts } from "./shortcuts.js";
+import { acceptDrops } from "./uploads.js";
+import { homeView } from "./views/home.js";
+import { jobView } from "./views/job.js";
+import { jobsView } from "./views/jobs.js";
+import { sceneView } from "./views/scene.js";
+import { workersView } from "./views/workers.js";
+
+/** @typedef {{element: HTMLElement, dispose: () => void}} View */
+
+/**
+ * @param {string[]} path
+ * @returns {View}
+ */
+function viewFor([section, id]) {
+  if (!section) return homeView();
+  if (section === "scenes" && id) return sceneView(id);
+  if (section === "jobs") return id ? jobView(id) : jobsView();
+  if (section === "workers") return workersView();
+  const element = h("div", { class: "page" }, emptyState("info", "There is nothing at this address", h("a", { href: linkTo() }, "To the front page")));
+  return { element, dispose: () => {} };
+}
+
+const main = /** @type {HTMLElement} */ (document.getElementById("main"));
+const markSection = buildShell();
+/** @type {View | null} */
+let shown = null;
+
+onNavigate(({ path }) => {
+  const first = shown === null;
+  shown?.dispose();
+  shown = viewFor(path);
+  fill(main, shown.element);
+  markSection(path[0] === "scenes" ? "" : (path[0] ?? ""));
+  scrollTo(0, 0);
+  // A screen reader starts to read the new view; at the start the browser's own focus stays.
+  if (!first) main.focus({ preventScroll: true });
+});
+
+addShortcuts([{ keys: "?", does: "This help", run: showHelp }]);
+acceptDrops();
+followFarm();

@@ -1,0 +1,89 @@
+/**
+ * The status bar's pixel: its value at once from the film on the page (RGB9E5, so to 0.2 %), and when the cursor rests,
+ * the exact value and sample count from the service.
+ */
+
+import { getPixel } from "./api.js";
+import { h, setText } from "./dom.js";
+import { radiance } from "./format.js";
+
+/** @typedef {import("./film.js").Film} Film */
+
+const REST_MS = 200;
+
+export class PixelReadout {
+  /**
+   * @param {string} job
+   * @param {Film} film
+   */
+  constructor(job, film) {
+    this.job = job;
+    this.frame = 0;
+    this.film = film;
+    /** @type {{x: number, y: number} | null} */
+    this.at = null;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    this.asking = new AbortController();
+    this.place = h("span", { class: "place" });
+    this.channels = ["R", "G", "B"].map((name) => ({ name, value: h("span", { class: "value" }) }));
+    this.samples = h("span", { class: "samples" });
+    this.hint = h("span", { class: "quiet" }, "Point at the picture to read its values");
+    this.values = h(
+      "span",
+      { class: "values", hidden: true },
+      this.place,
+      this.channels.map(({ name, value }) => h("span", { class: `channel ${name.toLowerCase()}` }, h("span", { class: "quiet" }, name), value)),
+      this.samples,
+    );
+    this.element = h("div", { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" }, this.hint, this.values);
+  }
+
+  /** @param {{x: number, y: number} | null} at */
+  point(at) {
+    this.at = at;
+    this.refresh();
+  }
+
+  /** The film changed, or the cursor moved. */
+  refresh() {
+    clearTimeout(this.timer);
+    this.asking.abort();
+    const { at } = this;
+    this.hint.hidden = at !== null;
+    this.values.hidden = at === null;
+    if (!at) return;
+    const { rgb, samples } = this.film.at(at.x, at.y);
+    this.show(rgb, samples, false);
+    if (samples) this.timer = setTimeout(() => this.ask(at), REST_MS);
+  }
+
+  /** @param {{x: number, y: number}} at */
+  async ask(at) {
+    this.asking = new AbortController();
+    try {
+      const { rgb, samples } = await getPixel(this.job, this.frame, at.x, at.y, this.asking.signal);
+      this.show(rgb, samples, true);
+    } catch {
+      // Moved on, or the connection is lost (the banner says so): the page's own value stays.
+    }
+  }
+
+  /**
+   * @param {[number, number, number]} rgb
+   * @param {number} samples
+   * @param {boolean} exact
+   */
+  show(rgb, samples, exact) {
+    setText(this.place, `${this.at?.x}, ${this.at?.y}`);
+    this.channels.forEach(({ value }, i) => setText(value, radiance(rgb[i] ?? 0)));
+    setText(this.samples, `${samples} spp`);
+    this.values.classList.toggle("exact", exact);
+    this.values.title = exact ? "Exact values of the film, linear Rec.709" : "Values of the live picture, true to 0.2 %";
+  }
+
+  dispose() {
+    clearTimeout(this.timer);
+    this.asking.abort();
+  }
+}

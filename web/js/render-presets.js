@@ -1,0 +1,43 @@
+/** Sizes and qualities that people ask for, and what a request costs. */
+
+/** @typedef {import("./types.js").Worker} Worker */
+/** @typedef {import("./types.js").Job} Job */
+
+export const SIZES = [
+  { name: "preview", label: "Preview", long: 640 },
+  { name: "hd", label: "HD", long: 1280 },
+  { name: "full-hd", label: "Full HD", long: 1920 },
+  { name: "4k", label: "4k", long: 3840 },
+];
+
+export const QUALITIES = [
+  { name: "draft", label: "Draft", spp: 16 },
+  { name: "good", label: "Good", spp: 128 },
+  { name: "final", label: "Final", spp: 512 },
+];
+
+export const DEFAULT_ASPECT = 16 / 9;
+
+/**
+ * @param {number} long the longer side, in pixels
+ * @param {number} aspect width / height
+ */
+export function sizeOf(long, aspect) {
+  return aspect >= 1
+    ? { width: long, height: Math.max(1, Math.round(long / aspect)) }
+    : { width: Math.max(1, Math.round(long * aspect)), height: long };
+}
+
+/**
+ * Samples per second that the farm can be expected to reach: what the scene's own latest job measured, else what the
+ * workers measured on whatever they rendered last; 0 where neither is known.
+ *
+ * @param {Worker[]} workers
+ * @param {Job[]} jobs newest first
+ * @param {string} scene
+ */
+export function expectedSpeed(workers, jobs, scene) {
+  const own = jobs.find((job) => job.scene === scene && job.samples_per_s > 0);
+  if (own) return own.samples_per_s;
+  return workers.reduce((sum, worker) => sum + worker.slots * worker.samples_per_s, 0);
+}

@@ -1,0 +1,64 @@
+/**
+ * Where the user is, kept in the URL's hash: `#/jobs/ab12?ev=1.5&tone=agx`. The path names the view and the parameters its
+ * state, so that a link, the back button and a reload all give the same picture.
+ */
+
+/**
+ * @typedef {object} Place
+ * @property {string[]} path e.g. ["jobs", "ab12"]; [] is the front page
+ * @property {URLSearchParams} params
+ */
+
+/** @returns {Place} */
+export function here() {
+  const [path = "", query = ""] = location.hash.replace(/^#/, "").split("?", 2);
+  return { path: path.split("/").filter(Boolean).map(decodeURIComponent), params: new URLSearchParams(query) };
+}
+
+/**
+ * @param {...string} path
+ * @returns {string} a hash for a link
+ */
+export function linkTo(...path) {
+  return `#/${path.map(encodeURIComponent).join("/")}`;
+}
+
+/** @param {...string} path */
+export function go(...path) {
+  location.hash = linkTo(...path);
+}
+
+/**
+ * Writes view state into the URL without a history entry, and without a navigation. Null takes a parameter out.
+ *
+ * @param {Record<string, string | null>} changes
+ */
+export function setParams(changes) {
+  const { path, params } = here();
+  for (const [name, value] of Object.entries(changes)) {
+    if (value === null) params.delete(name);
+    else params.set(name, value);
+  }
+  const query = params.toString();
+  history.replaceState(null, "", linkTo(...path) + (query ? `?${query}` : ""));
+}
+
+/** @param {string} [title] of the view that is open; the front page has none of its own */
+export function setTitle(title) {
+  document.title = title ? `${title} – Rayfarm` : "Rayfarm";
+}
+
+/** @param {(place: Place) => void} listener called now and whenever the path changes */
+export function onNavigate(listener) {
+  /** @type {string | null} */
+  let shown = null;
+  const check = () => {
+    const place = here();
+    const path = place.path.join("/");
+    if (path === shown) return;
+    shown = path;
+    listener(place);
+  };
+  addEventListener("hashchange", check);
+  check();
+}

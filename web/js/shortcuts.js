@@ -1,0 +1,58 @@
+/** Keys: each view registers its own, with a sentence each, and `?` lists those that work here. */
+
+/**
+ * @typedef {object} Shortcut
+ * @property {string} keys as shown: "E", "Shift+E", "Enter"
+ * @property {string} does
+ * @property {() => void} run
+ */
+
+/** @type {Set<Shortcut>} */
+const active = new Set();
+
+/**
+ * @param {Shortcut[]} shortcuts
+ * @returns {() => void} takes them away again
+ */
+export function addShortcuts(shortcuts) {
+  for (const shortcut of shortcuts) active.add(shortcut);
+  return () => {
+    for (const shortcut of shortcuts) active.delete(shortcut);
+  };
+}
+
+/** @returns {Shortcut[]} */
+export function shortcuts() {
+  return [...active];
+}
+
+/**
+ * "Shift+E" for a key event. Characters that need Shift to be typed ("?", "+") stand for themselves.
+ *
+ * @param {KeyboardEvent} event
+ */
+function nameOf(event) {
+  const letter = /^[a-z]$/i.test(event.key);
+  const key = letter ? event.key.toUpperCase() : event.key === " " ? "Space" : event.key;
+  return event.shiftKey && (letter || key.length > 1) ? `Shift+${key}` : key;
+}
+
+/** @param {EventTarget | null} target */
+function isTyping(target) {
+  return target instanceof HTMLElement && target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, [contenteditable]");
+}
+
+/** @param {KeyboardEvent} event */
+function dispatch(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || isTyping(event.target)) return;
+  if (document.querySelector("dialog[open]")) return;
+  const name = nameOf(event);
+  // Enter and Space belong to the button or link that has the focus.
+  if ((name === "Enter" || name === "Space") && event.target instanceof HTMLElement && event.target.matches("button, a, summary, input")) return;
+  const found = [...active].findLast((shortcut) => shortcut.keys === name);
+  if (!found) return;
+  event.preventDefault();
+  found.run();
+}
+
+addEventListener("keydown", dispatch);

@@ -1,0 +1,74 @@
+/**
+ * The tone curves, in GLSL: scene-linear Rec.709, exposed, to sRGB-coded display values. The same formulas as
+ * renderer/image/tonemap.py, so that a downloaded PNG looks as the page does.
+ */
+
+/** In the order of the shader's `curve`. */
+export const CURVES = [
+  { name: "neutral", label: "Neutral", hint: "Khronos PBR Neutral: true base colours, highlights roll off" },
+  { name: "srgb", label: "sRGB", hint: "No curve: what is above 1 clips" },
+  { name: "reinhard", label: "Reinhard", hint: "x / (1 + x) on every channel: soft and flat" },
+  { name: "filmic", label: "Filmic", hint: "ACES fit by Narkowicz: more contrast" },
+  { name: "agx", label: "AgX", hint: "Bright colours fade to white, as on film" },
+];
+
+export const DEFAULT_CURVE = "neutral";
+
+export const TONEMAP_GLSL = `
+vec3 srgbEncode(vec3 c) {
+  c = clamp(c, 0.0, 1.0);
+  return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
+}
+
+// Khronos PBR Neutral Tone Mapper, specification 1.0
+vec3 neutral(vec3 c) {
+  const float startCompression = 0.8 - 0.04;
+  const float desaturation = 0.15;
+  float x = min(c.r, min(c.g, c.b));
+  c -= x < 0.08 ? x - 6.25 * x * x : 0.04;
+  float peak = max(c.r, max(c.g, c.b));
+  if (peak < startCompression) return c;
+  float d = 1.0 - startCompression;
+  float newPeak = 1.0 - d * d / (peak + d - startCompression);
+  c *= newPeak / peak;
+  float g = 1.0 - 1.0 / (desaturation * (peak - newPeak) + 1.0);
+  return mix(c, vec3(newPeak), g);
+}
+
+// Reinhard et al. 2002, equation 3, on each channel
+vec3 reinhard(vec3 c) {
+  return c / (1.0 + c);
+}
+
+// Narkowicz 2015, "ACES Filmic Tone Mapping Curve"
+vec3 filmic(vec3 c) {
+  c = min(c, 1e6);
+  return (c * (2.51 * c + 0.03)) / (c * (2.43 * c + 0.59) + 0.14);
+}
+
+// AgX by Troy Sobotka; matrices and sigmoid fit by Benjamin Wrensch, "Minimal AgX Implementation"
+vec3 agx(vec3 c) {
+  const mat3 inset = mat3(0.842479062253094, 0.0423282422610123, 0.0423756549057051,
+                          0.0784335999999992, 0.878468636469772, 0.0784336,
+                          0.0792237451477643, 0.0791661274605434, 0.879142973793104);
+  const mat3 outset = mat3(1.19687900512017, -0.0528968517574562, -0.0529716355144438,
+                           -0.0980208811401368, 1.15190312990417, -0.0980434501171241,
+                           -0.0990297440797205, -0.0989611768448433, 1.15107367264116);
+  const float minEv = -12.47393;
+  const float maxEv = 4.026069;
+  c = inset * max(c, 0.0);
+  vec3 x = (clamp(log2(max(c, 1e-10)), minEv, maxEv) - minEv) / (maxEv - minEv);
+  vec3 x2 = x * x;
+  vec3 x4 = x2 * x2;
+  x = 15.5 * x4 * x2 - 40.14 * x4 * x + 31.96 * x4 - 6.868 * x2 * x + 0.4298 * x2 + 0.1191 * x - 0.00232;
+  return pow(clamp(outset * x, 0.0, 1.0), vec3(2.2));
+}
+
+vec3 displayed(vec3 c, int curve) {
+  if (curve == 0) c = neutral(c);
+  else if (curve == 2) c = reinhard(c);
+  else if (curve == 3) c = filmic(c);
+  else if (curve == 4) c = agx(c);
+  return srgbEncode(c);
+}
+`;

@@ -1,0 +1,76 @@
+/**
+ * What the service says, as far as the page reads it. The reference is /openapi.json.
+ *
+ * @typedef {[number, number, number]} Vec3
+ *
+ * @typedef {{eye: Vec3, target: Vec3, up: Vec3, fov: number}} View world space; fov is vertical, in degrees
+ *
+ * @typedef {{name: string, view: View}} Camera
+ *
+ * @typedef {object} Scene
+ * @property {string} id
+ * @property {string} name
+ * @property {"preparing" | "ready" | "failed"} status
+ * @property {string | null} error
+ * @property {string | null} step what preparing does at the moment
+ * @property {number | null} progress of preparing, 0..1
+ * @property {number} created unix seconds
+ * @property {number} bytes
+ * @property {boolean} has_thumbnail
+ * @property {Camera[]} cameras the last one frames the whole scene
+ * @property {Record<string, number>} counts
+ * @property {number[][] | null} bounds lower and upper corner
+ * @property {string[]} warnings
+ * @property {Record<string, any>} defaults settings that the scene file asks for
+ *
+ * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
+ *
+ * @typedef {object} Job
+ * @property {string} id
+ * @property {string} name
+ * @property {string} scene
+ * @property {JobState} state
+ * @property {number} progress 0..1
+ * @property {number | null} eta_s
+ * @property {number} elapsed_s of rendering, without pauses
+ * @property {number} samples in the film: every pixel of every frame counted
+ * @property {number} samples_per_s
+ * @property {string | null} error
+ * @property {number} created unix seconds
+ * @property {number} width
+ * @property {number} height
+ * @property {number} spp asked for
+ * @property {number} first_frame
+ * @property {number} last_frame
+ * @property {number} max_depth
+ * @property {number} seed
+ * @property {string | null} camera
+ *
+ * @typedef {object} JobRequest
+ * @property {string} scene
+ * @property {string} [camera]
+ * @property {View} [view]
+ * @property {number} width
+ * @property {number} height
+ * @property {number} spp
+ * @property {number} [noise] relative
+ * @property {number} [seconds]
+ * @property {number} max_depth
+ * @property {number} seed
+ * @property {Vec3} [environment] linear Rec.709
+ * @property {number} [environment_strength]
+ *
+ * @typedef {object} Worker
+ * @property {string} name
+ * @property {number} slots
+ * @property {string} state
+ * @property {string} cpu
+ * @property {number} samples_per_s of one slot
+ * @property {Record<string, any>[]} current a slot each
+ *
+ * @typedef {{name: string, title: string, description: string}} Example
+ *
+ * @typedef {{rgb: Vec3, samples: number}} PixelValue
+ */
+
+export {};

@@ -1,0 +1,127 @@
+/**
+ * Where on the canvas a picture lies: a scale (device pixels per picture pixel) and the canvas position of the picture's
+ * upper left corner, in device pixels. Pure arithmetic; the canvas and the mouse are elsewhere.
+ */
+
+export const MIN_SCALE = 1 / 64;
+export const MAX_SCALE = 256;
+
+/** Powers of two and the steps between that zooming by keys stops at. */
+const STOPS = [1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 6, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256];
+
+export class Viewport {
+  constructor() {
+    this.scale = 1;
+    this.x = 0;
+    this.y = 0;
+    /** Follow the canvas as it resizes, until the user zooms or pans. */
+    this.fitted = true;
+    this.canvas = { width: 1, height: 1 };
+    this.picture = { width: 1, height: 1 };
+  }
+
+  /** The largest scale that shows all; whole numbers above 2, where uneven pixels would show. */
+  fit() {
+    const { canvas, picture } = this;
+    const margin = Math.min(canvas.width, canvas.height) > 600 ? 48 : 0;
+    const scale = Math.min((canvas.width - margin) / picture.width, (canvas.height - margin) / picture.height);
+    this.scale = clamp(scale > 2 ? Math.floor(scale) : scale);
+    this.centre();
+    this.fitted = true;
+  }
+
+  /** One picture pixel on one device pixel, about the canvas' centre. */
+  actualSize() {
+    this.zoomTo(1, this.canvas.width / 2, this.canvas.height / 2);
+  }
+
+  centre() {
+    this.x = Math.round((this.canvas.width - this.picture.width * this.scale) / 2);
+    this.y = Math.round((this.canvas.height - this.picture.height * this.scale) / 2);
+  }
+
+  /**
+   * @param {number} width
+   * @param {number} height
+   */
+  resizeCanvas(width, height) {
+    const dx = (width - this.canvas.width) / 2;
+    const dy = (height - this.canvas.height) / 2;
+    this.canvas = { width, height };
+    if (this.fitted) this.fit();
+    else this.pan(dx, dy);
+  }
+
+  /**
+   * @param {number} width
+   * @param {number} height
+   */
+  setPicture(width, height) {
+    this.picture = { width, height };
+    if (this.fitted) this.fit();
+  }
+
+  /**
+   * Scales so that the picture point under (cx, cy) stays there.
+   *
+   * @param {number} scale
+   * @param {number} cx
+   * @param {number} cy
+   */
+  zoomTo(scale, cx, cy) {
+    const next = clamp(scale);
+    const px = (cx - this.x) / this.scale;
+    const py = (cy - this.y) / this.scale;
+    this.scale = next;
+    this.x = Math.round(cx - px * next);
+    this.y = Math.round(cy - py * next);
+    this.fitted = false;
+    this.keepInSight();
+  }
+
+  /**
+   * The next stop up or down, about the canvas' centre.
+   *
+   * @param {1 | -1} direction
+   */
+  step(direction) {
+    const next =
+      direction > 0 ? STOPS.find((s) => s > this.scale * 1.001) : STOPS.findLast((s) => s < this.scale * 0.999);
+    this.zoomTo(next ?? this.scale, this.canvas.width / 2, this.canvas.height / 2);
+  }
+
+  /**
+   * @param {number} dx
+   * @param {number} dy
+   */
+  pan(dx, dy) {
+    this.x = Math.round(this.x + dx);
+    this.y = Math.round(this.y + dy);
+    this.fitted = false;
+    this.keepInSight();
+  }
+
+  /** A picture dragged out of the window is lost: a strip of it always stays. */
+  keepInSight() {
+    const strip = 40;
+    const w = this.picture.width * this.scale;
+    const h = this.picture.height * this.scale;
+    this.x = Math.round(Math.min(Math.max(this.x, strip - w), this.canvas.width - strip));
+    this.y = Math.round(Math.min(Math.max(this.y, strip - h), this.canvas.height - strip));
+  }
+
+  /**
+   * The picture pixel under a canvas point; it may lie outside of the picture.
+   *
+   * @param {number} cx
+   * @param {number} cy
+   */
+  pixelAt(cx, cy) {
+    return { x: Math.floor((cx - this.x) / this.scale), y: Math.floor((cy - this.y) / this.scale) };
+  }
+}
+
+/** @param {number} scale */
+function clamp(scale) {
+  return Math.min(Math.max(scale, MIN_SCALE), MAX_SCALE);
+}

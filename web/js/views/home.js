@@ -1,0 +1,112 @@
+/** The front page: where a scene is dropped, examples for whoever has none, and what is there already. */
+
+import { getExamples, openExample } from "../api.js";
+import { fill, h, keyedList } from "../dom.js";
+import { hidden, jobs, scenes, workers } from "../farm.js";
+import { noWorkerNotice } from "../hints.js";
+import { icon } from "../icons.js";
+import { go, linkTo, setTitle } from "../router.js";
+import { Disposer } from "../store.js";
+import { showError } from "../tray.js";
+import { choose } from "../uploads.js";
+import { jobRow } from "./job-row.js";
+import { sceneCard } from "./scene-card.js";
+
+/** @typedef {import("../types.js").Example} Example */
+
+const RECENT_JOBS = 5;
+
+/** @returns {{element: HTMLElement, dispose: () => void}} */
+export function homeView() {
+  setTitle();
+  const life = new Disposer();
+  const notice = h("div", null);
+  const sceneGrid = h("ul", { class: "cards" });
+  const sceneSection = section("Scenes", sceneGrid);
+  const exampleGrid = h("ul", { class: "cards" });
+  const exampleSection = section("Examples", exampleGrid, h("span", { class: "quiet small" }, "No scene at hand? Start with one of these."));
+  const jobList = h("ul", { class: "rows" });
+  const jobSection = section("Latest pictures", jobList, h("a", { class: "small", href: linkTo("jobs") }, "All jobs"));
+  for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
+
+  const showScenes = keyedList(sceneGrid, (scene) => scene.id, sceneCard);
+  const showJobs = keyedList(jobList, (job) => job.id, (job) => jobRow(job, life));
+
+  const refresh = () => {
+    const seenScenes = (scenes.value ?? []).filter(({ id }) => !hidden.value.has(id));
+    const seenJobs = (jobs.value ?? []).filter(({ id }) => !hidden.value.has(id)).slice(0, RECENT_JOBS);
+    showScenes(seenScenes);
+    showJobs(seenJobs);
+    sceneSection.hidden = seenScenes.length === 0;
+    jobSection.hidden = seenJobs.length === 0;
+  };
+  for (const store of [scenes, jobs, hidden]) life.add(/** @type {import("../store.js").Store<any>} */ (store).subscribe(refresh));
+  life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
+
+  getExamples().then(
+    (examples) => {
+      fill(exampleGrid, examples.map(exampleCard));
+      exampleSection.hidden = examples.length === 0;
+    },
+    () => {}, // a service without examples: the section stays away
+  );
+
+  const element = h(
+    "div",
+    { class: "page home" },
+    h("h1", { class: "visually-hidden" }, "Rayfarm"),
+    dropZone(),
+    notice,
+    jobSection,
+    sceneSection,
+    exampleSection,
+  );
+  return { element, dispose: () => life.dispose() };
+}
+
+function dropZone() {
+  return h(
+    "section",
+    { class: "drop-zone", "aria-labelledby": "drop-title" },
+    icon("upload"),
+    h("h2", { id: "drop-title" }, "Drop a scene anywhere on this page"),
+    h("p", { class: "quiet" }, "GLB, glTF, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do."),
+    h(
+      "div",
+      { class: "row" },
+      h("button", { class: "button primary", type: "button", onclick: () => choose({ folder: false }) }, icon("image"), "Choose files"),
+      h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), "Choose a folder"),
+    ),
+  );
+}
+
+/** @param {Example} example */
+function exampleCard(example) {
+  const open = async () => {
+    try {
+      const scene = await openExample(example.name);
+      go("scenes", scene.id);
+    } catch (error) {
+      showError(`${example.title} could not be opened`, error);
+    }
+  };
+  return h(
+    "li",
+    { class: "card example" },
+    h(
+      "div",
+      { class: "body" },
+      h("button", { class: "name text-button", type: "button", onclick: open }, example.title),
+      h("p", { class: "quiet small" }, example.description),
+    ),
+  );
+}
+
+/**
+ * @param {string} title
+ * @param {HTMLElement} body
+ * @param {HTMLElement} [aside]
+ */
+function section(title, body, aside) {
+  return h("section", { class: "section", "aria-label": title }, h("header", null, h("h2", null, title), aside), body);
+}

@@ -1,0 +1,89 @@
+/** A job in a list. */
+
+import { deleteJob, imageUrl } from "../api.js";
+import { h, setText } from "../dom.js";
+import { setHidden } from "../farm.js";
+import { ago, clock, count } from "../format.js";
+import { icon } from "../icons.js";
+import { linkTo } from "../router.js";
+import { progressBar, stateChip } from "../state-chip.js";
+import { showError, undoable } from "../tray.js";
+
+/** @typedef {import("../types.js").Job} Job */
+
+/** A running job's picture in a list is renewed this often. */
+const PICTURE_EVERY_S = 5;
+
+/**
+ * @param {Job} job
+ * @param {import("../store.js").Disposer} life
+ * @returns {import("../dom.js").Row<Job>}
+ */
+export function jobRow(job, life) {
+  const name = h("a", { class: "name", href: linkTo("jobs", job.id) });
+  const size = h("div", { class: "quiet small number" });
+  const chip = stateChip(job.state);
+  const bar = progressBar("Progress");
+  const far = h("div", { class: "quiet small number" });
+  const when = h("span", { class: "quiet small when number" });
+  const image = h("img", { alt: "", hidden: true });
+  image.addEventListener("load", () => (image.hidden = false));
+  image.addEventListener("error", () => (image.hidden = true));
+  const remove = h("button", { class: "icon-button danger delete", type: "button", onclick: () => removeJob(latest) }, icon("trash"));
+  let latest = job;
+  let picturedAt = -Infinity;
+  let picturedState = "";
+
+  const tick = () => setText(when, ago(latest.created));
+  life.every(10_000, tick);
+  return {
+    element: h(
+      "li",
+      { class: "job-row" },
+      h("div", { class: "picture" }, icon("image"), image),
+      h("div", { class: "title" }, name, size),
+      chip.element,
+      h("div", { class: "bar" }, bar.element, far),
+      when,
+      remove,
+    ),
+    update(next) {
+      latest = next;
+      setText(name, next.name);
+      remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
+      setText(size, `${next.width}×${next.height} · ${count(next.spp)} samples`);
+      chip.update(next.state);
+      bar.update(next.progress, next.state);
+      setText(far, progressLine(next));
+      tick();
+      const now = performance.now() / 1000;
+      const due = next.state !== picturedState || (next.state === "running" && now - picturedAt > PICTURE_EVERY_S);
+      if (next.samples > 0 && due) {
+        picturedAt = now;
+        picturedState = next.state;
+        image.src = imageUrl(next.id, next.first_frame, "jpg", { width: 160, v: next.samples });
+      }
+    },
+  };
+}
+
+/** @param {Job} job */
+function progressLine(job) {
+  if (job.state === "failed") return job.error ?? "";
+  if (job.state === "finished") return `in ${clock(job.elapsed_s)}`;
+  const done = `${Math.floor(job.progress * 100)} %`;
+  return job.state === "running" && job.eta_s != null ? `${done}, ${clock(job.eta_s)} left` : done;
+}
+
+/** @param {Job} job */
+export function removeJob(job) {
+  setHidden(job.id, true);
+  undoable(`Picture of “${job.name}” deleted`, {
+    undo: () => setHidden(job.id, false),
+    commit: () =>
+      void deleteJob(job.id).catch((error) => {
+        setHidden(job.id, false);
+        showError("The picture was not deleted", error);
+      }),
+  });
+}

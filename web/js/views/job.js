@@ -1,0 +1,247 @@
+/** The render view: the picture as it grows, and all that can be done with it. */
+
+import { getJob } from "../api.js";
+import { AovImage } from "../aov-image.js";
+import { EXPOSURE_STEP, clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
+import { fill, h, setText } from "../dom.js";
+import { jobs, link, putJob, workers } from "../farm.js";
+import { field } from "../fields.js";
+import { CannotShow } from "../film-canvas.js";
+import { FilmView } from "../film-view.js";
+import { emptyState, noWorkerNotice } from "../hints.js";
+import { icon } from "../icons.js";
+import { actionsPanel, moreSamples, pauseOrResume, progressPanel, savePanel } from "../job-panel.js";
+import { Live } from "../live.js";
+import { PixelReadout } from "../pixel-readout.js";
+import { linkTo, setTitle } from "../router.js";
+import { addShortcuts } from "../shortcuts.js";
+import { progressBar, stateChip } from "../state-chip.js";
+import { Disposer } from "../store.js";
+import { outlinesOf } from "../tile-outlines.js";
+import { announce, showError } from "../tray.js";
+
+/** @typedef {import("../types.js").Job} Job */
+
+/**
+ * @param {string} id
+ * @returns {{element: HTMLElement, dispose: () => void}}
+ */
+export function jobView(id) {
+  setTitle("Picture");
+  const life = new Disposer();
+  const element = h("div", { class: "job-page" });
+  /** @type {((job: Job) => void) | null} */
+  let update = null;
+  let asked = false;
+  life.add(
+    jobs.subscribe((all) => {
+      const job = all?.find((candidate) => candidate.id === id);
+      if (job) {
+        update ??= open(element, job, life);
+        update(job);
+      } else if (all && !asked) {
+        asked = true;
+        getJob(id).then(putJob, (error) => fill(element, h("div", { class: "page" }, emptyState("image", "This picture is not here", h("p", null, error.message), h("a", { href: linkTo("jobs") }, "To the jobs")))));
+      }
+    }),
+  );
+  return { element, dispose: () => life.dispose() };
+}
+
+/**
+ * @param {HTMLElement} page
+ * @param {Job} job
+ * @param {Disposer} life
+ * @returns {(job: Job) => void}
+ */
+function open(page, job, life) {
+  let latest = job;
+  let frame = job.first_frame;
+  const display = displayFromUrl();
+  const actions = actionsPanel();
+  const progress = progressPanel();
+  const chip = stateChip(job.state);
+  const line = progressBar("Progress");
+  const notice = h("div", { class: "stage-notice" });
+
+  // The picture
+  const zoom = h("span", { class: "zoom mono", "aria-label": "Zoom" });
+  /** @type {FilmView | null} */
+  let view = null;
+  /** @type {PixelReadout | null} */
+  let readout = null;
+  /** @type {Element} */
+  let stage;
+  try {
+    const shown = new FilmView(job.width, job.height, {
+      cursor: (at) => readout?.point(at),
+      moved: () => setText(zoom, zoomLabel(shown?.viewport.scale ?? 1)),
+    });
+    view = shown;
+    stage = shown.element;
+    readout = new PixelReadout(job.id, shown.film);
+    life.add(() => (readout?.dispose(), shown.dispose()));
+    life.add(display.subscribe((look) => shown.setLook(look)));
+  } catch (error) {
+    if (!(error instanceof CannotShow)) throw error;
+    stage = h("div", { class: "stage" }, emptyState("image", "The live picture cannot be shown here", h("p", null, error.message)));
+  }
+
+  const aov = new AovImage(
+    job.id,
+    (image) => view?.setOverlay(image),
+    (error) => showError("The channel could not be shown", error),
+  );
+  life.add(() => aov.dispose());
+  const live = followLive();
+
+  function followLive() {
+    return new Live(job.id, frame, {
+      tile(tile) {
+        if (tile.frame !== (frame & 0xffff)) return;
+        view?.putTile(tile);
+        aov.stale = true;
+        const at = readout?.at;
+        if (at && at.x >= tile.x && at.y >= tile.y && at.x < tile.x + tile.w && at.y < tile.y + tile.h) readout?.refresh();
+      },
+      message(message) {
+        if (message.type === "state") putJob(message.job);
+      },
+      link: (up) => link.set(up),
+      refused: (sentence) => showError("The live picture ended", sentence, "Reload the page to try again."),
+    });
+  }
+  life.add(() => live.close());
+
+  const outline = () => {
+    const on = display.value.outlines && latest.state === "running";
+    view?.setOutlines(on ? outlinesOf(workers.value ?? [], job.id, frame) : []);
+  };
+  life.add(workers.subscribe((all) => (outline(), fill(notice, all?.length === 0 && latest.state !== "finished" && noWorkerNotice()))));
+  life.add(display.subscribe(({ channel }) => (outline(), aov.choose(channel, frame))));
+  life.every(1000, progress.tick);
+
+  const normalise = () => {
+    const exposure = view?.film.normalisingExposure();
+    if (exposure != null) display.update((d) => ({ ...d, exposure: clampExposure(exposure) }));
+  };
+  /** @param {number} by */
+  const expose = (by) => {
+    display.update((d) => ({ ...d, exposure: clampExposure(d.exposure + by) }));
+    announce(`Exposure ${display.value.exposure} stops`);
+  };
+  life.add(
+    addShortcuts([
+      { keys: "E", does: "Half a stop brighter", run: () => expose(EXPOSURE_STEP) },
+      { keys: "Shift+E", does: "Half a stop darker", run: () => expose(-EXPOSURE_STEP) },
+      { keys: "R", does: "Reset the exposure", run: () => display.update((d) => ({ ...d, exposure: 0 })) },
+      { keys: "N", does: "Normalise: the brightest below white", run: normalise },
+      { keys: "F", does: "Fit the picture", run: () => view?.fit() },
+      { keys: "1", does: "One picture pixel a screen pixel", run: () => view?.actualSize() },
+      { keys: "+", does: "Zoom in", run: () => view?.zoom(1) },
+      { keys: "-", does: "Zoom out", run: () => view?.zoom(-1) },
+      { keys: "T", does: "Outline the tiles being rendered", run: () => display.update((d) => ({ ...d, outlines: !d.outlines })) },
+      { keys: "Space", does: "Pause or resume", run: () => pauseOrResume(latest) },
+      { keys: "M", does: "More samples", run: () => moreSamples(latest) },
+      ...[["ArrowLeft", -1, 0], ["ArrowRight", 1, 0], ["ArrowUp", 0, -1], ["ArrowDown", 0, 1]].flatMap(([key, dx, dy]) =>
+        [1, 10].map((by) => ({
+          keys: `${by > 1 ? "Shift+" : ""}${key}`,
+          does: `Read the pixel ${by > 1 ? "ten further" : "next to it"}`,
+          run: () => view?.moveCursor(Number(dx) * by, Number(dy) * by),
+        })),
+      ),
+    ]),
+  );
+
+  fill(
+    page,
+    h(
+      "header",
+      { class: "job-head" },
+      h("a", { class: "icon-button", href: linkTo("scenes", job.scene), "aria-label": "Back to the scene" }, icon("back")),
+      h("h1", { title: job.name }, job.name),
+      chip.element,
+      h("span", { class: "grow" }),
+      actions.element,
+    ),
+    h("div", { class: "job-line" }, line.element),
+    h("div", { class: "stage-box" }, stage, notice),
+    h(
+      "footer",
+      { class: "status-bar" },
+      readout?.element,
+      h("span", { class: "grow" }),
+      h("span", { class: "quiet number size" }, `${job.width}×${job.height}`),
+      h(
+        "span",
+        { class: "zoom-controls" },
+        h("button", { class: "icon-button", type: "button", "aria-label": "Zoom out", title: "Zoom out (−)", onclick: () => view?.zoom(-1) }, "−"),
+        h("button", { class: "icon-button zoom-button", type: "button", title: "One to one (1)", "aria-label": "Show one to one", onclick: () => view?.actualSize() }, zoom),
+        h("button", { class: "icon-button", type: "button", "aria-label": "Zoom in", title: "Zoom in (+)", onclick: () => view?.zoom(1) }, "+"),
+        h("button", { class: "icon-button", type: "button", "aria-label": "Fit the picture", title: "Fit (F)", onclick: () => view?.fit() }, icon("fit")),
+      ),
+    ),
+    h(
+      "aside",
+      { class: "side", "aria-label": "Picture" },
+      progress.element,
+      job.last_frame > job.first_frame && frameSlider(),
+      displayPanel(display, { normalise }),
+      savePanel(job, () => frame, display),
+      details(job),
+    ),
+  );
+
+  function frameSlider() {
+    const number = h("output", { class: "mono" }, frame);
+    const slider = h("input", { type: "range", min: job.first_frame, max: job.last_frame, step: 1, value: String(frame) });
+    slider.addEventListener("input", () => {
+      frame = slider.valueAsNumber;
+      setText(number, frame);
+      view?.clear();
+      if (readout) readout.frame = frame;
+      live.watch(frame);
+      aov.choose(display.value.channel, frame);
+      outline();
+    });
+    const whole = field("Frame", slider);
+    whole.prepend(h("div", { class: "row" }, whole.firstElementChild, number));
+    return h("section", { class: "side-section", "aria-label": "Frame" }, whole);
+  }
+
+  return (next) => {
+    if (next.state !== latest.state) announce(`${next.name}: ${next.state}`);
+    latest = next;
+    setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
+    chip.update(next.state);
+    actions.update(next);
+    progress.update(next);
+    line.update(next.progress, next.state);
+    outline();
+  };
+}
+
+/** @param {number} scale */
+function zoomLabel(scale) {
+  const percent = scale * 100;
+  return `${percent >= 10 ? Math.round(percent) : percent.toFixed(1)} %`;
+}
+
+/** @param {Job} job */
+function details(job) {
+  /** @type {[string, import("../dom.js").Child][]} */
+  const rows = [
+    ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
+    ["Camera", job.camera],
+    ["Size", `${job.width}×${job.height}`],
+    ["Max depth", job.max_depth],
+    ["Seed", job.seed],
+    ["Job", h("code", null, job.id)],
+  ];
+  return h(
+    "section",
+    { class: "side-section", "aria-label": "Details" },
+    h("h2", null, "Details"),
+    h("dl", { class: "facts number" }, rows.filter(([, value]) => value != null).map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value)))),
+  );
+}

@@ -1,0 +1,85 @@
+/** A scene on the front page. */
+
+import { deleteScene, thumbnailUrl } from "../api.js";
+import { h, setText } from "../dom.js";
+import { putScene, setHidden } from "../farm.js";
+import { compact, plural } from "../format.js";
+import { icon } from "../icons.js";
+import { linkTo } from "../router.js";
+import { stateChip } from "../state-chip.js";
+import { showError, undoable } from "../tray.js";
+
+/** @typedef {import("../types.js").Scene} Scene */
+
+/**
+ * @param {Scene} scene
+ * @returns {import("../dom.js").Row<Scene>}
+ */
+export function sceneCard(scene) {
+  const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
+  const chip = stateChip(scene.status);
+  const facts = h("span", { class: "quiet small number" });
+  const picture = thumbnail();
+  let latest = scene;
+  const remove = h(
+    "button",
+    { class: "icon-button danger delete", type: "button", onclick: () => removeScene(latest) },
+    icon("trash"),
+  );
+  return {
+    element: h("li", { class: "card" }, picture.element, h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)), remove),
+    update(next) {
+      latest = next;
+      setText(name, next.name);
+      name.title = next.name;
+      remove.setAttribute("aria-label", `Delete ${next.name}`);
+      chip.update(next.status);
+      chip.element.hidden = next.status === "ready";
+      setText(facts, next.status === "ready" ? shortFacts(next) : "");
+      picture.update(next);
+    },
+  };
+}
+
+/** @param {Scene} scene */
+export function shortFacts({ counts }) {
+  const parts = [];
+  if (counts.triangles) parts.push(`${compact(counts.triangles)} triangles`);
+  if (counts.spheres) parts.push(plural(counts.spheres, "sphere"));
+  if (counts.textures) parts.push(plural(counts.textures, "texture"));
+  return parts.join(" · ");
+}
+
+/** A scene's thumbnail, or a quiet stand-in until there is one. */
+export function thumbnail() {
+  const element = h("div", { class: "picture" }, icon("cube"));
+  let shown = "";
+  return {
+    element,
+    /** @param {Scene} scene */
+    update(scene) {
+      const url = scene.has_thumbnail ? thumbnailUrl(scene.id) : "";
+      if (url === shown) return;
+      shown = url;
+      element.replaceChildren(url ? h("img", { src: url, alt: "", loading: "lazy" }) : icon("cube"));
+    },
+  };
+}
+
+/**
+ * Hides the scene now and deletes it when nobody takes that back.
+ *
+ * @param {Scene} scene
+ */
+export function removeScene(scene) {
+  setHidden(scene.id, true);
+  undoable(`“${scene.name}” deleted`, {
+    undo: () => setHidden(scene.id, false),
+    commit: () =>
+      void deleteScene(scene.id).catch((error) => {
+        setHidden(scene.id, false);
+        putScene(scene);
+        showError(`“${scene.name}” was not deleted`, error);
+      }),
+  });
+}

@@ -1,0 +1,181 @@
+/** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
+
+import { createJob, getScene } from "../api.js";
+import { fill, h, setText } from "../dom.js";
+import { jobs, putJob, scenes, workers } from "../farm.js";
+import { bytes, count } from "../format.js";
+import { emptyState, noWorkerNotice } from "../hints.js";
+import { icon } from "../icons.js";
+import { go, linkTo, setTitle } from "../router.js";
+import { settingsForm } from "../settings-form.js";
+import { addShortcuts } from "../shortcuts.js";
+import { progressBar, stateChip } from "../state-chip.js";
+import { Disposer, Store } from "../store.js";
+import { announce, showError } from "../tray.js";
+import { choose } from "../uploads.js";
+import { removeScene, thumbnail } from "./scene-card.js";
+
+/** @typedef {import("../types.js").Scene} Scene */
+
+/**
+ * @param {string} id
+ * @returns {{element: HTMLElement, dispose: () => void}}
+ */
+export function sceneView(id) {
+  setTitle("Scene");
+  const life = new Disposer();
+  const element = h("div", { class: "page scene-page" });
+  /** @type {Store<Scene | null>} */
+  const scene = new Store(/** @type {Scene | null} */ (null));
+
+  life.add(
+    scenes.subscribe((all) => {
+      const found = all?.find((candidate) => candidate.id === id);
+      if (found) scene.set(found);
+      else if (all) fetchAlone();
+    }),
+  );
+
+  // A scene that the list does not have may be newer than the list, or gone.
+  let asked = false;
+  const fetchAlone = () => {
+    if (asked) return;
+    asked = true;
+    getScene(id).then(
+      (found) => scene.set(found),
+      (error) => fill(element, emptyState("cube", "This scene is not here", h("p", null, error.message), h("a", { href: linkTo() }, "To the scenes"))),
+    );
+  };
+
+  /** @type {{status: string, update: (scene: Scene) => void} | null} */
+  let part = null;
+  life.add(
+    scene.subscribe((next) => {
+      if (!next) return;
+      if (part?.status !== next.status) {
+        if (part && next.status === "ready") announce(`${next.name} is ready to render`);
+        part = { status: next.status, update: { preparing, failed, ready }[next.status](element, next, life) };
+      }
+      part.update(next);
+      setTitle(next.name);
+    }),
+  );
+  return { element, dispose: () => life.dispose() };
+}
+
+/** @param {Scene} scene */
+function heading(scene) {
+  return h(
+    "header",
+    { class: "scene-head" },
+    h("a", { class: "icon-button", href: linkTo(), "aria-label": "All scenes" }, icon("back")),
+    h("h1", { title: scene.name }, scene.name),
+    h(
+      "button",
+      { class: "icon-button danger", type: "button", "aria-label": "Delete this scene", onclick: () => (removeScene(scene), go()) },
+      icon("trash"),
+    ),
+  );
+}
+
+/**
+ * @param {HTMLElement} page
+ * @param {Scene} scene
+ * @param {Disposer} life
+ * @returns {(scene: Scene) => void}
+ */
+function preparing(page, scene, life) {
+  const chip = stateChip("preparing");
+  const step = h("p", { class: "quiet", "aria-live": "polite" });
+  const bar = progressBar("Preparing");
+  const notice = h("div", null);
+  life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
+  fill(
+    page,
+    heading(scene),
+    notice,
+    h("section", { class: "preparing panel" }, chip.element, bar.element, step),
+  );
+  return (next) => {
+    setText(step, next.step ?? "Waiting for a worker");
+    bar.update(next.progress);
+  };
+}
+
+/**
+ * @param {HTMLElement} page
+ * @param {Scene} scene
+ * @returns {(scene: Scene) => void}
+ */
+function failed(page, scene) {
+  fill(
+    page,
+    heading(scene),
+    h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, "This cannot be rendered. "), scene.error ?? "")),
+    h(
+      "section",
+      { class: "section row" },
+      h("button", { class: "button primary", type: "button", onclick: () => choose({ folder: false }) }, icon("upload"), "Upload it again"),
+      h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), "Upload a folder"),
+    ),
+  );
+  return () => {};
+}
+
+/**
+ * @param {HTMLElement} page
+ * @param {Scene} scene
+ * @param {Disposer} life
+ * @returns {(scene: Scene) => void}
+ */
+function ready(page, scene, life) {
+  const picture = thumbnail();
+  const notice = h("div", null);
+  const form = settingsForm(scene, async (request) => {
+    try {
+      // One key a press: the request may be repeated by the network, but makes one job.
+      const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
+      putJob(job);
+      go("jobs", job.id);
+    } catch (error) {
+      showError("The picture was not started", error);
+    }
+  });
+  life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
+  life.add(jobs.subscribe(form.update));
+  life.add(addShortcuts([{ keys: "R", does: "Render", run: () => form.element.requestSubmit() }, { keys: "Enter", does: "Render", run: () => form.element.requestSubmit() }]));
+  fill(
+    page,
+    heading(scene),
+    notice,
+    h(
+      "div",
+      { class: "scene-columns" },
+      h("div", { class: "scene-about" }, picture.element, warnings(scene), facts(scene)),
+      h("section", { class: "panel", "aria-label": "Render" }, form.element),
+    ),
+  );
+  return (next) => picture.update(next);
+}
+
+/** @param {Scene} scene */
+function warnings({ warnings: sentences }) {
+  if (!sentences.length) return null;
+  return h(
+    "div",
+    { class: "notice warning" },
+    icon("warning"),
+    h("ul", { "aria-label": "Warnings" }, sentences.map((sentence) => h("li", null, sentence))),
+  );
+}
+
+/** @param {Scene} scene */
+function facts(scene) {
+  /** @type {[string, string][]} */
+  const rows = Object.entries(scene.counts).map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
+  rows.push(["Cameras", scene.cameras.map(({ name }) => name).join(", ")]);
+  const [lo, hi] = scene.bounds ?? [];
+  if (lo && hi) rows.push(["Extent", hi.map((v, i) => Number((v - (lo[i] ?? 0)).toPrecision(3))).join(" × ")]);
+  rows.push(["Files", bytes(scene.bytes)]);
+  return h("dl", { class: "facts number" }, rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
+}

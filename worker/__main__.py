@@ -1,0 +1,101 @@
+"""`python -m worker --service URL --token T --slots N`: one worker, with a process for every slot.
+
+The kernels are compiled or loaded here, before Celery forks, so that all slots share them.
+"""
+
+# ruff: noqa: E402 - the environment must be set before numpy is imported
+
+from __future__ import annotations
+
+import os
+
+# Slots are processes: a thread pool inside each of them would only fight for the same cores.
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse
+import logging
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+
+from renderer import jit
+from renderer.render import warm_up
+from worker import app
+from worker.cache import BlobCache, default_cache_dir
+from worker.context import WorkerContext, cpu_name
+from worker.contract import WorkerReport
+from worker.heartbeat import StartingBeat, free_name
+from worker.link import Link, RefusedError
+from worker.status import SlotBoard
+
+EXIT_REFUSED = 3
+
+
+def main() -> int:
+    """Join, warm up, work. Exit code 3: the service refuses this worker, another try is of no use."""
+    options = _options()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    logging.getLogger("httpx").setLevel(logging.WARNING)
+    log = logging.getLogger("worker")
+    stopping: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
+    signal.signal(signal.SIGINT, lambda number, _: stopping.append(number))
+
+    link = Link(options.service, options.token)
+    try:
+        farm = link.join_patiently(log.info, stop=lambda: bool(stopping))
+    except RefusedError as error:
+        print(f"rayfarm worker: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+    if farm is None:
+        return 0
+    redis_url = options.redis or farm.redis_url
+    host = socket.gethostname()
+    name = free_name(options.name or host, redis_url, host)
+    kind = jit.kind()
+    started = time.time()
+
+    def starting() -> WorkerReport:
+        return WorkerReport(name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started)
+
+    with StartingBeat(starting, redis_url):
+        begun = time.monotonic()
+        warm_up()
+        log.info("kernels ready after %.1f s (%s)", time.monotonic() - begun, kind)
+    if stopping:
+        return 0
+    worker = WorkerContext(
+        name=name,
+        slots=options.slots,
+        kind=kind,
+        redis_url=redis_url,
+        link=link,
+        cache=BlobCache(link, farm, options.cache, options.cache_bytes),
+        board=SlotBoard(options.slots),
+        started=started,
+    )
+    log.info("%s: %d slots for %s", name, options.slots, options.service)
+    return app.run(worker)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m worker", description="A worker of the farm; `rayfarm worker` starts one.")
+    parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
+    parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="the farm's token; $RAYFARM_TOKEN")
+    parser.add_argument("--slots", type=int, default=os.cpu_count() or 1, help="batches rendered at a time")
+    parser.add_argument(
+        "--redis",
+        default=os.environ.get("RAYFARM_REDIS_URL"),
+        help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL",
+    )
+    parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
+    parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
+    parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

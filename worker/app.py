@@ -1,0 +1,69 @@
+"""The Celery application of a worker process, and what happens around its forks."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any
+
+from celery import Celery, signals
+
+from worker import context, tasks
+from worker.contract import celery_config, prepare_queue, render_queue
+from worker.heartbeat import Heartbeat, Reporter
+from worker.process import die_with_parent
+
+__all__ = ["make_app", "run"]
+
+SHUTDOWN_S = 600  # a warm shutdown waits for the tasks in hand; past this the watchdog ends it
+
+
+def make_app(worker: context.WorkerContext) -> Celery:
+    """The application that takes this worker's tasks."""
+    app = Celery("rayfarm", set_as_current=False)
+    app.conf.update(celery_config(worker.redis_url))
+    app.conf.update(
+        # A task outlives a lost connection: its result goes to the stream, and a second delivery is harmless.
+        worker_cancel_long_running_tasks_on_connection_loss=False,
+        # Celery lowers the prefetch count after a reconnect and does not always raise it again: a worker that idles.
+        worker_enable_prefetch_count_reduction=False,
+        worker_hijack_root_logger=False,
+        worker_redirect_stdouts=False,
+        broker_connection_max_retries=None,
+    )
+    tasks.register(app)
+    app.steps["consumer"].add(Heartbeat)
+    return app
+
+
+def run(worker: context.WorkerContext) -> int:
+    """Take tasks until a signal says to stop; the exit code. SIGTERM: finish the tasks in hand first."""
+    context.set_current(worker)
+    signals.worker_process_init.connect(_child_starts)
+    signals.worker_shutting_down.connect(_shutting_down)
+    celery = make_app(worker).Worker(
+        hostname=f"{worker.name}@{worker.host}",
+        pool="prefork",
+        concurrency=worker.slots,
+        queues=[render_queue(worker.kind), prepare_queue(worker.kind)],
+        optimization="fair",
+        without_gossip=True,
+        without_mingle=True,
+        without_heartbeat=True,
+        quiet=True,
+        loglevel="WARNING",
+    )
+    celery.start()
+    Reporter(worker.redis_url).leave(worker.name)
+    return int(celery.exitcode or 0)
+
+
+def _child_starts(**_: Any) -> None:
+    """In every new slot: end with the parent, open own connections, and say that the slot is free."""
+    worker = context.current()
+    die_with_parent(worker.pid)
+    worker.after_fork()
+    worker.board.write(tasks._slot(), {})
+
+
+def _shutting_down(**_: Any) -> None:
+    signal.alarm(SHUTDOWN_S)

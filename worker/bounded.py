@@ -1,0 +1,172 @@
+"""Run a piece of work in a forked child with bounds on memory and time, so that no input can end the worker.
+
+Forked and not started anew: the child has the parent's compiled kernels and readers, and begins within milliseconds. The
+parent must have one thread, as the children of Celery's prefork pool have.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import resource
+import select
+import signal
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from worker.process import die_with_parent
+
+__all__ = ["WorkError", "run_bounded"]
+
+log = logging.getLogger(__name__)
+
+Send = Callable[[dict[str, Any]], None]
+
+
+class WorkError(Exception):
+    """The work did not end well; the message is a sentence for a person."""
+
+
+def run_bounded(
+    work: Callable[[Send], dict[str, Any]],
+    on_message: Send,
+    memory_bytes: int,
+    seconds: float,
+    faults: tuple[type[Exception], ...] = (),
+    subject: str = "The file",
+) -> dict[str, Any]:
+    """The JSON-ready dict that `work` returns, from a child that has `memory_bytes` more than now and `seconds` to do it.
+
+    work: gets a function that sends a JSON-ready dict to `on_message` of the parent, at any time.
+    faults: exceptions whose message is already the sentence. Raises WorkError with a sentence that begins with `subject`
+    for every other way to fail: an exception, memory, time, a crash.
+    """
+    reading, writing = os.pipe()
+    parent = os.getpid()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        _child(work, writing, parent, memory_bytes, seconds, faults)
+    os.close(writing)
+    answer: dict[str, Any] | None = None
+    status = 0
+    try:
+        for message in _messages(reading, time.monotonic() + seconds):
+            if "answer" in message or "error" in message:
+                answer = message
+            else:
+                on_message(message)
+    except TimeoutError:
+        raise WorkError(
+            f"{subject} took longer than {seconds:.0f} seconds to prepare. Make it smaller, or split it into several."
+        ) from None
+    finally:
+        os.close(reading)
+        if answer is None:
+            # Either it hangs, or it has closed its pipe and is ending by itself: a crash must keep its own signal.
+            _, status = _wait(child, 1.0)
+        else:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+    if answer is None:
+        raise WorkError(_how_it_ended(status, subject, memory_bytes))
+    if "error" in answer:
+        error = answer["error"]
+        raise WorkError(error if answer.get("plain") else f"{subject} {error}")
+    return answer["answer"]
+
+
+def _child(
+    work: Callable[[Send], dict[str, Any]],
+    writing: int,
+    parent: int,
+    memory_bytes: int,
+    seconds: float,
+    faults: tuple[type[Exception], ...],
+) -> None:
+    """The child's whole life; never returns."""
+
+    def send(message: dict[str, Any]) -> None:
+        data = memoryview(json.dumps(message).encode() + b"\n")
+        while data:
+            data = data[os.write(writing, data) :]
+
+    code = 1
+    try:
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGALRM):
+            signal.signal(number, signal.SIG_DFL)
+        die_with_parent(parent)
+        _limit(memory_bytes, seconds)
+        send({"answer": work(send)})
+        code = 0
+    except faults as error:
+        send({"error": str(error), "plain": True})
+    except MemoryError:
+        send({"error": f"needs more than the {memory_bytes / 2**30:.1f} GiB that this worker grants one scene. Simplify it."})
+    except RecursionError:
+        send({"error": "is nested too deeply. Flatten its hierarchy."})
+    except BaseException as error:
+        traceback.print_exc()
+        send({"error": f"cannot be read ({type(error).__name__}: {error}). It may be damaged; export it anew."})
+    finally:
+        os._exit(code)
+
+
+def _limit(memory_bytes: int, seconds: float) -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (_address_space() + memory_bytes,) * 2)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    cores = os.cpu_count() or 1
+    cpu = int(seconds * cores) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu, cpu))
+
+
+def _address_space() -> int:
+    """Bytes of address space that this process has now."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except OSError:
+        return 4 << 30
+
+
+def _messages(reading: int, deadline: float) -> Iterator[dict[str, Any]]:
+    """The child's messages until it closes its end. Raises TimeoutError at the deadline."""
+    buffer = b""
+    while True:
+        left = deadline - time.monotonic()
+        if left <= 0 or not select.select([reading], [], [], left)[0]:
+            raise TimeoutError
+        data = os.read(reading, 1 << 16)
+        if not data:
+            return
+        *lines, buffer = (buffer + data).split(b"\n")
+        yield from (json.loads(line) for line in lines)
+
+
+def _wait(child: int, seconds: float) -> tuple[int, int]:
+    """Reap the child, by force after `seconds`."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        pid, status = os.waitpid(child, os.WNOHANG)
+        if pid:
+            return pid, status
+        time.sleep(0.01)
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(child, signal.SIGKILL)
+    return os.waitpid(child, 0)
+
+
+def _how_it_ended(status: int, subject: str, memory_bytes: int) -> str:
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        if number in (signal.SIGABRT, signal.SIGKILL, signal.SIGSEGV, signal.SIGBUS):
+            return (
+                f"{subject} made its reader crash ({signal.Signals(number).name}): it is damaged, "
+                f"or needs more than the {memory_bytes / 2**30:.1f} GiB that this worker grants one scene."
+            )
+        return f"{subject} made its reader crash ({signal.Signals(number).name}). It may be damaged; export it anew."
+    return f"{subject} could not be prepared (its reader ended without an answer). It may be damaged; export it anew."

@@ -1,0 +1,90 @@
+"""What every process of a worker knows: made by the parent before it forks, and the same in all its children."""
+
+from __future__ import annotations
+
+import os
+import platform
+import socket
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from worker.cache import BlobCache
+from worker.contract import WorkerReport
+from worker.link import Link
+from worker.results import ResultStream
+from worker.status import SlotBoard
+
+__all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
+
+
+@dataclass
+class WorkerContext:
+    """A worker: its name, what it renders with, and where it fetches and reports."""
+
+    name: str
+    slots: int
+    kind: str
+    redis_url: str
+    link: Link
+    cache: BlobCache
+    board: SlotBoard
+    pid: int = field(default_factory=os.getpid)
+    host: str = field(default_factory=socket.gethostname)
+    started: float = field(default_factory=time.time)
+    _results: ResultStream | None = None
+
+    @property
+    def results(self) -> ResultStream:
+        """The stream of results; a connection of this process."""
+        if self._results is None:
+            self._results = ResultStream(self.redis_url)
+        return self._results
+
+    def report(self) -> WorkerReport:
+        """The worker of itself, ready and with what its slots do now."""
+        doing, speed = self.board.read()
+        return WorkerReport(
+            name=self.name,
+            host=self.host,
+            pid=self.pid,
+            slots=self.slots,
+            cpu=cpu_name(),
+            kind=self.kind,
+            state="ready",
+            started=self.started,
+            samples_per_s=speed,
+            current=doing,
+        )
+
+    def after_fork(self) -> None:
+        """Leave the parent's connections to the parent."""
+        self.link.forget_connections()
+        self._results = None
+
+
+_current: WorkerContext | None = None
+
+
+def set_current(context: WorkerContext) -> None:
+    """Set by the parent before Celery starts."""
+    global _current
+    _current = context
+
+
+def current() -> WorkerContext:
+    """The worker that this process is part of."""
+    if _current is None:
+        raise RuntimeError("no worker runs in this process; start one with `python -m worker`")
+    return _current
+
+
+def cpu_name() -> str:
+    """The processor as its maker calls it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,152 @@
+"""What a worker reports of itself, under a key that expires.
+
+The ready worker's report is written by the event loop that also fetches its tasks: a worker whose loop hangs stops
+reporting, and the service sees it. The same beat winds a watchdog, and notices the worker that idles while its queue is
+full (Celery issues 8030, 9054, 10205): both end the process, and whoever supervises it starts a fresh one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import redis
+from celery import bootsteps
+
+from worker import context
+from worker.contract import (
+    HEARTBEAT_EVERY_S,
+    HEARTBEAT_TTL_S,
+    WorkerReport,
+    prepare_queue,
+    render_queue,
+    worker_key,
+)
+
+__all__ = ["Heartbeat", "Reporter", "StartingBeat", "free_name"]
+
+WATCHDOG_S = 60
+IDLE_LIMIT_S = 20.0
+
+log = logging.getLogger(__name__)
+
+
+class Reporter:
+    """Writes reports; never raises where Redis is away, since the worker outlives it."""
+
+    def __init__(self, redis_url: str) -> None:
+        self.redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
+
+    def beat(self, report: WorkerReport) -> bool:
+        """Write a report; False where Redis does not take it."""
+        try:
+            self.redis.set(worker_key(report.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
+        except redis.RedisError:
+            return False
+        return True
+
+    def leave(self, name: str) -> None:
+        """Take the report away at once, so that the service need not wait for it to expire."""
+        with contextlib.suppress(redis.RedisError):
+            self.redis.delete(worker_key(name))
+
+    def waiting(self, kind: str) -> int:
+        """How many tasks wait for workers of this kind."""
+        try:
+            return sum(int(self.redis.llen(queue)) for queue in (prepare_queue(kind), render_queue(kind)))  # type: ignore[arg-type]
+        except redis.RedisError:
+            return 0
+
+
+class StartingBeat:
+    """Reports `starting` from a thread while the main thread compiles kernels; ended before Celery forks."""
+
+    def __init__(self, report: Callable[[], WorkerReport], redis_url: str) -> None:
+        self._report = report
+        self._reporter = Reporter(redis_url)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="starting-beat", daemon=True)
+
+    def __enter__(self) -> StartingBeat:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._reporter.redis.close()
+
+    def _run(self) -> None:
+        while True:
+            self._reporter.beat(self._report())
+            if self._stop.wait(HEARTBEAT_EVERY_S):
+                return
+
+
+class Heartbeat(bootsteps.StartStopStep):
+    """A step of Celery's consumer: beats from its event loop, and begins anew when it reconnects."""
+
+    requires = ("celery.worker.consumer.tasks:Tasks",)
+
+    def __init__(self, consumer: Any, **kwargs: Any) -> None:
+        super().__init__(consumer, **kwargs)
+        self.worker = context.current()
+        self.reporter = Reporter(self.worker.redis_url)
+        self.timer: Any = None
+        self.idle_since = time.monotonic()
+
+    def start(self, consumer: Any) -> None:
+        """Begin to beat."""
+        self.idle_since = time.monotonic()
+        self.beat()
+        self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
+
+    def stop(self, consumer: Any) -> None:
+        """End or reconnect."""
+        if self.timer is not None:
+            self.timer.cancel()
+            self.timer = None
+
+    def beat(self) -> None:
+        """Report, wind the watchdog, and look whether tasks pass this worker by."""
+        report = self.worker.report()
+        if not self.reporter.beat(report):
+            return
+        signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
+        now = time.monotonic()
+        if any(report.current) or not self.reporter.waiting(self.worker.kind):
+            self.idle_since = now
+        elif now - self.idle_since > IDLE_LIMIT_S:
+            log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
+            self.idle_since = now
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def free_name(wanted: str, redis_url: str, host: str) -> str:
+    """`wanted`, or with -2, -3 ... behind it where a living worker has that name."""
+    store = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
+    with contextlib.suppress(redis.RedisError):
+        for name in (wanted, *(f"{wanted}-{n}" for n in range(2, 1000))):
+            data = store.get(worker_key(name))
+            if not isinstance(data, bytes) or _is_dead(WorkerReport.from_bytes(data), host):
+                return name
+    return wanted
+
+
+def _is_dead(report: WorkerReport, host: str) -> bool:
+    """Whether a report was left by a process of this host that has ended."""
+    if report.host != host:
+        return False
+    try:
+        os.kill(report.pid, 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return report.pid == os.getpid()

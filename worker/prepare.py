@@ -1,0 +1,133 @@
+"""Prepare a scene: from untrusted files to a compiled scene, a thumbnail and a summary."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from renderer.errors import SceneError
+from renderer.film import mean
+from renderer.image import encode
+from renderer.render import render_frame
+from renderer.scene import compiled as compiled_file
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings, View
+from worker.bounded import Send, WorkError, run_bounded
+from worker.context import WorkerContext
+from worker.contract import BlobRef, Manifest, SceneInfo
+
+__all__ = ["prepare_scene"]
+
+SECONDS = 600.0  # below Celery's task_time_limit
+THUMBNAIL_WIDTH = 256
+THUMBNAIL_SPP = 8
+THUMBNAIL_PASSES = 4
+THUMBNAIL_SECONDS = 4.0
+
+
+def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None]) -> SceneInfo:
+    """Prepare an uploaded scene and store what came of it at the service.
+
+    Raises WorkError with a sentence where the files are no scene; LinkError or RefusedError where the service cannot be used.
+    """
+    begun = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="rayfarm-prepare-") as name:
+        folder = Path(name) / "scene"
+        out = Path(name) / "out"
+        out.mkdir()
+        progress("fetching files", 0.0)
+        for file in manifest.files:
+            _place(worker.cache.path(file.sha256), folder, file.path)
+        summary = run_bounded(
+            lambda send: _work(folder, manifest.main, manifest.environment, out, send),
+            lambda message: progress(message["step"], message["fraction"]),
+            memory_bytes=_memory_budget(),
+            seconds=SECONDS,
+            faults=(SceneError,),
+            subject=manifest.main,
+        )
+        progress("storing", 0.95)
+        compiled = worker.link.store(out / "compiled.safetensors")
+        worker.cache.adopt(out / "compiled.safetensors", compiled.sha256)
+        thumbnail: BlobRef | None = None
+        if (out / "thumbnail.png").is_file():
+            thumbnail = worker.link.store(out / "thumbnail.png")
+    return SceneInfo(
+        kind=worker.kind,
+        compiled=compiled,
+        thumbnail=thumbnail,
+        cameras=summary["cameras"],
+        counts=summary["counts"],
+        bounds=summary["bounds"],
+        animations=summary["animations"],
+        warnings=summary["warnings"],
+        defaults=summary["defaults"],
+        seconds=time.monotonic() - begun,
+    )
+
+
+def _work(folder: Path, main: str, environment: str | None, out: Path, send: Send) -> dict[str, Any]:
+    """In the bounded child: read, compile, save, and take a small picture."""
+
+    def progress(step: str, fraction: float) -> None:
+        send({"step": step, "fraction": fraction})
+
+    progress("reading", 0.05)
+    description = read(folder, main, environment)
+    compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction))
+    summary = summarise(description, compiled)
+    compiled_file.save(compiled, out / "compiled.safetensors")
+    progress("thumbnail", 0.85)
+    _thumbnail(compiled, summary, out / "thumbnail.png")
+    return summary
+
+
+def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> None:
+    """A small tone-mapped picture from the first camera, of as many samples as a few seconds give."""
+    defaults = summary["defaults"]
+    width, height = defaults.get("width", 16), defaults.get("height", 9)
+    small_height = min(max(THUMBNAIL_WIDTH * height // width, 64), 2 * THUMBNAIL_WIDTH)
+    view = {key: tuple(v) if isinstance(v, list) else v for key, v in summary["cameras"][0]["view"].items()}
+    begun = time.monotonic()
+    total = None
+    for seed in range(THUMBNAIL_PASSES):
+        settings = RenderSettings(THUMBNAIL_WIDTH, small_height, View(**view), max_depth=6, seed=seed)
+        sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1)
+        total = sums if total is None else total + sums
+        if time.monotonic() - begun > THUMBNAIL_SECONDS:
+            break
+    assert total is not None
+    encode.write(path, mean(total, settings.film_exponent))
+
+
+def _place(blob: Path, folder: Path, name: str) -> None:
+    """Put a blob under its uploaded name: linked where the file system allows it, else copied."""
+    parts = PurePosixPath(name).parts
+    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
+        raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
+    target = folder.joinpath(*parts)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(blob, target)
+    except OSError:
+        shutil.copyfile(blob, target)
+
+
+def _memory_budget() -> int:
+    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now."""
+    if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):
+        return int(named) << 20
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return max(int(line.split()[1]) * 1024 * 3 // 4, 1 << 30)
+    except OSError:
+        pass
+    return 8 << 30

@@ -1,0 +1,54 @@
+"""The way back: events and sums appended to the RESULTS stream, through restarts of Redis and of the service."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import redis
+from redis.backoff import ExponentialBackoff
+from redis.retry import Retry
+
+from worker.contract import RESULTS, Result
+
+__all__ = ["ResultStream"]
+
+# The service trims the stream after the merge. Where it does not come, workers wait at this many entries instead of
+# filling the broker's memory (a 64x64 batch packs to about 100 kB), and at last drop the result: it is handed out again.
+MAX_ENTRIES = 2000
+PATIENCE_S = 120.0
+
+log = logging.getLogger(__name__)
+
+
+class ResultStream:
+    """Appends results to the stream. Made anew in every process."""
+
+    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = PATIENCE_S) -> None:
+        self.max_entries = max_entries
+        self.patience_s = patience_s
+        self.redis = redis.Redis.from_url(
+            redis_url, socket_timeout=10, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
+        )
+
+    def send(self, result: Result) -> bool:
+        """Append a result; False where neither Redis nor the service made room for it within `patience_s`.
+
+        A retry after a lost answer may append a result twice; the film's merge takes it once.
+        """
+        fields = result.to_fields()
+        deadline = time.monotonic() + self.patience_s
+        pause = 0.05
+        while True:
+            try:
+                if self.redis.xlen(RESULTS) < self.max_entries:
+                    self.redis.xadd(RESULTS, fields)  # type: ignore[arg-type]
+                    return True
+                why = f"{self.max_entries} results wait for the service"
+            except redis.RedisError as error:
+                why = f"Redis: {error}"
+            if time.monotonic() > deadline:
+                log.warning("a result is dropped after %.0f s (%s); it will be rendered again", self.patience_s, why)
+                return False
+            time.sleep(pause)
+            pause = min(pause * 2, 1.0)

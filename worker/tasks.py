@@ -1,0 +1,113 @@
+"""The two Celery tasks. Their arguments are ids and numbers; files go over HTTP, results over the stream."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, TypeVar
+
+import redis
+from billiard import current_process
+from celery import Celery
+
+from worker import context
+from worker.bounded import WorkError
+from worker.contract import PREPARE, RENDER_BATCH, RenderBatch, Result
+from worker.link import LinkError, RefusedError
+from worker.prepare import prepare_scene
+from worker.render import failure, render
+
+__all__ = ["register"]
+
+DEATHS_ALLOWED = 3
+LINK_PATIENCE_S = 60.0
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+
+def register(app: Celery) -> None:
+    """Give the application its tasks."""
+    app.task(_prepare, name=PREPARE, bind=True)
+    app.task(_render_batch, name=RENDER_BATCH, bind=True)
+
+
+def _render_batch(task: Any, batch: dict[str, Any]) -> None:
+    """Render a batch (RenderBatch.to_json) and send its sums."""
+    worker = context.current()
+    work = RenderBatch.from_json(batch)
+    doing = {key: batch[key] for key in ("job", "frame", "tile", "first", "count")}
+    worker.board.write(_slot(), doing)
+    try:
+        if _deaths(task, worker, work.batch) >= DEATHS_ALLOWED:
+            sentence = f"the worker process died {DEATHS_ALLOWED} times while it rendered this batch"
+            worker.results.send(failure(worker, work, sentence))
+            return
+        result = render(worker, work)
+        worker.results.send(result)
+        speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
+        worker.board.write(_slot(), {}, speed if result.sums is not None else 0.0)
+    finally:
+        worker.board.write(_slot(), {})
+
+
+def _prepare(task: Any, scene: str) -> None:
+    """Prepare an uploaded scene, and say how it goes."""
+    worker = context.current()
+    about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
+    worker.board.write(_slot(), {"scene": scene})
+
+    def send(kind: str, **more: Any) -> None:
+        worker.results.send(Result({"type": kind, **about, **more}))
+
+    try:
+        if _deaths(task, worker, scene) >= DEATHS_ALLOWED:
+            send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
+            return
+        send("prepare-started")
+        manifest = _patiently(lambda: worker.link.manifest(scene))
+        info = _patiently(
+            lambda: prepare_scene(worker, manifest, lambda step, part: send("prepare-progress", step=step, fraction=part))
+        )
+        send("prepared", info=asdict(info))
+    except WorkError as error:
+        send("prepare-failed", error=str(error))
+    except (LinkError, RefusedError) as error:
+        send("prepare-failed", error=f"{worker.name} could not exchange the scene's files with the service: {error}")
+    except Exception as error:
+        log.exception("preparing %s failed", scene)
+        send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
+    finally:
+        worker.board.write(_slot(), {})
+
+
+def _patiently(call: Callable[[], T]) -> T:
+    """Call, again and again while the service is away."""
+    deadline = time.monotonic() + LINK_PATIENCE_S
+    while True:
+        try:
+            return call()
+        except LinkError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(1.0)
+
+
+def _deaths(task: Any, worker: context.WorkerContext, work: str) -> int:
+    """How often the process that did this work was killed: the broker hands such work out again, for ever if nobody counts."""
+    if not (task.request.delivery_info or {}).get("redelivered"):
+        return 0
+    key = f"rayfarm:deaths:{work}"
+    try:
+        deaths = int(worker.results.redis.incr(key))  # type: ignore[arg-type]
+        worker.results.redis.expire(key, 3600)
+    except redis.RedisError:
+        return 0
+    return deaths
+
+
+def _slot() -> int:
+    """This process's slot: its place in the prefork pool, taken over by whoever replaces it."""
+    return int(getattr(current_process(), "index", 0) or 0)
