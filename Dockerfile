@@ -36,4 +36,4 @@ COPY renderer renderer
 COPY worker worker
 USER rayfarm
 VOLUME /home/rayfarm/.cache/rayfarm
-CMD ["python3", "-m", "worker"]
+CMD ["python3", "-m", "worker", "--service", "http://service:8000"]
