@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,15 +20,18 @@ __all__ = [
     "Fov",
     "Integrator",
     "MaxDepth",
+    "Noise",
     "Output",
     "Seed",
     "Server",
     "Size",
     "Spp",
     "Target",
+    "TimeLimit",
     "Up",
     "choose_view",
     "environment_of",
+    "find_camera",
     "parse_size",
     "parse_tile",
     "parse_vec3",
@@ -64,6 +66,13 @@ MaxDepth = Annotated[
         help="Path segments, the camera's included (1: only what the camera sees emit); else the scene's, else 8.",
         rich_help_panel=PANEL_QUALITY,
     ),
+]
+Noise = Annotated[
+    float | None,
+    typer.Option(min=1e-6, max=10.0, help="Relative noise at which it is good enough, as 0.02.", rich_help_panel=PANEL_QUALITY),
+]
+TimeLimit = Annotated[
+    float | None, typer.Option(metavar="S", min=1e-3, help="Seconds after which it ends.", rich_help_panel=PANEL_QUALITY)
 ]
 Integrator = Annotated[
     str | None, typer.Option(metavar="NAME", help=f"One of: {', '.join(INTEGRATORS)}.", rich_help_panel=PANEL_QUALITY)
@@ -130,6 +139,17 @@ def environment_of(text: str | None) -> tuple[Path | None, Vec3 | None]:
     raise CommandError(f"--env is {text!r}; there is no such file, and a colour is three numbers as --env 1,1,1")
 
 
+def find_camera(cameras: list[dict[str, Any]], camera: str) -> dict[str, Any]:
+    """The camera of this name, or of this number."""
+    names = [c["name"] for c in cameras]
+    if camera in names:
+        return cameras[names.index(camera)]
+    if camera.isdigit() and int(camera) < len(cameras):
+        return cameras[int(camera)]
+    listed = ", ".join(f"{i}: {name}" for i, name in enumerate(names[:12]))
+    raise CommandError(f"The scene has no camera {camera!r}. Its cameras are {listed}.")
+
+
 def choose_view(
     cameras: list[dict[str, Any]],
     camera: str | None,
@@ -139,23 +159,13 @@ def choose_view(
     fov: float | None,
 ) -> View:
     """The chosen camera's view (the first unless told), with what --eye, --target, --up and --fov change in it."""
-    names = [c["name"] for c in cameras]
-    if camera is None:
-        chosen = cameras[0]
-    elif camera in names:
-        chosen = cameras[names.index(camera)]
-    elif camera.isdigit() and int(camera) < len(cameras):
-        chosen = cameras[int(camera)]
-    else:
-        listed = ", ".join(f"{i}: {name}" for i, name in enumerate(names[:12]))
-        raise CommandError(f"The scene has no camera {camera!r}. Its cameras are {listed}.")
-    data = {key: tuple(v) if isinstance(v, list) else v for key, v in chosen["view"].items()}
+    chosen = cameras[0] if camera is None else find_camera(cameras, camera)
     changes: dict[str, Any] = {
         key: parse_vec3(text, f"--{key}") for key, text in (("eye", eye), ("target", target), ("up", up)) if text is not None
     }
     if fov is not None:
         changes["fov"] = fov
     try:
-        return View(**{**data, **changes}) if changes else replace(View(**data))
+        return View.from_json({**chosen["view"], **changes})
     except SettingsError as error:
         raise CommandError(f"This view cannot be rendered: {error}.") from error

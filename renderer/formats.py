@@ -12,6 +12,9 @@ __all__ = ["ARCHIVE_SUFFIXES", "SCENE_SUFFIXES", "is_junk", "pick_main"]
 SCENE_SUFFIXES = (".yaml", ".yml", ".glb", ".gltf", ".dae", ".obj", ".ply", ".stl", ".off")
 ARCHIVE_SUFFIXES = (".zip",)
 
+# What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
+_AUXILIARY = ("control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly")
+
 
 def is_junk(name: str) -> bool:
     """Whether a name is what systems leave in archives and no author means: __MACOSX, .DS_Store, Thumbs.db, dot files."""
@@ -22,22 +25,24 @@ def is_junk(name: str) -> bool:
 def pick_main(names: list[str]) -> tuple[str, list[str]]:
     """The scene file among the names, and warnings where others could have been meant.
 
-    The best suffix wins, then the shallowest path, then the shortest name, then the alphabet. Raises SceneError where none is a scene.
+    The best suffix wins, then the shallowest path, then a name that does not say it is an auxiliary, then the shortest, then
+    the alphabet. Raises SceneError where none is a scene.
     """
     rank = {suffix: i for i, suffix in enumerate(SCENE_SUFFIXES)}
     found = []
     for name in names:
         path = PurePosixPath(name)
         if path.suffix.lower() in rank and not is_junk(name):
-            found.append((rank[path.suffix.lower()], len(path.parts), len(name), name))
+            auxiliary = any(word in path.stem.lower() for word in _AUXILIARY)
+            found.append((rank[path.suffix.lower()], len(path.parts), auxiliary, len(name), name))
     if not found:
         listed = ", ".join(sorted(names)[:5]) or "nothing"
         raise SceneError(
             f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."
         )
     found.sort()
-    main = found[0][3]
-    rivals = [f[3] for f in found[1:] if f[0] == found[0][0]]
+    main = found[0][-1]
+    rivals = [f[-1] for f in found[1:] if f[0] == found[0][0]]
     if not rivals:
         return main, []
     return main, [f"Several scene files were given; {main} is used. To use another, name it as `main`: {', '.join(rivals[:8])}."]

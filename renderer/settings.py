@@ -41,6 +41,12 @@ class View:
         if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
             raise SettingsError("up points along the line of sight (or is zero); give another up direction")
 
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> View:
+        """The view that `dataclasses.asdict` made JSON of. Raises SettingsError where it cannot be."""
+        fields: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+        return cls(**fields)
+
 
 @dataclass(frozen=True)
 class RenderSettings:
@@ -83,9 +89,9 @@ class RenderSettings:
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:
         """The settings that `to_json` wrote. Raises SettingsError where a value is out of range."""
         data = dict(data)
-        view = {k: tuple(v) if isinstance(v, list) else v for k, v in data.pop("view").items()}
+        view = View.from_json(data.pop("view"))
         environment = data.pop("environment", None)
-        return cls(view=View(**view), environment=None if environment is None else tuple(environment), **data)
+        return cls(view=view, environment=None if environment is None else tuple(environment), **data)
 
 
 class Tile(NamedTuple):

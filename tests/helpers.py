@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import signal
 import subprocess
@@ -100,8 +101,8 @@ class Farm:
         return "\n".join(f"--- {path.name}\n{path.read_text(errors='replace')[-3000:]}" for path in files if path.exists())
 
 
-def start_farm(data: Path, workers: int, *arguments: str) -> Farm:
-    """`rayfarm up` on a free port; returns when the service answers and all slots are ready."""
+def start_farm(data: Path, workers: int, until: bytes = b"Ready", **environment: str) -> Farm:
+    """`rayfarm up` on a free port; returns when it has said `until`: unless told, when all slots are ready."""
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:
         process = subprocess.Popen(
@@ -114,9 +115,9 @@ def start_farm(data: Path, workers: int, *arguments: str) -> Farm:
                 f"--workers={workers}",
                 f"--data={data}",
                 "--no-browser",
-                *arguments,
             ],
             cwd=ROOT,
+            env={**os.environ, **environment},
             stdout=out,
             stderr=out,
             stdin=subprocess.DEVNULL,
@@ -125,7 +126,7 @@ def start_farm(data: Path, workers: int, *arguments: str) -> Farm:
         )
     farm = Farm(data, process, log=log)
     deadline = time.monotonic() + 240
-    while b"Ready" not in log.read_bytes():
+    while until not in log.read_bytes():
         if process.poll() is not None or time.monotonic() > deadline:
             stop_farm(farm)
             pytest.fail(f"the farm does not start\n{farm.logs()}")

@@ -19,11 +19,9 @@ __all__ = ["BlobCache", "default_cache_dir"]
 
 
 def default_cache_dir() -> Path:
-    """$RAYFARM_CACHE, or a folder in the user's cache."""
-    if named := os.environ.get("RAYFARM_CACHE"):
-        return Path(named)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "rayfarm" / "blobs"
+    """Beside the kernels' cache (renderer.jit): $RAYFARM_CACHE/blobs, by default under ~/.cache/rayfarm."""
+    base = os.environ.get("RAYFARM_CACHE")
+    return (Path(base) if base else Path.home() / ".cache" / "rayfarm") / "blobs"
 
 
 class BlobCache:

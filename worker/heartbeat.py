@@ -59,7 +59,7 @@ class Reporter:
     def waiting(self, kind: str) -> int:
         """How many tasks wait for workers of this kind."""
         try:
-            return sum(int(self.redis.llen(queue)) for queue in (prepare_queue(kind), render_queue(kind)))  # type: ignore[arg-type]
+            return sum(int(self.redis.llen(queue)) for queue in (prepare_queue(kind), render_queue(kind)))
         except redis.RedisError:
             return 0
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
+from urllib.parse import urlsplit
 
 import httpx
 
@@ -16,6 +17,7 @@ from worker.contract import BlobRef, Manifest
 __all__ = ["FarmAnswer", "Link", "LinkError", "RefusedError"]
 
 CHUNK = 1 << 20
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
 TIMEOUT = httpx.Timeout(60.0, connect=10.0)
 
 
@@ -63,7 +65,7 @@ class Link:
         """Ask to join the farm. Raises LinkError while no service answers, RefusedError where the token is not the farm's."""
         data = self._send("GET", "/api/farm/join").json()
         try:
-            return FarmAnswer(data["redis_url"], data["instance"], data.get("data_dir") or "")
+            return FarmAnswer(_reachable(data["redis_url"], self.service), data["instance"], data.get("data_dir") or "")
         except (KeyError, TypeError) as error:
             raise LinkError(f"{self.service} answers, but not as a Rayfarm service does") from error
 
@@ -132,3 +134,13 @@ class Link:
 
     def _why(self, error: httpx.HTTPError) -> str:
         return f"no answer from {self.service} ({error or type(error).__name__})"
+
+
+def _reachable(redis_url: str, service: str) -> str:
+    """Redis's address as seen from here: what the service calls its own machine is the machine that was reached."""
+    url, host = urlsplit(redis_url), urlsplit(service).hostname
+    if url.hostname not in LOOPBACK or host is None or host in LOOPBACK:
+        return redis_url
+    user, at, address = url.netloc.rpartition("@")
+    port = address.rpartition(":")[2]
+    return url._replace(netloc=f"{user}{at}{f'[{host}]' if ':' in host else host}:{port}").geturl()

@@ -18,6 +18,7 @@ from renderer.scene import compiled as compiled_file
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.load import read
+from renderer.scene.readers import gltf, obj, other, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
 from worker.bounded import Send, WorkError, run_bounded
 from worker.context import WorkerContext
@@ -94,11 +95,11 @@ def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> 
     defaults = summary["defaults"]
     width, height = defaults.get("width", 16), defaults.get("height", 9)
     small_height = min(max(THUMBNAIL_WIDTH * height // width, 64), 2 * THUMBNAIL_WIDTH)
-    view = {key: tuple(v) if isinstance(v, list) else v for key, v in summary["cameras"][0]["view"].items()}
+    view = View.from_json(summary["cameras"][0]["view"])
     begun = time.monotonic()
     total = None
     for seed in range(THUMBNAIL_PASSES):
-        settings = RenderSettings(THUMBNAIL_WIDTH, small_height, View(**view), max_depth=6, seed=seed)
+        settings = RenderSettings(THUMBNAIL_WIDTH, small_height, view, max_depth=6, seed=seed)
         sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1)
         total = sums if total is None else total + sums
         if time.monotonic() - begun > THUMBNAIL_SECONDS:

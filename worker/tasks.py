@@ -101,7 +101,7 @@ def _deaths(task: Any, worker: context.WorkerContext, work: str) -> int:
         return 0
     key = f"rayfarm:deaths:{work}"
     try:
-        deaths = int(worker.results.redis.incr(key))  # type: ignore[arg-type]
+        deaths = int(worker.results.redis.incr(key))
         worker.results.redis.expire(key, 3600)
     except redis.RedisError:
         return 0

@@ -47,12 +47,14 @@ def submit(
     fov: options.Fov = None,
     size: options.Size = None,
     spp: options.Spp = None,
+    noise: options.Noise = None,
+    time_limit: options.TimeLimit = None,
     max_depth: options.MaxDepth = None,
     integrator: options.Integrator = None,
     seed: options.Seed = 0,
     env: options.Env = None,
     env_strength: options.EnvStrength = 1.0,
-    priority: Annotated[int | None, typer.Option(help="Larger goes first.")] = None,
+    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
 
@@ -84,21 +86,22 @@ def submit(
         ready = _prepared(farm, uploaded)
         for warning in ready.get("warnings", []):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
-        defaults = ready.get("defaults") or {}
-        width, height = width_height or (defaults.get("width", 960), defaults.get("height", 540))
-        view = options.choose_view(ready["cameras"], camera, eye, target, up, fov)
         request: dict[str, Any] = {
-            "view": asdict(view),
-            "width": width,
-            "height": height,
-            "spp": spp or defaults.get("spp", 64),
-            "max_depth": max_depth or defaults.get("max_depth", 8),
-            "integrator": integrator or defaults.get("integrator", "path"),
+            "width": width_height and width_height[0],
+            "height": width_height and width_height[1],
+            "spp": spp,
+            "noise": noise,
+            "seconds": time_limit,
+            "max_depth": max_depth,
+            "integrator": integrator,
             "seed": seed,
-            "environment": color,
-            "environment_strength": env_strength,
+            "environment": {"color": color, "strength": env_strength},
             "priority": priority,
         }
+        if eye or target or up or fov is not None:
+            request["view"] = asdict(options.choose_view(ready["cameras"], camera, eye, target, up, fov))
+        elif camera is not None:
+            request["camera"] = options.find_camera(ready["cameras"], camera)["name"]
         job = farm.submit(ready["id"], **{key: value for key, value in request.items() if value is not None})
         out.print(job["id"], markup=False)
         if wait:
@@ -112,8 +115,7 @@ def _prepared(farm: Client, uploaded: dict[str, Any]) -> dict[str, Any]:
         task = progress.add_task("preparing", total=1.0)
 
         def show(state: dict[str, Any]) -> None:
-            step = state.get("step") or "preparing"
-            progress.update(task, description=str(step), completed=float(state.get("fraction") or 0.0))
+            progress.update(task, description=str(state["step"] or "preparing"), completed=float(state["progress"] or 0.0))
 
         return farm.wait_for_scene(uploaded["id"], watch=show)
 
@@ -125,7 +127,7 @@ def _wait(farm: Client, job: str, output: Path | None) -> None:
             task = progress.add_task("rendering", total=1.0)
 
             def show(state: dict[str, Any]) -> None:
-                progress.update(task, description=str(state["state"]), completed=float(state["progress"]))
+                progress.update(task, description=str(state["message"] or state["state"]), completed=float(state["progress"]))
                 ticker.tick(f"{state['state']}: {100 * state['progress']:.0f} %")
 
             final = farm.wait(job, watch=show)

@@ -48,7 +48,7 @@ def worker(
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:
         command += ["--name", name]
-    log = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rayfarm" / "logs" / f"worker-{os.getpid()}.log"
+    log = Path(os.environ.get("RAYFARM_CACHE", Path.home() / ".cache" / "rayfarm")) / "logs" / f"worker-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     part = Part("worker", command, log, {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}, grace_s=10.0, fatal_codes=(3,))
     supervisor.start(part)

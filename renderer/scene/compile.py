@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.bvh.build import build
 from renderer.errors import SceneError
-from renderer.scene.compiled import CompiledScene
+from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
 from renderer.scene.framing import frame
 from renderer.scene.geometry import flatten
@@ -47,7 +47,6 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     rotation = environment.rotation
     say("building the BVH", 0.5)
     bvh = build(geometry.position, geometry.triangle, sphere)
-    say("done", 1.0)
     scene = CompiledScene(
         bvh=bvh,
         position=geometry.position,
@@ -73,7 +72,9 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         environment_frame=np.array([np.cos(rotation), np.sin(rotation), environment.mean, chance], np.float32),
         bounds=bounds,
     )
-    return CompiledScene(bvh, *(_frozen(array) for array in scene[1:]))
+    scene = seal(scene)
+    say("done", 1.0)
+    return scene
 
 
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
@@ -136,9 +137,3 @@ def _aimed(view: View, bounds: np.ndarray) -> View:
 
 def _view_dict(view: View) -> dict[str, Any]:
     return {"eye": list(view.eye), "target": list(view.target), "up": list(view.up), "fov": view.fov}
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array

@@ -33,9 +33,9 @@ class SceneFiles:
         """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
         path = self._inside(name)
         if path is None:
-            raise SceneError(f"{name}: leads out of the scene's folder; put the file beside the scene and name it so")
-        if not path.is_file():
-            raise SceneError(f"{name}: is not among the scene's files; add it")
+            raise SceneError(f"{name[:200]}: leads out of the scene's folder; put the file beside the scene and name it so")
+        if not self._is_file(name):
+            raise SceneError(f"{name[:200]}: is not among the scene's files; add it")
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise SceneError(f"{name}: is {size / 2**30:.1f} GiB; a file of a scene has at most {MAX_FILE_BYTES >> 30} GiB")
@@ -43,13 +43,6 @@ class SceneFiles:
             return path.read_bytes()
         except OSError as error:
             raise SceneError(f"{name}: could not be read ({error.strerror})") from error
-
-    def path(self, name: str) -> Path:
-        """The file's path, for libraries that open files themselves. Raises SceneError as `read` does."""
-        path = self._inside(name)
-        if path is None or not path.is_file():
-            raise SceneError(f"{name}: is not among the scene's files; add it")
-        return path
 
     def find(self, reference: str, beside: str) -> str | None:
         """The name of the file that a scene file `beside` means by `reference`, or None.

@@ -62,7 +62,7 @@ def list_lights(
 
 
 def tabulate_environment(description: SceneDescription) -> Environment:
-    """The environment's radiance and its cdfs: rows by luminance times sin(theta), then columns by luminance.
+    """The environment's radiance and its cdfs: rows by luminance times solid angle, then columns by luminance.
 
     (1, 1, 3) where it is constant, of zeros where there is none. Source: PBRT 4ed, 12.5.
     """
@@ -79,9 +79,9 @@ def tabulate_environment(description: SceneDescription) -> Environment:
         radiance = np.ascontiguousarray(np.maximum(pixels[..., :3], 0) * color.astype(np.float32), np.float32)
     bright = luminance(radiance.astype(np.float64))
     height = len(bright)
-    sine = np.sin((np.arange(height) + 0.5) * np.pi / height)
-    rows = bright.mean(axis=1) * sine
-    mean = float(rows.sum() / sine.sum())
+    solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))  # of a row, over 2 pi
+    rows = bright.mean(axis=1) * solid_angle
+    mean = float(rows.sum() / 2)
     return Environment(radiance, _cdf(rows), _cdf(bright), np.radians(source.rotation), mean)
 
 

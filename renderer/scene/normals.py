@@ -35,7 +35,8 @@ def cofactors(transform: F64) -> F64:
 def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     """A mesh without normals, with them: smooth over edges that bend by less than the crease angle, sharp elsewhere.
 
-    Every corner's normal is the area-weighted mean of the faces at its position that lie within the crease angle of its own.
+    Every corner's normal is the mean of the faces at its position that lie within the crease angle of its own, weighted by
+    their angles there, so that it does not matter how a polygon was cut. Source: Thuermer and Wuethrich 1998.
     """
     triangles = mesh.triangles
     if mesh.normals is not None or len(triangles) == 0:
@@ -53,13 +54,14 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     start, degree = np.repeat(starts, valence), np.repeat(valence, valence)
     rank = np.arange(len(order)) - start
     limit = np.cos(np.radians(crease_degrees))
-    total = faces[face].copy()
+    share = unit[face] * _corner_angles(mesh.positions, triangles).reshape(-1, 1)[order]
+    total = share.copy()
     # Each corner meets every other at its point: in step k all corners look at the one k places further on.
     for k in range(1, min(int(valence.max()), MAX_VALENCE)):
         corner = np.flatnonzero(degree > k)
-        other = face[start[corner] + (rank[corner] + k) % degree[corner]]
-        near = np.einsum("ij,ij->i", unit[face[corner]], unit[other]) > limit
-        total[corner[near]] += faces[other[near]]
+        other = start[corner] + (rank[corner] + k) % degree[corner]
+        near = np.einsum("ij,ij->i", unit[face[corner]], unit[face[other]]) > limit
+        total[corner[near]] += share[other[near]]
     corners = np.empty((len(order), 3), np.float32)
     size = np.linalg.norm(total, axis=1, keepdims=True)
     corners[order] = np.divide(total, size, out=total, where=size > 0)
@@ -72,3 +74,12 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     uvs: F32 | None = None if mesh.uvs is None else mesh.uvs[kept]
     joined = inverse.reshape(-1, 3).astype(np.int32)
     return Mesh(mesh.name, mesh.positions[kept], joined, corners[first], uvs, mesh.material)
+
+
+def _corner_angles(positions: F32, triangles: I32) -> F64:
+    """(T, 3) radians; 0 in triangles without an area."""
+    corners = positions[triangles].astype(np.float64)
+    to_next = np.roll(corners, -1, axis=1) - corners
+    to_last = np.roll(corners, 1, axis=1) - corners
+    across = np.linalg.norm(np.cross(to_next, to_last), axis=2)
+    return np.arctan2(across, np.einsum("tkc,tkc->tk", to_next, to_last)) * (across > 0)

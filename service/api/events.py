@@ -1,0 +1,57 @@
+"""GET /api/events: server-sent events for what changes in jobs, scenes and workers."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import AsyncIterator
+
+from fastapi import APIRouter
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from service.describe import snapshot
+from service.farm import Farm, FarmDependency
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["events"])
+
+EVERY_S = 0.5
+KEEP_ALIVE_S = 10.0
+
+
+@router.get("/api/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
+async def events(farm: FarmDependency) -> StreamingResponse:
+    """A stream of events `job`, `scene`, `worker` with the resource as JSON, or {"id", "deleted": true}.
+
+    A resource that changes quickly is sent at most twice a second. After a reconnection, fetch the lists again.
+    """
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(_stream(farm), media_type="text/event-stream", headers=headers)
+
+
+async def _stream(farm: Farm) -> AsyncIterator[str]:
+    with farm.broadcast.listen() as listener:
+        yield "retry: 2000\n\n"
+        spoke = sent = time.monotonic()
+        while not farm.broadcast.closing:
+            await listener.wait(1.0)
+            now = time.monotonic()
+            if listener.changed and now - sent >= EVERY_S:
+                changed = list(listener.changed)
+                listener.changed.clear()
+                for text in await run_in_threadpool(_texts, farm, changed):
+                    yield text
+                sent = spoke = now
+            elif listener.changed:
+                await listener.pause(EVERY_S - (now - sent))
+            elif now - spoke > KEEP_ALIVE_S:
+                yield ": still here\n\n"
+                spoke = now
+
+
+def _texts(farm: Farm, changed: list[tuple[str, str]]) -> list[str]:
+    with farm.sessions() as session:
+        found = [(what, id, snapshot(what, id, session, farm.engine)) for what, id in changed]
+    return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in found]

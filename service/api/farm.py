@@ -1,0 +1,78 @@
+"""/api/farm: what workers need of the service. They show the farm's token."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi.responses import FileResponse
+from starlette.concurrency import run_in_threadpool
+
+from service.blobs import is_sha256
+from service.farm import FarmDependency
+from service.models import Scene
+from service.problem import Problem
+from service.uploads import disk_checker
+from worker.contract import BlobRef, Manifest
+
+__all__ = ["router"]
+
+
+def check_token(farm: FarmDependency, authorization: Annotated[str, Header()] = "") -> None:
+    """Let only those in who show the farm's token."""
+    if not secrets.compare_digest(authorization.encode(), f"Bearer {farm.settings.token}".encode()):
+        raise Problem(
+            401,
+            "Workers show the farm's token: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
+
+
+router = APIRouter(prefix="/api/farm", tags=["farm"], dependencies=[Depends(check_token)])
+
+
+@router.get("/join")
+def join(farm: FarmDependency) -> dict[str, str]:
+    """Where the queue is, and how a worker on this machine recognises the service's own files."""
+    return {"redis_url": farm.settings.worker_redis_url, "instance": farm.instance, "data_dir": str(farm.settings.data)}
+
+
+@router.get("/scenes/{id}/manifest")
+def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
+    """The files of a scene, by hash."""
+    with farm.sessions() as session:
+        scene = session.get(Scene, id)
+    if scene is None:
+        raise Problem(404, "There is no such scene; it may have been deleted.")
+    return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment))
+
+
+@router.get("/blobs/{sha256}", response_class=FileResponse)
+def get_blob(sha256: str, farm: FarmDependency) -> FileResponse:
+    """A stored file by its hash."""
+    if not is_sha256(sha256) or not farm.blobs.path(sha256).is_file():
+        raise Problem(404, "There is no blob of this hash; its scene may have been deleted.")
+    return FileResponse(farm.blobs.path(sha256), media_type="application/octet-stream")
+
+
+@router.put("/blobs/{sha256}", status_code=204)
+async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
+    """Store a file; its bytes must have the hash it is stored under."""
+    if not is_sha256(sha256):
+        raise Problem(422, "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
+    check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
+    writer = farm.blobs.writer()
+    try:
+        async for chunk in request.stream():
+            check_disk(len(chunk))
+            writer.write(chunk)
+            if writer.size > farm.settings.max_blob_bytes:
+                raise Problem(413, f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
+        if writer.sha256 != sha256:
+            raise Problem(422, "The bytes do not have the hash that they are to be stored under. Send them again.")
+        await run_in_threadpool(writer.commit)
+    finally:
+        writer.discard()
+    return Response(status_code=204)

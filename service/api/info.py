@@ -1,0 +1,43 @@
+"""GET /api/info: what this service is and what it takes."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from fastapi import APIRouter
+
+from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
+from renderer.image.tonemap import CURVES
+from renderer.settings import INTEGRATORS, MAX_DEPTH, MAX_SIZE, MAX_SPP
+from service.farm import FarmDependency
+
+__all__ = ["VERSION", "router"]
+
+try:
+    VERSION = version("rayfarm")
+except PackageNotFoundError:
+    VERSION = "0.1.0"
+
+router = APIRouter(tags=["info"])
+
+
+@router.get("/api/info")
+def info(farm: FarmDependency) -> dict[str, Any]:
+    """The version, the limits, and the names that requests may use."""
+    settings = farm.settings
+    return {
+        "name": "rayfarm",
+        "version": VERSION,
+        "limits": {
+            "upload_bytes": settings.max_upload_bytes,
+            "upload_files": settings.max_upload_files,
+            "pixels": settings.max_pixels,
+            "size": MAX_SIZE,
+            "spp": MAX_SPP,
+            "max_depth": MAX_DEPTH,
+        },
+        "integrators": list(INTEGRATORS),
+        "curves": list(CURVES),
+        "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
+    }

@@ -1,0 +1,203 @@
+"""/api/jobs: ask for pictures, watch, change and delete what was asked for."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Header, Query, Response
+from sqlalchemy import func, select
+from sqlalchemy.exc import IntegrityError
+
+from renderer.errors import SettingsError
+from service.describe import job_out
+from service.farm import Farm, FarmDependency
+from service.models import ACTIVE, Frame, Job, Scene
+from service.problem import Problem
+from service.resolve import resolve
+from service.schemas import JobIn, JobOut, JobPatch
+
+__all__ = ["find_job", "router"]
+
+router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+
+Key = Annotated[str | None, Header(max_length=255, description="A repeated POST with the same key makes one job.")]
+
+
+@router.post("", status_code=201, response_model=JobOut)
+def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
+    """Ask for a picture of a scene. A scene that is still being prepared is waited for."""
+    asked = request.model_dump(mode="json")
+    if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
+        return _repeat(earlier, asked, farm, response)
+    job = Job(
+        id=uuid.uuid4().hex[:20],
+        scene=request.scene,
+        name=request.name or "",
+        state="queued",
+        priority=request.priority,
+        created=time.time(),
+        request=asked,
+        active_s=0.0,
+        tile_size=request.tile_size,
+        spp=request.spp,
+        noise=request.noise,
+        seconds=request.seconds,
+        idempotency_key=idempotency_key or None,
+    )
+    try:
+        with farm.sessions.begin() as session:
+            scene = session.get(Scene, request.scene)
+            _check(job, scene, farm)
+            session.add(job)
+            session.flush()
+            session.add(Frame(job=job.id, number=0))
+            session.flush()
+            answer = job_out(job, session, farm.engine)
+    except IntegrityError:
+        earlier = _earlier(idempotency_key, farm) if idempotency_key else None
+        if earlier is None:
+            raise
+        return _repeat(earlier, asked, farm, response)
+    farm.engine.changed("job", job.id)
+    farm.broadcast.tell("job", job.id)
+    response.headers["Location"] = f"/api/jobs/{job.id}"
+    return answer
+
+
+@router.get("", response_model=list[JobOut])
+def list_jobs(
+    farm: FarmDependency,
+    response: Response,
+    state: Literal["queued", "running", "paused", "finished", "failed", "cancelled"] | None = None,
+    scene: str | None = Query(None, max_length=100),
+    limit: int = Query(100, ge=1, le=1000),
+    offset: int = Query(0, ge=0, le=1 << 31),
+) -> list[JobOut]:
+    """All jobs, the newest first. The header X-Total-Count has their number."""
+    query = select(Job)
+    if state is not None:
+        query = query.where(Job.state == state)
+    if scene is not None:
+        query = query.where(Job.scene == scene)
+    with farm.sessions() as session:
+        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(query.subquery())))
+        rows = session.scalars(query.order_by(Job.created.desc(), Job.id).limit(limit).offset(offset))
+        return [job_out(row, session, farm.engine) for row in rows]
+
+
+@router.get("/{id}", response_model=JobOut)
+def get_job(id: str, farm: FarmDependency) -> JobOut:
+    """One job: its state, progress, speed and errors."""
+    with farm.sessions() as session:
+        return job_out(find_job(id, farm), session, farm.engine)
+
+
+@router.patch("/{id}", response_model=JobOut)
+def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
+    """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far."""
+    with farm.sessions.begin() as session:
+        job = session.get(Job, id, with_for_update=True)
+        if job is None:
+            raise _unknown(id)
+        if change.priority is not None:
+            job.priority = change.priority
+        if change.spp is not None:
+            _raise_spp(job, change.spp)
+        if change.state is not None:
+            _set_state(job, change.state)
+        session.flush()
+        answer = job_out(job, session, farm.engine)
+    farm.engine.changed("job", id)
+    farm.broadcast.tell("job", id)
+    return answer
+
+
+@router.delete("/{id}", status_code=204)
+def delete_job(id: str, farm: FarmDependency) -> None:
+    """Delete a job and its pictures; one that is being rendered is stopped."""
+    with farm.sessions.begin() as session:
+        job = session.get(Job, id)
+        if job is None:
+            raise _unknown(id)
+        for frame in session.scalars(select(Frame).where(Frame.job == id)):
+            session.delete(frame)
+        session.flush()
+        session.delete(job)
+    farm.engine.changed("job", id)  # which removes the film, once it is out of its hands
+    farm.broadcast.tell("job", id)
+
+
+def find_job(id: str, farm: Farm) -> Job:
+    """The job's row. Raises Problem 404."""
+    with farm.sessions() as session:
+        job = session.get(Job, id)
+    if job is None:
+        raise _unknown(id)
+    return job
+
+
+def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
+    """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
+    if scene is None:
+        raise Problem(404, f"scene: there is no scene {job.scene[:60]!r}. Upload it first, by POST /api/scenes.")
+    if scene.status == "failed":
+        raise Problem(409, f"The scene cannot be rendered: {scene.error}")
+    job.name = job.name or scene.name
+    width, height = job.request["width"], job.request["height"]
+    if width and height and width * height > farm.settings.max_pixels:
+        raise _invalid(f"width x height is {width * height} pixels; at most {farm.settings.max_pixels} are rendered", "width")
+    if scene.status == "ready":
+        try:
+            resolve(job, scene, farm.settings.max_pixels)
+        except SettingsError as error:
+            raise _invalid(str(error), str(error).split()[0]) from None
+
+
+def _invalid(sentence: str, field: str) -> Problem:
+    return Problem(422, f"{sentence}.", errors=[{"field": field, "message": sentence}])
+
+
+def _earlier(key: str, farm: Farm) -> Job | None:
+    with farm.sessions() as session:
+        return session.scalar(select(Job).where(Job.idempotency_key == key))
+
+
+def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response) -> JobOut:
+    if earlier.request != asked:
+        raise Problem(409, "This Idempotency-Key was used for another request. Take a new key for a new job.")
+    response.headers["Idempotent-Replayed"] = "true"
+    response.headers["Location"] = f"/api/jobs/{earlier.id}"
+    with farm.sessions() as session:
+        return job_out(earlier, session, farm.engine)
+
+
+def _raise_spp(job: Job, spp: int) -> None:
+    if job.spp is not None and spp < job.spp:
+        raise Problem(409, f"spp: the job has {job.spp} samples a pixel already; samples are added, never taken away.")
+    if job.spp == spp:
+        return
+    job.spp = spp
+    if job.state == "finished":
+        job.state, job.finished = "queued", None
+
+
+def _set_state(job: Job, state: str) -> None:
+    if state == "cancelled":
+        if job.state == "finished":
+            raise Problem(409, "The job is finished; there is nothing to cancel. To remove it, delete it.")
+        if job.state != "cancelled":
+            job.state, job.finished = "cancelled", time.time()
+    elif state == "paused":
+        if job.state not in ACTIVE:
+            raise Problem(409, f"The job is {job.state}; only a queued or running job can be paused.")
+        job.state = "paused"
+    elif job.state == "finished":
+        raise Problem(409, "The job is finished. Raise spp to go on with it.")
+    elif job.state in ("paused", "failed", "cancelled"):
+        job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
+
+
+def _unknown(id: str) -> Problem:
+    return Problem(404, f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")

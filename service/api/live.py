@@ -1,0 +1,151 @@
+"""WS /api/jobs/{id}/live: a job's state as JSON, and its tiles as they change.
+
+The watcher gets a state, a snapshot of all tiles that have samples, and then what changes. Tiles come in rounds; every
+packet has a number, and the watcher answers with {"ack": number}, which acknowledges all up to it. At most two rounds are
+unacknowledged. Meanwhile changed tiles are only noted, and read from the film when their turn comes: so a slow watcher
+gets fewer pictures, never older ones.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections import deque
+
+from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from starlette.concurrency import run_in_threadpool
+
+from service import tile_packet
+from service.broadcast import Listener
+from service.describe import snapshot
+from service.farm import Farm, FarmDependency
+from service.films import Film
+from service.models import Job
+
+__all__ = ["router"]
+
+router = APIRouter()
+
+MAX_UNACKNOWLEDGED = 2  # rounds
+ROUND_PIXELS = 1 << 20  # about 4 MB
+STATE_EVERY_S = 0.25
+SPEAK_EVERY_S = 5.0
+NOT_FOUND = 4404
+GONE = 4410
+
+
+@router.websocket("/api/jobs/{id}/live")
+async def live(socket: WebSocket, id: str, farm: FarmDependency, frame: int = Query(0, ge=0, le=65535)) -> None:
+    """Watch a job."""
+    await socket.accept()
+    if await run_in_threadpool(_job, farm, id) is None:
+        await socket.close(NOT_FOUND, "There is no such job.")
+        return
+    with farm.broadcast.listen(id, frame) as listener:
+        watcher = _Watcher(socket, id, frame, farm, listener)
+        sending = asyncio.create_task(watcher.send())
+        receiving = asyncio.create_task(watcher.receive())
+        done, pending = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+        for task in pending:
+            task.cancel()
+        for task in (*done, *pending):
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                await task
+
+
+class _Watcher:
+    def __init__(self, socket: WebSocket, job: str, frame: int, farm: Farm, listener: Listener) -> None:
+        self._socket = socket
+        self._job = job
+        self._frame = frame
+        self._farm = farm
+        self._listener = listener
+        self._film: Film | None = None
+        self._sequence = 0
+        self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
+        self._spoke = 0.0
+        self._state_at = 0.0
+
+    async def receive(self) -> None:
+        """Take in acknowledgements until the watcher leaves. Anything else is left out."""
+        while True:
+            text = await self._socket.receive_text()
+            try:
+                acknowledged = int(json.loads(text)["ack"])
+            except (ValueError, KeyError, TypeError):
+                continue
+            while self._rounds and self._rounds[0] <= acknowledged:
+                self._rounds.popleft()
+            self._listener.wake()
+
+    async def send(self) -> None:
+        """Speak until the service ends or the job is gone."""
+        self._listener.changed["job", self._job] = None
+        while not self._farm.broadcast.closing:
+            if self._film is None:
+                self._film = await run_in_threadpool(_film, self._farm, self._job)
+                if self._film is not None:
+                    self._listener.tiles.update(dict.fromkeys(range(len(self._film.tiles))))
+            now = time.monotonic()
+            if self._is_state_due(now) and not await self._send_state(now):
+                await self._socket.close(GONE, "The job was deleted.")
+                return
+            if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
+                await self._send_round(self._film)
+                await asyncio.sleep(self._farm.settings.live_interval)
+            else:
+                await self._listener.wait(STATE_EVERY_S if self._listener.changed else 1.0)
+        await self._socket.close(1012, "The service is going down.")
+
+    def _is_state_due(self, now: float) -> bool:
+        if now - self._spoke > SPEAK_EVERY_S:
+            return True
+        return bool(self._listener.changed) and now - self._state_at >= STATE_EVERY_S
+
+    async def _send_state(self, now: float) -> bool:
+        self._listener.changed.clear()
+        self._state_at = self._spoke = now
+        state = await run_in_threadpool(_state, self._farm, self._job)
+        if state is None:
+            return False
+        await self._socket.send_text(json.dumps({"type": "state", "job": state}))
+        return True
+
+    async def _send_round(self, film: Film) -> None:
+        chosen, pixels = [], 0
+        for tile in list(self._listener.tiles):
+            if pixels >= ROUND_PIXELS:
+                break
+            del self._listener.tiles[tile]
+            chosen.append(tile)
+            pixels += film.tiles[tile].w * film.tiles[tile].h
+        packed = await run_in_threadpool(_pack, film, self._frame, chosen)
+        if not packed:
+            return
+        self._rounds.append(self._sequence + len(packed))
+        for tile, spp, words in packed:
+            self._sequence += 1
+            await self._socket.send_bytes(tile_packet.packet(film, self._frame, tile, self._sequence, spp, words))
+        self._spoke = time.monotonic()
+
+
+def _pack(film: Film, frame: int, tiles: list[int]) -> list[tuple[int, int, bytes]]:
+    bodies = ((tile, tile_packet.body(film, frame, tile)) for tile in tiles)
+    return [(tile, *body) for tile, body in bodies if body is not None]
+
+
+def _job(farm: Farm, id: str) -> Job | None:
+    with farm.sessions() as session:
+        return session.get(Job, id)
+
+
+def _film(farm: Farm, id: str) -> Film | None:
+    job = _job(farm, id)
+    return farm.film(job) if job is not None else None
+
+
+def _state(farm: Farm, id: str) -> dict[str, object] | None:
+    with farm.sessions() as session:
+        return snapshot("job", id, session, farm.engine)

@@ -1,0 +1,139 @@
+"""/api/scenes: upload, look at and delete scenes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import FileResponse
+from sqlalchemy import func, select
+from starlette.concurrency import run_in_threadpool
+
+from service.describe import scene_out
+from service.farm import Farm, FarmDependency
+from service.models import ACTIVE, Job, Scene
+from service.problem import Problem
+from service.records import blobs_of
+from service.schemas import SceneOut
+from service.uploads import Upload, check_length, receive
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/scenes", tags=["scenes"])
+
+UPLOAD_FORM = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["files"],
+                    "properties": {
+                        "files": {"type": "array", "items": {"type": "string", "format": "binary"}},
+                        "main": {"type": "string", "description": "which of several scene files is meant"},
+                        "environment": {"type": "string", "description": "an image among the files that lights the scene"},
+                        "name": {"type": "string"},
+                    },
+                }
+            }
+        },
+    }
+}
+
+
+@router.post("", status_code=201, response_model=SceneOut, openapi_extra=UPLOAD_FORM)
+async def upload(request: Request, farm: FarmDependency, response: Response) -> SceneOut:
+    """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
+    check_length(request.headers.get("content-length"), farm.settings.max_upload_bytes)
+    content_type = request.headers.get("content-type", "")
+    stored = await receive(content_type, request.stream(), farm.blobs, farm.settings)
+    scene = await run_in_threadpool(_record, stored, farm)
+    response.headers["Location"] = f"/api/scenes/{scene.id}"
+    return scene
+
+
+@router.get("", response_model=list[SceneOut])
+def list_scenes(
+    farm: FarmDependency, response: Response, limit: int = Query(100, ge=1, le=1000), offset: int = Query(0, ge=0, le=1 << 31)
+) -> list[SceneOut]:
+    """All scenes, the newest first. The header X-Total-Count has their number."""
+    with farm.sessions() as session:
+        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(Scene)))
+        rows = session.scalars(select(Scene).order_by(Scene.created.desc(), Scene.id).limit(limit).offset(offset))
+        return [scene_out(row, farm.engine) for row in rows]
+
+
+@router.get("/{id}", response_model=SceneOut)
+def get_scene(id: str, farm: FarmDependency) -> SceneOut:
+    """One scene: whether it is ready, its cameras, counts, bounds and warnings."""
+    return scene_out(_find(id, farm), farm.engine)
+
+
+@router.get("/{id}/thumbnail.png", response_class=FileResponse)
+def thumbnail(id: str, farm: FarmDependency) -> FileResponse:
+    """A small picture of the scene, made when it was prepared."""
+    scene = _find(id, farm)
+    ref = (scene.info or {}).get("thumbnail")
+    if not ref or not farm.blobs.path(ref["sha256"]).is_file():
+        raise Problem(404, "This scene has no thumbnail yet.")
+    headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"'}
+    return FileResponse(farm.blobs.path(ref["sha256"]), media_type="image/png", headers=headers)
+
+
+@router.delete("/{id}", status_code=204)
+def delete_scene(id: str, farm: FarmDependency) -> None:
+    """Delete a scene and its files. Finished pictures stay; jobs that still need the scene are in the way."""
+    with farm.sessions.begin() as session:
+        scene = session.get(Scene, id)
+        if scene is None:
+            raise _unknown(id)
+        needed = session.scalar(select(func.count()).where(Job.scene == id, Job.state.in_(ACTIVE)))
+        if needed:
+            raise Problem(409, f"{needed} unfinished job(s) need this scene. Cancel them first.")
+        hashes = blobs_of(scene)
+        session.delete(scene)
+        session.flush()
+        for other in session.scalars(select(Scene)):
+            hashes -= blobs_of(other)
+    for sha256 in hashes:
+        farm.blobs.delete(sha256)
+    farm.engine.changed("scene", id)
+    farm.broadcast.tell("scene", id)
+
+
+def _record(stored: Upload, farm: Farm) -> SceneOut:
+    with farm.sessions.begin() as session:
+        scene = session.get(Scene, stored.id)
+        if scene is None:
+            scene = Scene(
+                id=stored.id,
+                name=stored.name,
+                status="preparing",
+                created=time.time(),
+                main=stored.main,
+                environment=stored.environment,
+                files=[asdict(ref) for ref in stored.files],
+                bytes=stored.size,
+                notes=stored.notes,
+                compiled={},
+            )
+            session.add(scene)
+        elif scene.status == "failed":
+            scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
+    farm.engine.changed("scene", scene.id)
+    farm.broadcast.tell("scene", scene.id)
+    return scene_out(scene, farm.engine)
+
+
+def _find(id: str, farm: Farm) -> Scene:
+    with farm.sessions() as session:
+        scene = session.get(Scene, id)
+    if scene is None:
+        raise _unknown(id)
+    return scene
+
+
+def _unknown(id: str) -> Problem:
+    return Problem(404, f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")

@@ -1,0 +1,102 @@
+"""Who wants to hear what: the engine's thread tells, watchers on the event loop listen.
+
+A listener holds sets of what changed, never a list of messages: one that is slow gets fewer and newer messages, and costs
+no memory.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Iterator
+
+__all__ = ["Broadcast", "Listener"]
+
+
+class Listener:
+    """What changed since the listener looked last. Used on the event loop alone."""
+
+    def __init__(self, job: str | None, frame: int) -> None:
+        self.job = job
+        self.frame = frame
+        self.changed: dict[tuple[str, str], None] = {}  # ("job" | "scene" | "worker", id), in the order of their first change
+        self.tiles: dict[int, None] = {}
+        self._wake = asyncio.Event()
+
+    def wake(self) -> None:
+        """Let `wait` return."""
+        self._wake.set()
+
+    async def wait(self, timeout: float) -> None:
+        """Until something changed, or the time is over."""
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._wake.wait(), timeout)
+        self._wake.clear()
+
+    async def pause(self, seconds: float) -> None:
+        """Let changes gather for a moment; `wait` then returns at once."""
+        await asyncio.sleep(seconds)
+        self._wake.set()
+
+
+class Broadcast:
+    """All listeners. `tell` and `tell_tiles` may be called from any thread, and cost next to nothing when nobody listens."""
+
+    def __init__(self) -> None:
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._everything: set[Listener] = set()
+        self._of_job: dict[str, set[Listener]] = {}
+        self.closing = False
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to deliver, on this loop."""
+        self._loop = loop
+
+    def close(self) -> None:
+        """Let every listener go. May be called from a signal handler."""
+        self.closing = True
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._wake_all)
+
+    @contextlib.contextmanager
+    def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
+        """Listen to one job and its tiles, or to all jobs, scenes and workers."""
+        listener = Listener(job, frame)
+        group = self._everything if job is None else self._of_job.setdefault(job, set())
+        group.add(listener)
+        try:
+            yield listener
+        finally:
+            group.discard(listener)
+            if job is not None and not group:
+                self._of_job.pop(job, None)
+
+    def tell(self, what: str, id: str) -> None:
+        """Something changed in a job, a scene or a worker."""
+        if self._everything or (what == "job" and id in self._of_job):
+            self._call(self._deliver, what, id)
+
+    def tell_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
+        """Tiles of a frame changed."""
+        if job in self._of_job:
+            self._call(self._deliver_tiles, job, frame, tiles)
+
+    def _call(self, function, *arguments) -> None:  # type: ignore[no-untyped-def]
+        if self._loop is not None:
+            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody listens any more
+                self._loop.call_soon_threadsafe(function, *arguments)
+
+    def _deliver(self, what: str, id: str) -> None:
+        for listener in (*self._everything, *(self._of_job.get(id, ()) if what == "job" else ())):
+            listener.changed[what, id] = None
+            listener.wake()
+
+    def _deliver_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
+        for listener in self._of_job.get(job, ()):
+            if listener.frame == frame:
+                listener.tiles.update(dict.fromkeys(sorted(tiles)))
+                listener.wake()
+
+    def _wake_all(self) -> None:
+        for listener in (*self._everything, *(each for group in self._of_job.values() for each in group)):
+            listener.wake()

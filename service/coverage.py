@@ -1,0 +1,67 @@
+"""Which sample numbers of a tile are in the film: disjoint half-open ranges in order."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
+
+__all__ = ["Coverage"]
+
+
+class Coverage:
+    """A set of sample numbers. Ranges that touch are joined, so equal sets are equal lists."""
+
+    def __init__(self, ranges: Iterable[tuple[int, int]] = ()) -> None:
+        """`ranges`: (first, count) pairs that do not overlap, in any order."""
+        self.ranges: list[tuple[int, int]] = []
+        for first, count in ranges:
+            self.add(first, count)
+
+    @property
+    def total(self) -> int:
+        """How many sample numbers are covered."""
+        return sum(end - start for start, end in self.ranges)
+
+    @property
+    def prefix(self) -> int:
+        """The length of the covered run that begins at sample 0."""
+        return self.ranges[0][1] if self.ranges and self.ranges[0][0] == 0 else 0
+
+    @property
+    def end(self) -> int:
+        """One past the highest covered sample number."""
+        return self.ranges[-1][1] if self.ranges else 0
+
+    def overlaps(self, first: int, count: int) -> bool:
+        """Whether any of the samples first ... first + count - 1 is covered."""
+        at = bisect_right(self.ranges, (first, 1 << 62))
+        before = at > 0 and self.ranges[at - 1][1] > first
+        return before or (at < len(self.ranges) and self.ranges[at][0] < first + count)
+
+    def add(self, first: int, count: int) -> None:
+        """Cover a range. Raises ValueError where it is empty, negative, or overlaps what is covered."""
+        if count < 1 or first < 0:
+            raise ValueError(f"no range of samples: {count} from {first}")
+        if self.overlaps(first, count):
+            raise ValueError(f"samples {first} to {first + count - 1} are covered already")
+        start, end = first, first + count
+        at = bisect_right(self.ranges, (start, end))
+        if at < len(self.ranges) and self.ranges[at][0] == end:
+            end = self.ranges.pop(at)[1]
+        if at > 0 and self.ranges[at - 1][1] == start:
+            at -= 1
+            start = self.ranges.pop(at)[0]
+        self.ranges.insert(at, (start, end))
+
+    def gaps(self, start: int, end: int) -> Iterator[tuple[int, int]]:
+        """The half-open ranges within [start, end) that are not covered, in order."""
+        for covered_start, covered_end in self.ranges:
+            if covered_end <= start:
+                continue
+            if covered_start >= end:
+                break
+            if covered_start > start:
+                yield start, covered_start
+            start = covered_end
+        if start < end:
+            yield start, end

@@ -1,0 +1,106 @@
+"""Rows of the database, and what the engine knows on top of them, as the API gives them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, cast
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.engine import Engine
+from service.models import ACTIVE, Frame, Job, Scene
+from service.schemas import FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
+from worker.contract import WorkerReport
+
+__all__ = ["job_out", "scene_out", "snapshot", "worker_out"]
+
+
+def scene_out(scene: Scene, engine: Engine) -> SceneOut:
+    """A scene."""
+    info: dict[str, Any] = scene.info or {}
+    preparing = engine.preparing.progress.get(scene.id) if scene.status == "preparing" else None
+    return SceneOut(
+        id=scene.id,
+        name=scene.name,
+        status=cast(SceneStatus, scene.status),
+        error=scene.error,
+        step=preparing.step if preparing else "Waiting for a worker" if scene.status == "preparing" else None,
+        progress=preparing.fraction if preparing else 0.0 if scene.status == "preparing" else None,
+        created=scene.created,
+        main=scene.main,
+        files=scene.files,
+        bytes=scene.bytes,
+        cameras=info.get("cameras", []),
+        counts=info.get("counts", {}),
+        bounds=info.get("bounds"),
+        animations=info.get("animations", []),
+        warnings=[*scene.notes, *info.get("warnings", [])],
+        defaults=info.get("defaults", {}),
+        thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+    )
+
+
+def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
+    """A job, with the engine's latest numbers where it is being rendered."""
+    live = engine.scheduler.jobs.get(job.id)
+    frames = [
+        FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, progress=f.progress)
+        for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))
+    ]
+    if live is not None:
+        now = FrameOut(number=live.frame, samples=live.plan.samples, bad_samples=live.bad_samples, progress=live.progress)
+        frames = [now if f.number == live.frame else f for f in frames]
+    size = job.settings or job.request
+    return JobOut(
+        **{
+            name: getattr(job, name)
+            for name in (
+                *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
+                *("spp", "noise", "seconds", "tile_size", "kind", "settings"),
+            )
+        },
+        message=_message(job, session, engine),
+        active_s=live.active_s if live else job.active_s,
+        progress=sum(f.progress for f in frames) / max(len(frames), 1),
+        eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
+        samples=sum(f.samples for f in frames),
+        samples_per_s=live.samples_per_s if live else 0.0,
+        bad_samples=sum(f.bad_samples for f in frames),
+        width=size.get("width"),
+        height=size.get("height"),
+        frames=frames,
+    )
+
+
+def worker_out(report: WorkerReport) -> WorkerOut:
+    """A worker."""
+    return WorkerOut(**asdict(report))
+
+
+def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
+    """A job, scene or worker as JSON-ready data; None where it is gone."""
+    if what == "job":
+        job = session.get(Job, id)
+        return job_out(job, session, engine).model_dump() if job else None
+    if what == "scene":
+        scene = session.get(Scene, id)
+        return scene_out(scene, engine).model_dump() if scene else None
+    report = engine.workers.reports.get(id)
+    return worker_out(report).model_dump() if report else None
+
+
+def _message(job: Job, session: Session, engine: Engine) -> str | None:
+    """Why a job does not go on, where a person may want to know."""
+    if job.state == "paused" or job.state not in ACTIVE:
+        return None
+    if engine.fault:
+        return engine.fault if engine.fault != "starting" else None
+    if job.settings is None:
+        return "Waits for its scene to be prepared."
+    workers = engine.workers
+    if job.kind is not None and not workers.slots(job.kind) and workers.ready():
+        return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
+    if not workers.ready():
+        return "Waits for the workers to load their kernels." if workers.reports else "Waits for a worker: none is connected."
+    return None

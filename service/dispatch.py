@@ -1,0 +1,74 @@
+"""The service's end of the queue: sends tasks through Celery, and looks at what still waits in Redis."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import redis
+from celery import Celery
+from kombu.exceptions import OperationalError
+
+from worker.contract import PREPARE, RENDER_BATCH, RenderBatch, celery_config, prepare_queue, render_queue
+
+__all__ = ["Dispatcher", "QueueError"]
+
+
+class QueueError(Exception):
+    """Redis cannot be reached; nothing was sent."""
+
+
+class Dispatcher:
+    """Sends tasks. A task's id is the id of its lease, so that what waits can be told apart and taken back."""
+
+    def __init__(self, redis_url: str, connection: redis.Redis) -> None:
+        self._redis = connection
+        self._celery = Celery("rayfarm-service", set_as_current=False)
+        self._celery.conf.update(celery_config(redis_url))
+        self._celery.conf.broker_connection_timeout = 2
+        self._celery.conf.broker_transport_options = {
+            **self._celery.conf.broker_transport_options,
+            "socket_connect_timeout": 2,
+            "socket_timeout": 5,
+        }
+
+    def send_batch(self, batch: RenderBatch, kind: str) -> None:
+        """Hand out a batch. Raises QueueError."""
+        self._send(RENDER_BATCH, {"batch": batch.to_json()}, render_queue(kind), batch.batch)
+
+    def send_prepare(self, scene: str, kind: str, lease: str) -> None:
+        """Ask for a scene to be prepared. Raises QueueError."""
+        self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease)
+
+    def waiting(self, queue: str) -> dict[str, bytes]:
+        """What waits in a queue and no worker has taken yet: lease id -> message. Raises redis.RedisError."""
+        found = {}
+        messages: Any = self._redis.lrange(queue, 0, -1)
+        for message in messages:
+            try:
+                found[str(json.loads(message)["headers"]["id"])] = message
+            except (ValueError, KeyError, TypeError):
+                continue
+        return found
+
+    def take_back(self, queue: str, leases: set[str]) -> set[str]:
+        """Remove waiting messages; returns the leases that were still there. Raises redis.RedisError."""
+        taken = set()
+        for lease, message in self.waiting(queue).items():
+            if lease in leases and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
+                taken.add(lease)
+        return taken
+
+    def purge(self, kind: str) -> None:
+        """Remove all that waits for workers of a kind. Raises redis.RedisError."""
+        self._redis.delete(render_queue(kind), prepare_queue(kind))
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._celery.close()
+
+    def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str) -> None:
+        try:
+            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, ignore_result=True, retry=False)
+        except (OperationalError, redis.RedisError, OSError) as error:
+            raise QueueError(str(error)) from error

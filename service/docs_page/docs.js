@@ -1,0 +1,102 @@
+/** The API as a page, from /openapi.json alone: nothing is loaded from elsewhere. */
+
+const METHODS = ["get", "post", "put", "patch", "delete"];
+
+/** An element with attributes and children; strings become text, never markup. */
+function el(tag, attributes = {}, ...children) {
+  const node = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+  node.append(...children.filter((child) => child !== null && child !== ""));
+  return node;
+}
+
+/** Follow a $ref of the document. */
+function resolve(schema, api) {
+  if (!schema?.$ref) return schema ?? {};
+  return schema.$ref.slice(2).split("/").reduce((at, key) => at[key], api);
+}
+
+/** A schema's type in a few words. */
+function typeName(schema, api) {
+  if (schema.$ref) return schema.$ref.split("/").at(-1);
+  const any = schema.anyOf ?? schema.oneOf;
+  if (any) return any.map((each) => typeName(each, api)).join(" | ");
+  if (schema.enum) return schema.enum.map((value) => JSON.stringify(value)).join(" | ");
+  if ("const" in schema) return JSON.stringify(schema.const);
+  if (schema.prefixItems) return `[${schema.prefixItems.map((each) => typeName(each, api)).join(", ")}]`;
+  if (schema.type === "array") return `${typeName(schema.items ?? {}, api)}[]`;
+  return schema.format === "binary" ? "file" : schema.type ?? "any";
+}
+
+/** What a value may be, beside its type. */
+function limits(schema) {
+  const inner = schema.anyOf?.find((each) => each.type !== "null") ?? schema;
+  const words = [];
+  if (inner.minimum !== undefined) words.push(`from ${inner.minimum}`);
+  if (inner.exclusiveMinimum !== undefined) words.push(`above ${inner.exclusiveMinimum}`);
+  if (inner.maximum !== undefined) words.push(`to ${inner.maximum}`);
+  if (schema.default !== undefined && schema.default !== null) words.push(`default ${JSON.stringify(schema.default)}`);
+  return words.join(", ");
+}
+
+function row(name, schema, required, api, description) {
+  const about = [description ?? schema.description ?? "", limits(schema)].filter(Boolean).join(" · ");
+  return el("tr", {}, el("td", {}, el("code", {}, name + (required ? " *" : ""))), el("td", {}, typeName(schema, api)), el("td", {}, about));
+}
+
+function table(caption, rows) {
+  const head = el("tr", {}, ...["name", "type", ""].map((text) => el("th", { scope: "col" }, text)));
+  return rows.length ? el("div", {}, el("h3", {}, caption), el("table", {}, el("thead", {}, head), el("tbody", {}, ...rows))) : null;
+}
+
+function properties(caption, schema, api) {
+  const shape = resolve(schema.type === "array" ? schema.items : schema, api);
+  const required = new Set(shape.required ?? []);
+  const rows = Object.entries(shape.properties ?? {}).map(([name, each]) => row(name, each, required.has(name), api));
+  return table(caption, rows);
+}
+
+function operation(path, method, about, api) {
+  const parameters = (about.parameters ?? []).map((p) => row(`${p.name} (${p.in})`, p.schema ?? {}, p.required, api, p.description));
+  const sent = Object.entries(about.requestBody?.content ?? {}).map(([media, { schema }]) => properties(`Body: ${media}`, schema, api) ?? "");
+  const given = Object.entries(about.responses ?? {})
+    .filter(([status]) => status.startsWith("2"))
+    .flatMap(([status, answer]) =>
+      Object.entries(answer.content ?? {}).map(([media, { schema }]) => properties(`${status}: ${media}`, schema ?? {}, api) ?? el("p", {}, `${status}: ${media}`)),
+    );
+  const summary = el(
+    "summary",
+    {},
+    el("code", { class: "method" }, method.toUpperCase()),
+    el("code", { class: "path" }, path),
+    el("span", { class: "about" }, (about.description ?? about.summary ?? "").split("\n")[0]),
+  );
+  const rest = (about.description ?? "").split("\n").slice(1).join(" ").trim();
+  return el("details", {}, summary, el("div", { class: "inside" }, rest && el("p", {}, rest), table("Parameters", parameters), ...sent, ...given));
+}
+
+function page(api) {
+  const groups = new Map();
+  for (const [path, methods] of Object.entries(api.paths)) {
+    for (const method of METHODS.filter((each) => methods[each])) {
+      const tag = methods[method].tags?.[0] ?? "other";
+      groups.set(tag, [...(groups.get(tag) ?? []), operation(path, method, methods[method], api)]);
+    }
+  }
+  return [...groups].map(([tag, operations]) => el("section", {}, el("h2", {}, tag), ...operations));
+}
+
+const main = document.getElementById("operations");
+try {
+  const answer = await fetch("/openapi.json");
+  if (!answer.ok) throw new Error(`the service answers ${answer.status}`);
+  main.replaceChildren(...page(await answer.json()));
+} catch (error) {
+  main.replaceChildren(el("p", {}, `The description of the API cannot be loaded: ${error.message}. Reload the page.`));
+}
+
+document.getElementById("find").addEventListener("input", (event) => {
+  const wanted = event.target.value.trim().toLowerCase();
+  for (const each of main.querySelectorAll("details")) each.hidden = !each.textContent.toLowerCase().includes(wanted);
+  for (const each of main.querySelectorAll("section")) each.hidden = !each.querySelector("details:not([hidden])");
+});

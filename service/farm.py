@@ -1,0 +1,65 @@
+"""All that the HTTP side works with, made once and handed to the routes."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from renderer.settings import RenderSettings
+from service.blobs import BlobStore
+from service.broadcast import Broadcast
+from service.database import connect
+from service.engine import Engine
+from service.film_store import FilmStore
+from service.films import Film
+from service.models import Job
+from service.records import Records
+from service.settings import Settings
+
+__all__ = ["Farm", "FarmDependency", "get_farm"]
+
+
+class Farm:
+    """The parts of the service."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        settings.make_folders()
+        self.instance = settings.instance()
+        self.database, self.sessions = connect(settings.database)
+        self.blobs = BlobStore(settings.data / "blobs", settings.data / "tmp")
+        self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
+        self.broadcast = Broadcast()
+        self.records = Records(self.sessions, settings.max_pixels)
+        self.engine = Engine(settings, self.records, self.films, self.broadcast.tell, self.broadcast.tell_tiles)
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Clean up after an earlier life and begin."""
+        self.broadcast.open(loop)
+        self.blobs.sweep(self.records.blobs())
+        self.engine.start()
+
+    def stop(self) -> None:
+        """End in order."""
+        self.broadcast.close()
+        self.engine.stop()
+        self.films.close()
+        self.database.dispose()
+
+    def film(self, job: Job) -> Film | None:
+        """A job's film; None where the job has none yet."""
+        if job.settings is None or job.tile_size is None:
+            return None
+        return self.films.open(job.id, RenderSettings.from_json(job.settings), job.tile_size)
+
+
+def get_farm(connection: HTTPConnection) -> Farm:
+    """The farm of the application that answers."""
+    farm: Farm = connection.app.state.farm
+    return farm
+
+
+FarmDependency = Annotated[Farm, Depends(get_farm)]

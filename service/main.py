@@ -1,0 +1,104 @@
+"""The FastAPI application: `uvicorn --factory service.main:create_app`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import mimetypes
+import signal
+from collections.abc import AsyncIterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.routing import APIRoute
+from fastapi.staticfiles import StaticFiles
+from starlette.responses import RedirectResponse, Response
+from starlette.types import Scope
+
+from service import api, problem
+from service.api.info import VERSION
+from service.broadcast import Broadcast
+from service.farm import Farm
+from service.security import Door
+from service.settings import Settings
+
+__all__ = ["create_app"]
+
+DOCS = Path(__file__).parent / "docs_page"
+
+mimetypes.add_type("text/javascript", ".js")
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The service as an ASGI application; settings come from the environment where none are given."""
+    settings = settings or Settings()
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        farm = app.state.farm = Farm(settings)
+        farm.start(asyncio.get_running_loop())
+        with _streams_end_with_the_server(farm.broadcast):
+            try:
+                yield
+            finally:
+                await asyncio.to_thread(farm.stop)
+
+    app = FastAPI(
+        title="Rayfarm",
+        version=VERSION,
+        description="Upload a scene, ask for a picture, watch it grow.",
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        responses={"default": problem.ProblemBody, 422: problem.ProblemBody},
+        generate_unique_id_function=_operation_name,
+    )
+    problem.install(app)
+    app.include_router(api.router)
+    app.mount("/docs", _Pages(directory=DOCS, html=True), name="docs")
+    if settings.web.is_dir():
+        app.mount("/", _Pages(directory=settings.web, html=True), name="web")
+    else:
+        app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
+    app.add_middleware(Door, settings=settings)
+    return app
+
+
+class _Pages(StaticFiles):
+    """Files with an ETag, asked about anew each time: a page never mixes files of two versions."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        if any(part.startswith((".", "node_modules")) for part in Path(path).parts):
+            path = "no such file"
+        answer = await super().get_response(path, scope)
+        answer.headers["Cache-Control"] = "no-cache"
+        return answer
+
+
+def _operation_name(route: APIRoute) -> str:
+    return route.name
+
+
+@contextlib.contextmanager
+def _streams_end_with_the_server(broadcast: Broadcast) -> Any:
+    """End event streams when the server is told to stop: it waits for open responses, and theirs never end by themselves."""
+    previous: dict[signal.Signals, Any] = {}
+
+    def end(number: int, frame: FrameType | None) -> None:
+        broadcast.close()
+        before = previous[signal.Signals(number)]
+        if callable(before):
+            before(number, frame)
+
+    with contextlib.suppress(ValueError):  # not in the main thread: whoever runs the server there ends it
+        for each in (signal.SIGINT, signal.SIGTERM):
+            previous[each] = signal.getsignal(each)
+            signal.signal(each, end)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(ValueError):
+            for each, handler in previous.items():
+                signal.signal(each, handler)

@@ -1,0 +1,68 @@
+"""From the workers' answers to the film: entries of the result stream become parts, grouped by job, each group one write."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+from renderer.film import BadSample
+from renderer.settings import Tile
+from service.active_job import ActiveJob
+from service.films import Part
+from service.plan import Range
+from service.results import Entry
+
+__all__ = ["Merged", "batch_of", "merge"]
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Merged:
+    """A batch that arrived, and whether the film took it."""
+
+    job: ActiveJob
+    lease: str
+    batch: Range
+    seconds: float
+    part: Part
+    taken: bool
+
+
+def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> list[Merged]:
+    """Add all rendered batches among the entries to their films; those of jobs that are over are left out."""
+    groups: dict[str, list[tuple[str, Range, float, Part]]] = {}
+    for entry in entries:
+        if entry.result is None or entry.result.event["type"] != "batch" or entry.result.sums is None:
+            continue
+        try:
+            job = jobs.get(entry.result.event["job"])
+            read = _read(entry.result.event, entry.result.sums, job) if job else None
+        except (KeyError, TypeError, ValueError) as error:
+            log.warning("a batch in the result stream is left out: %r", error)
+            continue
+        if job is not None and read is not None:
+            groups.setdefault(job.id, []).append(read)
+    merged = []
+    for id, group in groups.items():
+        job = jobs[id]
+        taken = job.film.merge([part for *_, part in group])
+        for (lease, batch, seconds, part), is_new in zip(group, taken, strict=True):
+            merged.append(Merged(job, lease, batch, seconds, part, is_new))
+    return merged
+
+
+def batch_of(event: dict[str, Any], job: ActiveJob) -> Range | None:
+    """The batch that an event is about; None where the job's film has no such tile."""
+    tile = job.film.index_of(Tile(*event["tile"]))
+    return None if tile is None else Range(tile, int(event["first"]), int(event["count"]))
+
+
+def _read(event: dict[str, Any], sums: bytes, job: ActiveJob) -> tuple[str, Range, float, Part] | None:
+    batch = batch_of(event, job)
+    if batch is None or not job.plan.wants(batch):
+        return None
+    bad = [BadSample(*map(int, sample)) for sample in event.get("bad", [])]
+    part = Part(int(event["frame"]), *batch, sums, bad, int(event.get("bad_count", 0)))
+    return str(event["batch"]), batch, float(event["seconds"]), part

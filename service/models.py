@@ -1,0 +1,76 @@
+"""What the database records: scenes, jobs and frames. Samples are recorded by the films."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, Integer, String, Text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+__all__ = ["ACTIVE", "FINAL", "Base", "Frame", "Job", "Scene"]
+
+ACTIVE = ("queued", "running", "paused")
+FINAL = ("finished", "failed", "cancelled")
+
+
+class Base(DeclarativeBase):
+    """The tables of this service."""
+
+
+class Scene(Base):
+    """An upload. Its id is a hash of its content, so the same files are the same scene."""
+
+    __tablename__ = "scenes"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    name: Mapped[str] = mapped_column(String(255))
+    status: Mapped[str] = mapped_column(String(16), index=True)  # preparing | ready | failed
+    error: Mapped[str | None] = mapped_column(Text)
+    created: Mapped[float] = mapped_column(Float, index=True)
+    main: Mapped[str] = mapped_column(Text)
+    environment: Mapped[str | None] = mapped_column(Text)
+    files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # worker.contract.BlobRef each
+    bytes: Mapped[int] = mapped_column(BigInteger)
+    notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself
+    info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # worker.contract.SceneInfo of the first kind that prepared it
+    compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
+
+
+class Job(Base):
+    """A request for pictures of a scene, and how far it is."""
+
+    __tablename__ = "jobs"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    scene: Mapped[str] = mapped_column(String(40), index=True)
+    name: Mapped[str] = mapped_column(String(255))
+    state: Mapped[str] = mapped_column(String(16), index=True)
+    priority: Mapped[int] = mapped_column(Integer, default=0)
+    created: Mapped[float] = mapped_column(Float, index=True)
+    started: Mapped[float | None] = mapped_column(Float)
+    finished: Mapped[float | None] = mapped_column(Float)
+    active_s: Mapped[float] = mapped_column(Float, default=0.0)  # wall time spent rendering, pauses left out
+    request: Mapped[dict[str, Any]] = mapped_column(JSON)  # as it was asked
+    settings: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # RenderSettings; None until the scene is ready
+    tile_size: Mapped[int | None] = mapped_column(Integer)
+    spp: Mapped[int | None] = mapped_column(Integer)
+    noise: Mapped[float | None] = mapped_column(Float)
+    seconds: Mapped[float | None] = mapped_column(Float)
+    kind: Mapped[str | None] = mapped_column(String(128))  # of the workers that render it, fixed at its first batch
+    error: Mapped[str | None] = mapped_column(Text)
+    reproduce: Mapped[str | None] = mapped_column(Text)  # a command that shows the error again
+    idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
+
+
+class Frame(Base):
+    """One picture of a job."""
+
+    __tablename__ = "frames"
+    __table_args__ = (Index("frames_of_job", "job"),)
+
+    job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(Integer, primary_key=True)
+    samples: Mapped[int] = mapped_column(BigInteger, default=0)  # in the film, all pixels together
+    target: Mapped[int] = mapped_column(BigInteger, default=0)  # what the request comes to at most
+    bad_samples: Mapped[int] = mapped_column(BigInteger, default=0)
+    progress: Mapped[float] = mapped_column(Float, default=0.0)

@@ -1,0 +1,114 @@
+"""Errors as application/problem+json (RFC 9457): a title, and a detail that says what is wrong and what to do."""
+
+from __future__ import annotations
+
+import http
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
+
+log = logging.getLogger(__name__)
+
+SENTENCES = {
+    404: "There is nothing at {path}. The API is described at /docs.",
+    405: "{method} is not possible at {path}. The API is described at /docs.",
+}
+
+
+class ProblemResponse(JSONResponse):
+    """A JSON response with the media type of problems."""
+
+    media_type = "application/problem+json"
+
+
+class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it
+    """An answer that is an error. `detail` is one sentence a person can act on; `more` is added to the body."""
+
+    def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.headers = headers
+        self.more = more
+
+
+ProblemBody: dict[str, Any] = {
+    "description": "A problem, with a sentence a person can act on",
+    "content": {
+        "application/problem+json": {
+            "schema": {
+                "type": "object",
+                "required": ["title", "status", "detail"],
+                "properties": {
+                    "type": {"type": "string"},
+                    "title": {"type": "string"},
+                    "status": {"type": "integer"},
+                    "detail": {"type": "string"},
+                    "errors": {
+                        "type": "array",
+                        "items": {
+                            "type": "object",
+                            "properties": {"field": {"type": "string"}, "message": {"type": "string"}},
+                        },
+                    },
+                },
+            }
+        }
+    },
+}
+
+
+def response(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> ProblemResponse:
+    """The response for a status and a sentence."""
+    body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
+    return ProblemResponse(body, status, headers=dict(headers or {}))
+
+
+def install(app: FastAPI) -> None:
+    """Make every error of the application a problem."""
+
+    @app.exception_handler(Problem)
+    async def _problem(request: Request, error: Problem) -> ProblemResponse:
+        return response(error.status, error.detail, error.headers, **error.more)
+
+    @app.exception_handler(HTTPException)
+    async def _http(request: Request, error: HTTPException) -> ProblemResponse:
+        detail = str(error.detail)
+        if error.status_code in SENTENCES and detail == http.HTTPStatus(error.status_code).phrase:
+            detail = SENTENCES[error.status_code].format(path=request.url.path, method=request.method)
+        return response(error.status_code, detail, error.headers)
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
+        errors = [{"field": _field(e["loc"]), "message": _message(e)} for e in error.errors()]
+        detail = "; ".join(f"{e['field']}: {e['message']}" if e["field"] else e["message"] for e in errors[:5])
+        return response(422, f"{detail}.", errors=errors)
+
+    @app.exception_handler(Exception)
+    async def _fault(request: Request, error: Exception) -> ProblemResponse:
+        log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
+        return response(500, "The service has a fault and wrote it into its log. Try again; if it stays, report it.")
+
+
+def _field(location: Sequence[Any]) -> str:
+    """`("body", "view", "eye", 0)` as `view.eye[0]`."""
+    text = ""
+    for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _message(error: Mapping[str, Any]) -> str:
+    if error["type"] == "json_invalid":
+        return f"the body is not JSON ({error.get('ctx', {}).get('error', 'cannot be read')})"
+    if error["type"] == "extra_forbidden":
+        return "there is no such field"
+    message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
+    return message[:1].lower() + message[1:]

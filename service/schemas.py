@@ -1,0 +1,193 @@
+"""What the API takes and gives, as the OpenAPI page shows it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from renderer.errors import SettingsError
+from renderer.settings import INTEGRATORS, MAX_DEPTH, MAX_SIZE, MAX_SPP, View
+
+__all__ = [
+    "CameraOut",
+    "EnvironmentIn",
+    "FrameOut",
+    "JobIn",
+    "JobOut",
+    "JobPatch",
+    "SceneOut",
+    "SceneStatus",
+    "ViewModel",
+    "WorkerOut",
+]
+
+Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
+Vec3 = tuple[Finite, Finite, Finite]
+Radiance = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e6)]
+SceneStatus = Literal["preparing", "ready", "failed"]
+JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
+
+
+class Strict(BaseModel):
+    """A body in which unknown fields are an error: a misspelt option must not be ignored."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class ViewModel(Strict):
+    """A perspective camera in world space; fov is vertical, in degrees."""
+
+    eye: Vec3
+    target: Vec3
+    up: Vec3 = (0.0, 1.0, 0.0)
+    fov: float = Field(40.0, ge=0.01, le=179.0)
+
+    @model_validator(mode="after")
+    def _possible(self) -> ViewModel:
+        try:
+            View(self.eye, self.target, self.up, self.fov)
+        except SettingsError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+
+class EnvironmentIn(Strict):
+    """Light from all around: a linear RGB radiance that replaces the scene's, and a factor."""
+
+    color: tuple[Radiance, Radiance, Radiance] | None = None
+    strength: Radiance = 1.0
+
+
+class JobIn(Strict):
+    """A request for a picture. Quality is asked for by spp, noise or seconds; whichever comes first ends it."""
+
+    scene: str = Field(description="a scene's id", max_length=100)
+    name: str | None = Field(None, max_length=200)
+    camera: str | Annotated[int, Field(ge=0)] | None = Field(None, description="a camera of the scene, by its name or number")
+    view: ViewModel | None = Field(None, description="a camera of your own, instead of `camera`")
+    width: int | None = Field(None, ge=1, le=MAX_SIZE)
+    height: int | None = Field(None, ge=1, le=MAX_SIZE)
+    spp: int | None = Field(None, ge=1, le=MAX_SPP, description="samples a pixel")
+    noise: float | None = Field(None, gt=0.0, le=10.0, description="relative noise at which a tile is done, for example 0.02")
+    seconds: float | None = Field(None, gt=0.0, le=1e7, description="wall-clock time spent on rendering")
+    frames: str | int = Field("0", description="only 0: a still")
+    fps: float = Field(24.0, gt=0.0, le=1000.0)
+    integrator: str | None = None
+    max_depth: int | None = Field(None, ge=1, le=MAX_DEPTH, description="path segments, the camera's included")
+    seed: int | None = Field(None, ge=0, lt=1 << 32)
+    environment: EnvironmentIn | None = None
+    priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
+    tile_size: int | None = Field(None, ge=8, le=512)
+
+    @field_validator("frames")
+    @classmethod
+    def _one_frame(cls, value: str | int) -> str:
+        if str(value).strip() != "0":
+            raise ValueError('animation is not rendered yet; leave frames out, or give "0"')
+        return "0"
+
+    @field_validator("integrator")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        if value is not None and value not in INTEGRATORS:
+            raise ValueError(f"{value!r} is no integrator; known are {', '.join(INTEGRATORS)}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_camera(self) -> JobIn:
+        if self.view is not None and self.camera is not None:
+            raise ValueError("give either camera or view, not both")
+        return self
+
+
+class JobPatch(Strict):
+    """What can change in a job."""
+
+    state: Literal["running", "paused", "cancelled"] | None = None
+    priority: int | None = Field(None, ge=-100, le=100)
+    spp: int | None = Field(None, ge=1, le=MAX_SPP, description="more samples than before; a finished job goes on")
+
+
+class CameraOut(BaseModel):
+    """A camera of a scene."""
+
+    name: str
+    view: ViewModel
+
+
+class SceneOut(BaseModel):
+    """An uploaded scene."""
+
+    id: str
+    name: str
+    status: SceneStatus
+    error: str | None
+    step: str | None = Field(description="what preparing does at the moment")
+    progress: float | None = Field(description="of preparing, 0 to 1")
+    created: float = Field(description="unix time in seconds")
+    main: str
+    files: list[dict[str, Any]]
+    bytes: int
+    cameras: list[dict[str, Any]]
+    counts: dict[str, int]
+    bounds: list[list[float]] | None
+    animations: list[str]
+    warnings: list[str]
+    defaults: dict[str, Any]
+    thumbnail: str | None
+
+
+class FrameOut(BaseModel):
+    """One picture of a job."""
+
+    number: int
+    samples: int
+    bad_samples: int
+    progress: float
+
+
+class JobOut(BaseModel):
+    """A job and how far it is."""
+
+    id: str
+    scene: str
+    name: str
+    state: JobState
+    message: str | None = Field(description="why it does not go on at the moment")
+    error: str | None
+    reproduce: str | None = Field(description="a command that shows the error again")
+    priority: int
+    created: float
+    started: float | None
+    finished: float | None
+    active_s: float = Field(description="wall-clock time spent on rendering")
+    progress: float
+    eta_s: float | None
+    samples: int = Field(description="in the film, all pixels of all frames together")
+    samples_per_s: float
+    bad_samples: int = Field(description="samples that were NaN or infinite, and left out")
+    width: int | None
+    height: int | None
+    spp: int | None
+    noise: float | None
+    seconds: float | None
+    tile_size: int | None
+    kind: str | None
+    settings: dict[str, Any] | None
+    frames: list[FrameOut]
+
+
+class WorkerOut(BaseModel):
+    """A worker, by its own report."""
+
+    name: str
+    host: str
+    pid: int
+    slots: int
+    cpu: str
+    kind: str
+    state: Literal["starting", "ready"]
+    started: float
+    samples_per_s: float = Field(description="of one slot")
+    current: list[dict[str, Any]]

@@ -1,0 +1,86 @@
+"""What can be set from outside, by environment variables RAYFARM_*."""
+
+from __future__ import annotations
+
+import secrets
+from pathlib import Path
+
+from pydantic import Field, field_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+__all__ = ["Settings"]
+
+MIB = 1 << 20
+GIB = 1 << 30
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+class Settings(BaseSettings):
+    """The service's settings. Sizes are in bytes, times in seconds."""
+
+    model_config = SettingsConfigDict(env_prefix="RAYFARM_", extra="ignore")
+
+    data: Path = Path("rayfarm-data")
+    redis_url: str = "redis://127.0.0.1:6379/0"
+    public_redis_url: str = ""  # what joining workers are told, where it differs from the service's own
+    database_url: str = ""  # SQLite in the data folder where empty
+    token: str = ""  # what workers show; kept in the data folder where empty
+    host: str = "127.0.0.1"
+    port: int = 8000
+    allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
+    web: Path = Path(__file__).resolve().parent.parent / "web"
+
+    max_upload_bytes: int = GIB
+    max_upload_files: int = 4096
+    max_unzipped_bytes: int = 8 * GIB
+    max_unzip_ratio: float = 200.0
+    max_blob_bytes: int = 64 * GIB  # of what workers store: compiled scenes
+    min_free_bytes: int = 256 * MIB  # of disk, kept free
+
+    max_pixels: int = 64 * MIB
+    film_cache_bytes: int = GIB
+
+    batch_seconds: float = 0.5
+    window_per_slot: int = 2
+    batch_deadline: float = 30.0
+    prepare_deadline: float = 900.0
+    live_interval: float = 0.12
+
+    @field_validator("data")
+    @classmethod
+    def _absolute(cls, value: Path) -> Path:
+        return value.expanduser().resolve()
+
+    @property
+    def database(self) -> str:
+        """The database's URL for SQLAlchemy."""
+        return self.database_url or f"sqlite:///{self.data / 'rayfarm.sqlite'}"
+
+    @property
+    def worker_redis_url(self) -> str:
+        """The Redis that workers are sent to."""
+        return self.public_redis_url or self.redis_url
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine can reach the service."""
+        return self.host in LOOPBACK
+
+    def make_folders(self) -> None:
+        """The folders of the data directory, the instance's id, and the token where none is given."""
+        for name in ("blobs", "films", "tmp"):
+            (self.data / name).mkdir(parents=True, exist_ok=True)
+        if not self.token:
+            self.token = _kept(self.data / "token")
+
+    def instance(self) -> str:
+        """The random id by which a worker recognises that it sees this very data folder."""
+        return _kept(self.data / "instance")
+
+
+def _kept(path: Path) -> str:
+    """A random id, made once and kept in a file that only its owner reads."""
+    if not path.exists() or not path.read_text().strip():
+        path.touch(mode=0o600)
+        path.write_text(secrets.token_hex(16) + "\n")
+    return path.read_text().strip()

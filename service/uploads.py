@@ -1,0 +1,178 @@
+"""An upload becomes a scene's files: all of them, whole and checked, or none."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import shutil
+from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePosixPath
+
+from starlette.concurrency import run_in_threadpool
+
+from renderer.errors import SceneError
+from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
+from service.archives import expand
+from service.blobs import BlobStore, BlobWriter
+from service.multipart import Form, read_form
+from service.names import safe_name
+from service.problem import Problem
+from service.settings import Settings
+from worker.contract import BlobRef
+
+__all__ = ["Upload", "check_length", "receive"]
+
+DISK_CHECK_EVERY = 16 << 20
+
+
+@dataclass(frozen=True)
+class Upload:
+    """The stored files of a scene. `id` is a hash of all that follows but the name and the notes."""
+
+    id: str
+    name: str
+    main: str
+    environment: str | None
+    files: list[BlobRef]
+    notes: list[str]
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files together."""
+        return sum(file.size for file in self.files)
+
+
+def check_length(length: str | None, limit: int) -> None:
+    """Refuse by the Content-Length header, before the body is read."""
+    if length is not None and length.isdigit() and int(length) > limit:
+        raise Problem(
+            413,
+            f"The upload has {int(length)} bytes; at most {limit} are taken. Leave files out, or ask who runs the farm.",
+            headers={"Connection": "close"},
+        )
+
+
+def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
+    """A function of the bytes about to be written; raises Problem 507 where the disk would fall below `keep_free`."""
+    since_check = DISK_CHECK_EVERY
+
+    def check(size: int) -> None:
+        nonlocal since_check
+        since_check += size
+        if since_check >= DISK_CHECK_EVERY:
+            since_check = 0
+            if shutil.disk_usage(folder).free < keep_free + DISK_CHECK_EVERY:
+                raise no_room()
+
+    return check
+
+
+def no_room() -> Problem:
+    """The answer where the disk is full."""
+    return Problem(507, "The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
+
+
+async def receive(content_type: str, chunks: AsyncIterator[bytes], store: BlobStore, settings: Settings) -> Upload:
+    """Read, expand, check and store an upload. Raises Problem; then nothing of it is left."""
+    check_disk = disk_checker(settings.data, settings.min_free_bytes)
+    try:
+        form = await read_form(content_type, chunks, store, settings.max_upload_files, settings.max_upload_bytes, check_disk)
+        return await run_in_threadpool(_store, form, store, settings, check_disk)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise no_room() from error
+        raise
+
+
+def _store(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]) -> Upload:
+    files: dict[str, BlobWriter] = {}
+    notes: list[str] = []
+    try:
+        for name, writer in _expanded(form, store, settings, check_disk):
+            if name in files:
+                writer.discard()
+                raise Problem(422, f"The file {name} is there twice. Send it once.")
+            files[name] = writer
+        main, environment = _choose(form, files, notes)
+        chosen = _strip_common_folder(files, main)
+        refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+    finally:
+        form.discard()
+        for writer in files.values():
+            writer.discard()
+    environment = chosen.strip(environment) if environment else None
+    content = json.dumps([[asdict(ref) for ref in refs], chosen.main, environment], sort_keys=True)
+    name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
+    return Upload(hashlib.sha256(content.encode()).hexdigest()[:20], name, chosen.main, environment, refs, notes)
+
+
+def _expanded(
+    form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]
+) -> list[tuple[str, BlobWriter]]:
+    """The form's files with archives replaced by what is in them; junk left out."""
+    found: list[tuple[str, BlobWriter]] = []
+    left_files, left_bytes = settings.max_upload_files, settings.max_unzipped_bytes
+    try:
+        for name, writer in form.files:
+            if not name and writer.size == 0:
+                continue  # what a browser sends for a file field with nothing chosen
+            path = safe_name(name)
+            if is_junk(path):
+                continue
+            if PurePosixPath(path).suffix.lower() not in ARCHIVE_SUFFIXES:
+                found.append((path, writer))
+                continue
+            archive = expand(writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk)
+            for entry in archive:
+                found.append(entry)
+                left_files -= 1
+                left_bytes -= entry[1].size
+    except BaseException:
+        for _, writer in found:
+            writer.discard()
+        raise
+    return found
+
+
+def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
+    """The scene file and the environment image among the files."""
+    if not files or all(writer.size == 0 for writer in files.values()):
+        raise Problem(422, "The upload is empty. Choose a scene file, and the textures that it needs.")
+    main = form.fields.get("main", "").strip()
+    if main:
+        main = safe_name(main)
+        if main not in files:
+            raise Problem(422, f"main: there is no file {main} in the upload.")
+    try:
+        picked, warnings = pick_main([main] if main else list(files))
+    except SceneError as error:
+        raise Problem(422, str(error)) from None
+    if files[picked].size == 0:
+        raise Problem(422, f"The scene file {picked} is empty.")
+    notes += warnings
+    environment = form.fields.get("environment", "").strip() or None
+    if environment is not None:
+        environment = safe_name(environment)
+        if environment not in files:
+            raise Problem(422, f"environment: there is no file {environment} in the upload.")
+    return picked, environment
+
+
+@dataclass(frozen=True)
+class _Stripped:
+    files: dict[str, BlobWriter]
+    main: str
+    folder: str
+
+    def strip(self, name: str) -> str:
+        return name.removeprefix(self.folder)
+
+
+def _strip_common_folder(files: dict[str, BlobWriter], main: str) -> _Stripped:
+    """Drop the folders that all files share: a folder or its zip, dropped whole, is the same scene as its content."""
+    folder = "".join(f"{part}/" for part in PurePosixPath(main).parts[:-1])
+    while folder and not all(name.startswith(folder) for name in files):
+        folder = folder[: folder.rstrip("/").rfind("/") + 1]
+    return _Stripped({name.removeprefix(folder): w for name, w in files.items()}, main.removeprefix(folder), folder)

@@ -1,0 +1,63 @@
+"""Who renders: the workers' own reports, under keys that expire when nobody renews them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import redis
+
+from worker.contract import WORKER_KEYS, WorkerReport
+
+__all__ = ["LOOK_EVERY_S", "Workers"]
+
+LOOK_EVERY_S = 1.0
+
+
+class Workers:
+    """The latest look at the workers. Read by all threads, renewed by the engine's; every look makes a new dict."""
+
+    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None]) -> None:
+        self._redis = connection
+        self._on_change = on_change
+        self._looked = 0.0
+        self.reports: dict[str, WorkerReport] = {}
+
+    def look(self) -> bool:
+        """Renew the reports where they are older than a second; True where that was done. Raises redis.RedisError."""
+        now = time.monotonic()
+        if now - self._looked < LOOK_EVERY_S:
+            return False
+        self._looked = now
+        reports = {}
+        keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
+        values: Any = self._redis.mget(keys) if keys else []
+        for value in values:
+            try:
+                report = WorkerReport.from_bytes(value)
+            except (TypeError, ValueError):
+                continue  # expired between the two calls, or of another version
+            reports[report.name] = report
+        old, self.reports = self.reports, reports
+        for name in old.keys() | reports.keys():
+            if old.get(name) != reports.get(name):
+                self._on_change(name)
+        return True
+
+    def ready(self) -> list[WorkerReport]:
+        """The workers that take work."""
+        return [report for report in self.reports.values() if report.state == "ready"]
+
+    def slots(self, kind: str) -> int:
+        """The slots of the ready workers of a kind."""
+        return sum(report.slots for report in self.ready() if report.kind == kind)
+
+    def best_kind(self) -> str | None:
+        """The kind with most slots; None where no worker is ready."""
+        kinds = {report.kind for report in self.ready()}
+        return max(sorted(kinds), key=self.slots, default=None)
+
+    def current(self) -> list[dict[str, Any]]:
+        """What all slots do now."""
+        return [doing for report in self.reports.values() for doing in report.current if doing]

@@ -1,0 +1,102 @@
+"""What the farm costs: samples per second through it against the same frame in one process, and the time to the first tile.
+
+    python3 farm.py bench farm [--cold]
+
+Targets: the farm reaches at least 0.9 of a render without it; a first tile after 40 s from an empty kernel cache (--cold),
+after 2 s from a warm one. One run measures both sides, so that only the ratio counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from rayfarm.client import Client
+from tests.helpers import ROOT, Farm, start_farm, stop_farm
+
+SCENE = ROOT / "scenes" / "cornell-box.yaml"
+REQUEST = {"width": 512, "height": 512, "max_depth": 8}
+
+
+def main() -> None:
+    """Measure, print, done."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--spp", type=int, default=256)
+    parser.add_argument("--slots", type=int, default=2)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--cold", action="store_true", help="also from an empty kernel cache (half a minute of compiling)")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name:
+        folder = Path(name)
+        if options.cold:
+            seconds, _ = first_tile(folder / "cold", options.slots, RAYFARM_CACHE=str(folder / "cache"))
+            print(f"start to first tile, empty kernel cache   {seconds:6.2f} s   (target < 40)")
+        alone(folder, options.slots, 1)  # the kernels are in the cache from here on
+        seconds, after_submit = first_tile(folder / "warm", options.slots)
+        print(f"start to first tile, warm                 {seconds:6.2f} s")
+        print(f"submit to first tile on a running farm    {after_submit:6.2f} s   (target < 2)")
+        farm = start_farm(folder / "data", options.slots)
+        try:
+            ratios = []
+            for _ in range(options.rounds):
+                one = alone(folder, options.slots, options.spp)
+                many = through(farm, options.spp)
+                ratios.append(many / one)
+                print(f"without a farm {one / 1e6:.2f}, with one {many / 1e6:.2f} M samples/s, ratio {many / one:.3f}")
+            print(f"median ratio {sorted(ratios)[len(ratios) // 2]:.3f}   (target >= 0.9)")
+        finally:
+            stop_farm(farm)
+
+
+def alone(folder: Path, threads: int, spp: int) -> float:
+    """Samples per second of `rayfarm render`, compilation and reading left out."""
+    command = [sys.executable, "-m", "rayfarm", "render", str(SCENE), "-o", str(folder / "alone.exr"), f"--spp={spp}"]
+    command += [f"--threads={threads}", "--size=512x512", "--max-depth=8", f"--stats={folder / 'stats.json'}"]
+    subprocess.run(command, cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
+    return float(json.loads((folder / "stats.json").read_text())["samples_per_s"])
+
+
+def through(farm: Farm, spp: int) -> float:
+    """Samples per second through the farm, from the request to the finished job."""
+    with farm.client() as client:
+        scene = client.wait_for_scene(client.upload([SCENE])["id"])
+        begun = time.perf_counter()
+        job = client.submit(scene["id"], spp=spp, **REQUEST)["id"]
+        while client.job(job)["state"] != "finished":
+            time.sleep(0.02)
+        return REQUEST["width"] * REQUEST["height"] * spp / (time.perf_counter() - begun)
+
+
+def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float]:
+    """Seconds to the first tile: from the start of the farm, and of a second job from its request."""
+    begun = time.perf_counter()
+    farm = start_farm(data, slots, until=b"is up at", **environment)
+    try:
+        with farm.client() as client:
+            scene = client.upload([SCENE])["id"]
+            from_start = _samples_of(client, client.submit(scene, spp=64, **REQUEST)["id"]) - begun
+            again = time.perf_counter()
+            from_submit = _samples_of(client, client.submit(scene, spp=64, seed=1, **REQUEST)["id"]) - again
+        return from_start, from_submit
+    finally:
+        stop_farm(farm)
+
+
+def _samples_of(client: Client, job: str) -> float:
+    """When the job has its first samples; then it is cancelled."""
+    while not client.job(job)["samples"]:
+        time.sleep(0.01)
+    now = time.perf_counter()
+    client.change(job, state="cancelled")
+    return now
+
+
+if __name__ == "__main__":
+    os.chdir(ROOT)
+    main()

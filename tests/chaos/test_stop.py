@@ -1,0 +1,64 @@
+"""However a farm ends, no process of it is left."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
+
+pytestmark = pytest.mark.farm
+
+
+def gone(processes: list[psutil.Process]) -> bool:
+    return not any(p.is_running() and p.status() != psutil.STATUS_ZOMBIE for p in processes)
+
+
+@pytest.mark.parametrize(
+    ("signals", "seconds"),
+    [
+        ([signal.SIGINT], 10),
+        ([signal.SIGINT, signal.SIGINT], 3),
+        ([signal.SIGTERM], 10),
+        ([signal.SIGHUP], 10),
+        ([signal.SIGKILL], 3),
+    ],
+    ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "SIGKILL"],
+)
+def test_nothing_is_left(tmp_path: Path, signals: list[signal.Signals], seconds: float) -> None:
+    farm = start_farm(tmp_path / "data", 2)
+    try:
+        family = farm.family()
+        assert len(family) >= 6, f"up, redis, service, worker and two slots: {family}"
+        begun = time.monotonic()
+        for number in signals:
+            farm.process.send_signal(number)
+            time.sleep(0.1)
+        code = farm.process.wait(seconds)
+        wait_until(lambda: gone(family), 2, f"all have ended: {family}")
+        assert time.monotonic() - begun < seconds + 2
+        if signals[0] != signal.SIGKILL:
+            assert code == 0
+            assert not (farm.data / "farm.json").exists()
+            assert "Nothing is left running" in farm.log.read_text()
+    finally:
+        stop_farm(farm)
+
+
+def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tmp_path: Path) -> None:
+    port = farm.url.rpartition(":")[2]
+    for arguments, sentence in (
+        ([f"--data={farm.data}", "--port=0"], f"already runs on {farm.data} at {farm.url}"),
+        ([f"--data={tmp_path}", f"--port={port}"], f"Port {port} of 127.0.0.1 is in use"),
+    ):
+        command = [sys.executable, "-m", "rayfarm", "up", "--no-browser", "--workers=0", *arguments]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30)
+        assert done.returncode == 1
+        assert sentence in done.stderr
+        assert "Traceback" not in done.stderr

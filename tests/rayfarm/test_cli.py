@@ -1,0 +1,160 @@
+"""The program as a person starts it: help that teaches, pictures, sentences for what is wrong, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+from PIL import Image
+
+from tests.helpers import ROOT, wait_until
+
+CORNELL = ROOT / "scenes" / "cornell-box.yaml"
+COMMANDS = ("up", "worker", "render", "submit", "jobs", "info")
+
+
+def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rayfarm", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=ROOT, env={**os.environ, "COLUMNS": "160", **environment}, capture_output=True, text=True, timeout=120
+    )
+
+
+def read(path: Path) -> tuple[np.ndarray, list[str]]:
+    file = oiio.ImageInput.open(str(path))
+    try:
+        return file.read_image(), list(file.spec().channelnames)
+    finally:
+        file.close()
+
+
+def test_help_names_every_command() -> None:
+    done = rayfarm("--help")
+    assert done.returncode == 0
+    assert all(command in done.stdout for command in COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_teaches_by_example(command: str) -> None:
+    done = rayfarm(command, "--help")
+    assert done.returncode == 0
+    assert f"rayfarm {command}" in done.stdout
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "exr", "hdr"])
+def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
+    picture = tmp_path / f"cornell.{suffix}"
+    done = rayfarm("render", CORNELL, "-o", picture, "--size", "24x16", "--spp", "4", "--max-depth", "3")
+    assert done.returncode == 0, done.stderr
+    if suffix in ("png", "jpg"):
+        with Image.open(picture) as image:
+            assert image.size == (24, 16)
+            assert np.asarray(image).max() > 50
+    else:
+        pixels, _ = read(picture)
+        assert pixels.shape[:2] == (16, 24)
+        assert pixels.max() > 1.0  # the lamp, brighter than white: the file is scene-linear
+
+
+def test_render_writes_aovs_and_stats_and_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
+    for threads in (1, 2):
+        done = rayfarm(
+            "render", CORNELL, "-o", tmp_path / f"{threads}.exr", "--size=32x32", "--spp=4", f"--threads={threads}",
+            "--aov=albedo,normal,depth", "--stats", tmp_path / "stats.json",
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+    one, names = read(tmp_path / "1.exr")
+    two, _ = read(tmp_path / "2.exr")
+    assert np.array_equal(one, two)
+    assert {"R", "G", "B", "albedo.R", "normal.X", "depth"} <= set(names)
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    assert stats["samples"] == 32 * 32 * 4
+    assert {"load_s", "build_s", "compile_s", "render_s", "samples_per_s", "peak_memory_bytes"} <= set(stats)
+
+
+def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -> None:
+    """What a failed batch's command does: the sum of the parts is the picture."""
+    common = ["render", str(CORNELL), "--size=32x32"]
+    assert rayfarm(*common, "-o", tmp_path / "whole.exr", "--spp=4").returncode == 0
+    for first in (0, 2):
+        done = rayfarm(*common, "-o", tmp_path / f"part{first}.exr", "--tile=8,8,16,16", f"--first={first}", "--spp=2")
+        assert done.returncode == 0, done.stderr
+    whole, _ = read(tmp_path / "whole.exr")
+    parts = [read(tmp_path / f"part{first}.exr")[0] for first in (0, 2)]
+    np.testing.assert_allclose((parts[0] + parts[1])[8:24, 8:24] / 2, whole[8:24, 8:24], rtol=1e-5, atol=1e-6)
+    assert not parts[0][:8].any()
+
+
+def test_info_is_for_people_and_programs() -> None:
+    done = rayfarm("info", CORNELL)
+    assert done.returncode == 0, done.stderr
+    assert "front" in done.stdout
+    summary = json.loads(rayfarm("info", CORNELL, "--json").stdout)
+    assert summary["counts"]["triangles"] == 36
+    assert summary["cameras"][0]["name"] == "front"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["render", "missing.glb", "-o", "out.png"], 1, "There is no file missing.glb"),
+        (["render", str(CORNELL), "-o", "out.gif"], 1, "written as .png"),
+        (["render", str(CORNELL), "-o", "nowhere/out.png"], 1, "There is no folder nowhere"),
+        (["render", str(CORNELL), "-o", "out.png", "--size", "big"], 1, "as --size 1920x1080"),
+        (["render", str(CORNELL), "-o", "out.png", "--size", "0x10"], 1, "width is 0"),
+        (["render", str(CORNELL), "-o", "out.png", "--camera", "side"], 1, "no camera 'side'"),
+        (["render", str(CORNELL), "-o", "out.png", "--integrator", "magic"], 1, "integrator is 'magic'"),
+        (["render", str(CORNELL), "-o", "out.png", "--aov", "albedo"], 1, "--aov needs an .exr"),
+        (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "--aov 'mood' is not known"),
+        (["render", str(CORNELL), "-o", "out.png", "--size=8x8", "--tile=4,4,8,8"], 1, "--tile reaches out"),
+        (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
+        (["render", str(CORNELL)], 2, "--output"),
+        (["render", str(CORNELL), "-o", "out.png", "--spp", "0"], 2, "--spp"),
+        (["info", "README.docx"], 1, "There is no file"),
+        (["jobs", "--server", "http://127.0.0.1:9"], 1, "No farm answers at http://127.0.0.1:9"),
+        (["submit", str(CORNELL), "--server", "http://127.0.0.1:9"], 1, "Start one with `rayfarm up`"),
+        (["worker", "--join", "http://127.0.0.1:9"], 1, "A worker shows the farm's token"),
+        (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is no address of this machine"),
+    ],
+)
+def test_what_is_wrong_is_a_sentence_and_an_exit_code(tmp_path: Path, arguments: list[str], code: int, sentence: str) -> None:
+    done = rayfarm(*arguments, RAYFARM_DATA=str(tmp_path / "data"), RAYFARM_TOKEN="")
+    assert done.returncode == code, done.stderr
+    assert sentence in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+def test_debug_shows_where_an_error_came_from() -> None:
+    assert "Traceback" in rayfarm("--debug", "render", "missing.glb", "-o", "out.png").stderr
+
+
+def test_a_damaged_file_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "noise.glb").write_bytes(b"glTF" + bytes(range(256)))
+    done = rayfarm("info", tmp_path / "noise.glb")
+    assert done.returncode == 1
+    assert "noise.glb" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_ctrl_c_ends_a_render_at_once_and_leaves_no_half_picture(tmp_path: Path) -> None:
+    picture = tmp_path / "long.png"
+    command = [sys.executable, "-m", "rayfarm", "render", str(CORNELL), "-o", str(picture), "--spp=100000"]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    import psutil
+
+    wait_until(lambda: sum(psutil.Process(process.pid).cpu_times()[:2]) > 4, 60, "it renders")
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert time.monotonic() - begun < 10
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []

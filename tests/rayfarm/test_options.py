@@ -1,0 +1,61 @@
+"""Options are read once and for both commands; what is wrong with one is said with an example of what is right."""
+
+from pathlib import Path
+
+import pytest
+
+from rayfarm import options
+from rayfarm.errors import CommandError
+from renderer.settings import Tile, View
+
+CAMERAS = [
+    {"name": "front", "view": {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40.0}},
+    {"name": "top", "view": {"eye": [0, 9, 0], "target": [0, 0, 0], "up": [0, 0, -1], "fov": 30.0}},
+]
+
+
+def test_numbers_are_read() -> None:
+    assert options.parse_vec3("1,-2.5,3e2", "--eye") == (1.0, -2.5, 300.0)
+    assert options.parse_size("1920X1080") == (1920, 1080)
+    assert options.parse_tile("8,16,32,64") == Tile(8, 16, 32, 64)
+
+
+@pytest.mark.parametrize("text", ["1,2", "1,2,x", "", "1,2,nan", "1,2,inf"])
+def test_a_wrong_vector_names_its_option(text: str) -> None:
+    with pytest.raises(CommandError, match="--target is"):
+        options.parse_vec3(text, "--target")
+
+
+@pytest.mark.parametrize("text", ["1920", "x", "10x", "1.5x2"])
+def test_a_wrong_size_gets_an_example(text: str) -> None:
+    with pytest.raises(CommandError, match="as --size 1920x1080"):
+        options.parse_size(text)
+
+
+def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
+    sky = tmp_path / "sky,1,2.exr"
+    sky.touch()
+    assert options.environment_of(str(sky)) == (sky, None)
+    assert options.environment_of("1,0.5,0") == (None, (1.0, 0.5, 0.0))
+    assert options.environment_of(None) == (None, None)
+    with pytest.raises(CommandError, match="no such file"):
+        options.environment_of("sky.exr")
+    with pytest.raises(CommandError, match="cannot be negative"):
+        options.environment_of("1,-1,1")
+
+
+def test_a_camera_is_chosen_by_name_or_number_and_then_changed() -> None:
+    assert options.choose_view(CAMERAS, None, None, None, None, None) == View((0, 1, 5), (0, 1, 0), (0, 1, 0), 40.0)
+    assert options.choose_view(CAMERAS, "top", None, None, None, None).eye == (0, 9, 0)
+    assert options.choose_view(CAMERAS, "1", None, None, None, None).eye == (0, 9, 0)
+    assert options.choose_view(CAMERAS, "0", "1,2,3", None, None, 20.0) == View((1, 2, 3), (0, 1, 0), (0, 1, 0), 20.0)
+
+
+def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
+    with pytest.raises(CommandError, match="0: front, 1: top"):
+        options.choose_view(CAMERAS, "side", None, None, None, None)
+
+
+def test_an_impossible_view_says_why() -> None:
+    with pytest.raises(CommandError, match="eye and target are the same point"):
+        options.choose_view(CAMERAS, None, "0,1,0", None, None, None)

@@ -1,0 +1,80 @@
+"""Which files belong to a scene that a person names."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from rayfarm.errors import CommandError
+from rayfarm.scene_files import belonging, opened
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    (tmp_path / "textures").mkdir()
+    (tmp_path / "room.obj").write_text("mtllib room.mtl\nv 0 0 0\n")
+    (tmp_path / "room.mtl").write_text("newmtl a\nmap_Kd textures/old floor.png\n")
+    (tmp_path / "textures" / "old floor.png").write_bytes(b"png")
+    (tmp_path / "diary.txt").write_text("not for the farm")
+    (tmp_path / "other.obj").write_text("v 1 1 1\n")
+    return tmp_path
+
+
+def test_what_a_file_names_is_taken_along_and_nothing_else(room: Path) -> None:
+    assert set(belonging(room / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
+
+
+def test_names_in_urls_are_understood(tmp_path: Path) -> None:
+    (tmp_path / "a b.bin").write_bytes(b"\0")
+    (tmp_path / "scene.gltf").write_text('{"buffers": [{"uri": "a%20b.bin"}]}')
+    assert set(belonging(tmp_path / "scene.gltf")) == {"scene.gltf", "a b.bin"}
+
+
+def test_a_folder_is_taken_whole_but_for_junk(room: Path) -> None:
+    (room / ".DS_Store").touch()
+    assert set(belonging(room)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
+
+
+def test_an_environment_from_elsewhere_is_brought_into_the_scenes_folder(
+    room: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    sky = tmp_path_factory.mktemp("skies") / "sky.exr"
+    sky.write_bytes(b"exr")
+    with opened(room / "room.obj", sky) as (folder, main, inside):
+        assert main == "room.obj"
+        assert inside is not None
+        assert (folder / inside).read_bytes() == b"exr"
+        assert (folder / "textures" / "old floor.png").exists()
+        assert folder != room
+    assert not folder.exists()
+    assert sky.exists()
+
+
+def test_a_zip_is_unpacked_for_the_while(room: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "room.zip"
+    with zipfile.ZipFile(archive, "w") as packed:
+        packed.write(room / "room.obj", "inside/room.obj")
+        packed.writestr("__MACOSX/room.obj", "junk")
+        packed.writestr("../climbing.obj", "v 0 0 0")
+    with opened(archive) as (folder, main, _):
+        assert (folder / main).exists()
+        assert (folder / "inside" / "room.obj").exists()
+        assert not (folder.parent / "climbing.obj").exists()
+        assert not (folder / "__MACOSX").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("missing.glb", None, "There is no file"),
+        ("empty.glb", b"", "empty.glb is empty"),
+        ("notes.docx", b"text", "notes.docx is no scene that Rayfarm reads"),
+        ("broken.zip", b"PK no zip", "broken.zip cannot be unpacked"),
+    ],
+)
+def test_what_is_no_scene_gets_a_sentence(tmp_path: Path, name: str, content: bytes | None, sentence: str) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CommandError, match=sentence), opened(path):
+        pass

@@ -1,0 +1,114 @@
+"""Parts are restarted, stopped in order, and nothing is left of them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from rayfarm.local.supervisor import Part, Supervisor
+from tests.helpers import ROOT, wait_until
+
+SLEEPER = [sys.executable, "-c", "import time; print('begun', flush=True); time.sleep(100)"]
+FAMILY = [
+    sys.executable,
+    "-c",
+    "import signal, subprocess, sys, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
+    "p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(100)']); print(p.pid, flush=True); time.sleep(100)",
+]
+
+
+@pytest.fixture
+def said() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def supervisor(said: list[str]):
+    made = Supervisor(ROOT, said.append)
+    yield made
+    made.stop(lambda: True)
+
+
+def test_a_part_that_dies_is_started_again_and_it_is_said(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+    part = Part("sleeper", SLEEPER, tmp_path / "log")
+    supervisor.start(part)
+    first = part.process
+    assert first is not None
+    first.kill()
+    first.wait()
+    wait_until(lambda: supervisor.tend() is None and part.running, 5, "the part runs again")
+    assert part.process is not None
+    assert part.process.pid != first.pid
+    assert len(said) == 1
+    assert "sleeper ended (by SIGKILL)" in said[0]
+
+
+def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+    part = Part("broken", [sys.executable, "-c", "raise SystemExit(7)"], tmp_path / "log")
+    supervisor.start(part)
+    deadline = time.monotonic() + 2.5
+    while time.monotonic() < deadline:
+        supervisor.tend()
+        time.sleep(0.02)
+    assert 2 <= len(said) <= 4
+    assert "exit code 7" in said[0]
+
+
+def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
+    part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
+    supervisor.start(part)
+    ended: list[Part | None] = []
+    wait_until(lambda: ended.append(supervisor.tend()) or ended[-1] is part, 5, "the part is given up")
+
+
+def test_stopping_takes_along_what_a_part_has_started(supervisor: Supervisor, tmp_path: Path) -> None:
+    part = Part("family", FAMILY, tmp_path / "log", grace_s=0.3)
+    supervisor.start(part)
+    wait_until(lambda: part.last_words().strip().isdigit(), 5, "the grandchild runs")
+    grandchild = int(part.last_words())
+    assert psutil.pid_exists(grandchild)
+    supervisor.stop()
+    wait_until(lambda: not _runs(grandchild), 5, "the grandchild has ended")
+
+
+def test_hurry_does_not_wait(supervisor: Supervisor, tmp_path: Path) -> None:
+    part = Part("family", FAMILY, tmp_path / "log", grace_s=60)
+    supervisor.start(part)
+    wait_until(lambda: part.last_words().strip().isdigit(), 5, "it runs")
+    begun = time.monotonic()
+    supervisor.stop(hurry=lambda: True)
+    assert time.monotonic() - begun < 2
+
+
+def test_parts_end_with_a_supervisor_that_is_killed(tmp_path: Path) -> None:
+    program = f"""
+import sys, time
+from pathlib import Path
+from rayfarm.local.supervisor import Part, Supervisor
+s = Supervisor(Path("."), print)
+part = Part("sleeper", {SLEEPER!r}, Path({str(tmp_path / "log")!r}))
+s.start(part)
+print(part.process.pid, flush=True)
+time.sleep(100)
+"""
+    parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, cwd=ROOT)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    os.kill(parent.pid, signal.SIGKILL)
+    parent.wait()
+    parent.stdout.close()
+    wait_until(lambda: not _runs(child), 5, "the part has ended")
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False

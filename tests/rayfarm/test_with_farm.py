@@ -1,0 +1,135 @@
+"""The commands and the client that talk to a farm, against a real one."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+
+from rayfarm.client import Client, ClientError
+from tests.helpers import ROOT, Farm, wait_until
+
+pytestmark = pytest.mark.farm
+
+CORNELL = ROOT / "scenes" / "cornell-box.yaml"
+SMALL = ["--size=48x32", "--spp=16", "--max-depth=4"]
+
+
+def start(*arguments: str | Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "rayfarm", *map(str, arguments)]
+    env = {**os.environ, "COLUMNS": "160", "RAYFARM_TOKEN": ""}
+    return subprocess.Popen(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def run(*arguments: str | Path) -> tuple[int, str, str]:
+    process = start(*arguments)
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def pixels(path: Path) -> np.ndarray:
+    file = oiio.ImageInput.open(str(path))
+    try:
+        return file.read_image()[..., :3]
+    finally:
+        file.close()
+
+
+def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) -> None:
+    code, out, err = run("submit", CORNELL, "--server", farm.url, "--wait", "-o", tmp_path / "farm.exr", *SMALL)
+    assert code == 0, err
+    job = out.strip()
+    assert run("render", CORNELL, "-o", tmp_path / "alone.exr", *SMALL)[0] == 0
+    assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
+
+    code, out, _ = run("jobs", "--server", farm.url)
+    assert code == 0
+    assert any(job in line and "finished" in line and "100 %" in line for line in out.splitlines()), out
+    shown = json.loads(run("jobs", job, "--json", "--server", farm.url)[1])
+    assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
+
+
+def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
+    sky = np.full((16, 32, 3), 0.25, np.float32)
+    file = oiio.ImageOutput.create(str(tmp_path / "sky.exr"))
+    file.open(str(tmp_path / "sky.exr"), oiio.ImageSpec(32, 16, 3, "float"))
+    file.write_image(sky)
+    file.close()
+    (tmp_path / "ball.yaml").write_text(
+        "shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: white}]\nmaterials: {white: {kind: diffuse, color: 1}}\n"
+    )
+    arguments = [f"--env={tmp_path / 'sky.exr'}", "--size=16x16", "--spp=64", "--eye=0,0,4", "--target=0,0,0"]
+    code, _, err = run("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "ball.exr", *arguments)
+    assert code == 0, err
+    # A white ball in even light is as bright as the light: the furnace.
+    assert pixels(tmp_path / "ball.exr").mean() == pytest.approx(0.25, rel=0.02)
+
+
+def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "noise.glb").write_bytes(b"glTF" + os.urandom(200))
+    code, _, err = run("submit", tmp_path / "noise.glb", "--server", farm.url)
+    assert code == 1
+    assert "noise.glb" in err
+    assert "Traceback" not in err
+
+
+def test_ctrl_c_leaves_the_job_running_and_says_how_to_find_it(farm: Farm) -> None:
+    process = start("submit", CORNELL, "--server", farm.url, "--wait", "--size=256x256", "--spp=100000")
+    assert process.stdout is not None
+    job = process.stdout.readline().strip()
+    with farm.client() as client:
+        try:
+            wait_until(lambda: client.job(job)["samples"] > 0, 60, "the job has begun")
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=10)
+            assert process.returncode == 130
+            assert f"rayfarm jobs {job}" in err
+            assert client.job(job)["state"] == "running"
+        finally:
+            client.change(job, state="cancelled")
+
+
+def test_a_machine_joins_and_leaves(farm: Farm) -> None:
+    process = start("worker", "--join", farm.url, "--token", farm.token, "--slots", "1", "--name", "second")
+    with farm.client() as client:
+
+        def states() -> dict[str, str]:
+            return {worker["name"]: worker["state"] for worker in client.workers()}
+
+        wait_until(lambda: states().get("second") == "ready", 60, "the second worker is ready")
+        assert len(states()) == 2
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+        assert process.returncode == 0, err
+        wait_until(lambda: "second" not in states(), 10, "the second worker has left")
+
+
+def test_a_wrong_token_is_a_sentence(farm: Farm) -> None:
+    code, _, err = run("worker", "--join", farm.url, "--token", "wrong", "--slots", "1")
+    assert code == 1
+    assert "does not know this token" in err
+
+
+def test_the_client_passes_on_the_services_sentence(farm: Farm) -> None:
+    with farm.client() as client:
+        with pytest.raises(ClientError) as missing:
+            client.job("no-such-job")
+        assert missing.value.status == 404
+        with pytest.raises(ClientError) as wrong:
+            client.submit("no-such-scene", width=16, height=16, spp=1)
+        assert wrong.value.status is not None
+        assert 400 <= wrong.value.status < 500
+
+
+def test_a_farm_that_is_not_there_is_a_sentence() -> None:
+    with Client("http://127.0.0.1:9") as client, pytest.raises(ClientError, match="No farm answers"):
+        client.jobs()
+    with Client("http://exa mple") as client, pytest.raises(ClientError):
+        client.jobs()

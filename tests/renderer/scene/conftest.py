@@ -1,0 +1,49 @@
+import io
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from renderer.scene.load import read
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """`scene(name, data, **further_files)` writes the files and reads the first as a scene."""
+
+    def read_scene(name, data, others=None, **options):
+        for file, content in {name: data, **(others or {})}.items():
+            path = tmp_path / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read(tmp_path, name, **options)
+
+    return read_scene
+
+
+@pytest.fixture(scope="session")
+def png():
+    """`png(r, g, b)` is a 2 x 2 PNG: that colour above, black below."""
+
+    def make(r, g, b):
+        pixels = np.zeros((2, 2, 3), np.uint8)
+        pixels[0] = r, g, b
+        out = io.BytesIO()
+        Image.fromarray(pixels).save(out, "PNG")
+        return out.getvalue()
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def assets():
+    """The folder of sample files, which are no part of the repository."""
+    folder = Path(os.environ.get("RAYFARM_ASSETS", Path(__file__).parents[3].parent / "shared" / "assets"))
+    if not folder.is_dir():
+        pytest.skip(f"no sample files at {folder}; set RAYFARM_ASSETS")
+    return folder

@@ -1,0 +1,282 @@
+"""Untrusted files: only SceneError may come out, with a sentence that names the file; nothing outside is ever opened."""
+
+import json
+import os
+import struct
+
+import numpy as np
+import pytest
+from builders import Gltf
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from renderer.errors import SceneError
+from renderer.scene.files import SceneFiles, data_uri
+from renderer.scene.load import read
+
+TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n"
+SCENE_YAML = """
+materials: {m: {kind: glass, ior: 1.4}, l: {emission: 4}}
+cameras: [{name: c, eye: [0, 0, 5], target: [0, 0, 0]}]
+shapes: [{type: quad, material: l, transform: [{scale: 2}]}, {type: sphere, material: m}]
+"""
+
+
+def full_gltf(png):
+    g = Gltf()
+    texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
+    g.material(pbrMetallicRoughness={"baseColorTexture": {"index": texture}}, emissiveFactor=[1, 1, 1])
+    points = np.random.default_rng(1).random((4, 3), np.float32)
+    node = g.mesh(points, np.array([0, 1, 2, 3], np.uint16), 5, 0, TEXCOORD_0=points[:, :2].copy(), NORMAL=points)
+    node["rotation"] = [0, 0, 0, 1]
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]
+    g.node(camera=0, matrix=np.eye(4).reshape(-1).tolist())
+    return g
+
+
+def edit(path, value):
+    """A change to the JSON of `full_gltf`."""
+
+    def change(root):
+        *parents, last = path
+        for key in parents:
+            root = root[key]
+        if value is None:
+            del root[last]
+        else:
+            root[last] = value
+
+    return change
+
+
+BROKEN_GLTF = {
+    "index out of range": (("accessors", 0, "bufferView"), 99),
+    "accessor too long": (("accessors", 0, "count"), 5),
+    "accessor absurd": (("accessors", 0, "count"), 1 << 40),
+    "accessor empty": (("accessors", 0, "count"), 0),
+    "accessor before its view": (("accessors", 0, "byteOffset"), -4),
+    "accessor of another type": (("accessors", 0, "type"), "MAT4"),
+    "accessor of no type": (("accessors", 0, "componentType"), 7),
+    "view beyond the buffer": (("bufferViews", 1, "byteLength"), 1 << 30),
+    "view before the buffer": (("bufferViews", 1, "byteOffset"), -1),
+    "stride too short": (("bufferViews", 1, "byteStride"), 1),
+    "no buffer": (("bufferViews", 1, "buffer"), 3),
+    "indices are floats": (("meshes", 0, "primitives", 0, "indices"), 0),
+    "node not there": (("scenes", 0, "nodes"), [17]),
+    "node in a loop": (("nodes", 0, "children"), [0]),
+    "node twice": (("scenes", 0, "nodes"), [0, 0]),
+    "matrix too short": (("nodes", 1, "matrix"), [1, 2, 3]),
+    "matrix of words": (("nodes", 1, "matrix"), ["x"] * 16),
+    "mesh not there": (("nodes", 0, "mesh"), 5),
+    "material not there": (("meshes", 0, "primitives", 0, "material"), 5),
+    "texture not there": (("materials", 0, "pbrMetallicRoughness", "baseColorTexture", "index"), 5),
+    "factor of words": (("materials", 0, "emissiveFactor"), "bright"),
+    "scale of infinity": (("nodes", 0, "scale"), [1e400, 1, 1]),
+    "materials no list": (("materials",), {"a": 1}),
+    "nodes of numbers": (("nodes",), [1, 2]),
+    "no attributes": (("meshes", 0, "primitives", 0, "attributes"), None),
+    "glTF 1": (("asset", "version"), "1.0"),
+    "scene not there": (("scene",), 4),
+    "no nodes shown": (("scenes", 0, "nodes"), []),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_GLTF)
+def test_broken_gltf_is_told_what_is_wrong(scene, png, case):
+    g = full_gltf(png)
+    edit(*BROKEN_GLTF[case])(g.root)
+    with pytest.raises(SceneError) as caught:
+        scene("broken.glb", g.glb())
+    assert str(caught.value).startswith("broken.glb: ")
+    assert "Error" not in str(caught.value)  # a sentence of ours, not the backstop's
+
+
+def test_positions_that_are_not_finite(scene):
+    g = Gltf()
+    g.mesh(np.array([(0, 0, 0), (1, np.nan, 0), (0, 1, 0)], np.float32))
+    with pytest.raises(SceneError, match="not finite"):
+        scene("a.glb", g.glb())
+
+
+def test_indices_beyond_the_vertices(scene):
+    g = Gltf()
+    g.mesh(indices=np.array([0, 1, 7], np.uint16))
+    with pytest.raises(SceneError, match="index 7 where there are 3"):
+        scene("a.glb", g.glb())
+
+
+@pytest.mark.parametrize("keep", [0, 3, 4, 11, 19, 30, 200, -1])
+def test_a_cut_glb_is_told_so(scene, png, keep):
+    with pytest.raises(SceneError, match=r"a\.glb"):
+        scene("a.glb", full_gltf(png).glb()[:keep])
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.glb", b"hello"),
+        ("a.gltf", b"{}"),
+        ("a.gltf", b"[" * 100_000),
+        ("a.gltf", b"\xff\xfe\x00"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n"),
+        ("a.ply", b"no ply"),
+        ("a.stl", b"solid"),
+        ("a.stl", bytes(80) + struct.pack("<I", 4_000_000_000)),
+        ("a.off", b"OFF\n3 1 0\n"),
+        ("a.dae", b"<COLLADA>"),
+        ("a.dae", b'<!DOCTYPE x [<!ENTITY a "b">]><COLLADA/>'),
+        ("a.yaml", b"\x00"),
+        ("a.yaml", b"%"),
+        ("a.blend", b"BLENDER"),
+        ("a.obj", bytes(range(256))),
+    ],
+)
+def test_what_is_no_scene(scene, name, data):
+    with pytest.raises(SceneError, match=name):
+        scene(name, data)
+
+
+def test_a_missing_scene_file(tmp_path):
+    with pytest.raises(SceneError, match=r"gone\.glb: is not among the scene's files"):
+        read(tmp_path, "gone.glb")
+
+
+# Ways out of the folder.
+
+
+@pytest.fixture
+def secret(tmp_path):
+    """A file beside the scene's folder, and that folder."""
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (tmp_path / "secret.bin").write_bytes(np.eye(3, dtype=np.float32).tobytes())
+    return folder, tmp_path / "secret.bin"
+
+
+@pytest.mark.parametrize(
+    "form", ["../secret.bin", "{absolute}", "file://{absolute}", "..\\secret.bin", "%2e%2e/secret.bin", "x/../../secret.bin"]
+)
+def test_a_buffer_outside_is_never_opened(secret, form):
+    folder, outside = secret
+    g = Gltf()
+    g.mesh(np.eye(3, dtype=np.float32))
+    (folder / "a.gltf").write_bytes(g.gltf(form.format(absolute=outside)))
+    with pytest.raises(SceneError, match="not among the files"):
+        read(folder, "a.gltf")
+
+
+def test_a_link_that_leads_out_is_never_followed(secret):
+    folder, outside = secret
+    g = Gltf()
+    g.mesh(np.eye(3, dtype=np.float32))
+    (folder / "a.gltf").write_bytes(g.gltf("inside.bin"))
+    (folder / "inside.bin").symlink_to(outside)
+    (folder / "up").symlink_to(folder.parent)
+    with pytest.raises(SceneError, match="not among the files"):
+        read(folder, "a.gltf")
+    files = SceneFiles(folder)
+    for name in ("inside.bin", "up/secret.bin", "../secret.bin", str(outside), "a\0b", "x" * 5000):
+        with pytest.raises(SceneError):
+            files.read(name)
+
+
+def test_a_main_file_outside_is_never_opened(secret):
+    folder, outside = secret
+    outside.with_suffix(".obj").write_text(TRIANGLE_OBJ)
+    with pytest.raises(SceneError, match="leads out"):
+        read(folder, "../secret.obj")
+
+
+def test_a_pipe_is_no_file(tmp_path):
+    os.mkfifo(tmp_path / "a.obj")
+    with pytest.raises(SceneError, match="not among"):
+        read(tmp_path, "a.obj")
+
+
+def test_a_directory_is_no_file(scene):
+    with pytest.raises(SceneError, match="not among"):
+        scene("s.yaml", "shapes: [{type: mesh, file: d.obj}]", {"d.obj/x.txt": b""})
+
+
+def test_an_absurd_data_uri_is_refused(monkeypatch):
+    monkeypatch.setattr("renderer.scene.files.MAX_DATA_URI_BYTES", 1 << 20)
+    with pytest.raises(SceneError, match="MiB"):
+        data_uri("data:;base64," + "A" * (2 << 20), "a.gltf: images[0]")
+
+
+def test_a_large_file_is_refused_unread(tmp_path, monkeypatch):
+    monkeypatch.setattr("renderer.scene.files.MAX_FILE_BYTES", 10)
+    (tmp_path / "a.obj").write_text(TRIANGLE_OBJ)
+    with pytest.raises(SceneError, match="at most"):
+        read(tmp_path, "a.obj")
+
+
+def test_images_that_together_are_too_large_are_left_out(scene, png, monkeypatch):
+    monkeypatch.setattr("renderer.scene.textures.MAX_IMAGE_BYTES", 20)
+    text = "textures: {a: {image: a.png}, b: {image: b.png}}\nshapes: [{type: quad}]"
+    description = scene("s.yaml", text, {"a.png": png(1, 1, 1), "b.png": png(2, 2, 2)})
+    assert len(description.images) == 1
+    assert any("b.png" in w for w in description.warnings)
+
+
+def test_an_environment_that_is_missing_or_no_image(scene):
+    for others, said in (({}, "not among"), ({"sky.hdr": b"no"}, "could not be read")):
+        with pytest.raises(SceneError, match=said):
+            scene("a.obj", TRIANGLE_OBJ, others, environment="sky.hdr")
+
+
+def mutated(data, sample):
+    """The sample cut, bytes changed, and pieces doubled, as a damaged upload or a hostile author would."""
+    found = bytearray(sample[: data.draw(st.integers(0, len(sample)), label="length")] if data.draw(st.booleans()) else sample)
+    for _ in range(data.draw(st.integers(0, 6), label="changes")):
+        if found:
+            at = data.draw(st.integers(0, len(found) - 1))
+            piece = data.draw(
+                st.one_of(st.binary(max_size=4), st.sampled_from([b"-1", b"99999999999", b"null", b"[]", b"1e400", b"\xff" * 4]))
+            )
+            found[at : at + len(piece)] = piece
+    return bytes(found)
+
+
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+@pytest.mark.parametrize("kind", ["glb", "gltf", "obj", "yaml", "ply"])
+def test_damaged_bytes_give_a_scene_or_a_sentence(tmp_path, png, kind, data):
+    samples = {
+        "glb": full_gltf(png).glb(),
+        "gltf": full_gltf(png).gltf(),
+        "obj": TRIANGLE_OBJ.encode(),
+        "yaml": SCENE_YAML.encode(),
+        "ply": b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+        b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    }
+    (tmp_path / f"a.{kind}").write_bytes(mutated(data, samples[kind]))
+    try:
+        description = read(tmp_path, f"a.{kind}")
+    except SceneError as error:
+        assert f"a.{kind}" in str(error)
+    else:
+        assert description.instances or description.spheres
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, png, data):
+    g = full_gltf(png)
+    root = json.loads(g.gltf())
+    for _ in range(data.draw(st.integers(1, 3))):
+        parent, key = root, data.draw(st.sampled_from(sorted(root)))
+        while isinstance(parent[key], dict | list) and parent[key] and data.draw(st.booleans()):
+            parent = parent[key]
+            key = data.draw(st.sampled_from(sorted(parent) if isinstance(parent, dict) else range(len(parent))))
+        parent[key] = data.draw(
+            st.sampled_from(
+                [None, True, -1, 0, 1, 3, 2**31, 2**70, 0.5, float("nan"), float("inf"), "", "a", [], {}, [0], [[]], {"a": 1}]
+            )
+        )
+    (tmp_path / "a.gltf").write_text(json.dumps(root))
+    try:
+        read(tmp_path, "a.gltf")
+    except SceneError as error:
+        assert "a.gltf" in str(error)
+        assert "could not be read as" not in str(error), "the backstop spoke: a reader let a value through unchecked"

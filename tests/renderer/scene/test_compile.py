@@ -1,0 +1,234 @@
+"""Descriptions compiled: what the kernel reads is what the author meant."""
+
+import numpy as np
+import pytest
+from builders import rotation_y
+
+from renderer.errors import SceneError
+from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
+from renderer.scene.description import (
+    Camera,
+    Environment,
+    Image,
+    Instance,
+    Material,
+    Mesh,
+    SceneDescription,
+    Sphere,
+    Texture,
+)
+from renderer.scene.framing import ASPECT, frame
+from renderer.scene.geometry import flatten
+from renderer.scene.readers import shapes
+from renderer.settings import View
+
+ANGLED = np.array([(0, 0, 0), (2, 0, 0), (0, 3, 1)], np.float32)
+ONE = np.array([(0, 1, 2)], np.int32)
+
+
+def described(*meshes, transforms=None, **more):
+    description = SceneDescription(meshes=list(meshes), materials=[Material()], **more)
+    description.instances = [Instance(i, np.eye(4) if transforms is None else transforms[i]) for i in range(len(meshes))]
+    return description
+
+
+def ellipsoid():
+    sphere = shapes.lathe("ball", [(np.sin(a), -np.cos(a)) for a in np.linspace(0, np.pi, 33)], 64)
+    sphere.normals = sphere.positions.copy()
+    return sphere
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_normals_stay_square_to_the_surface_when_it_is_stretched_sheared_and_mirrored(mirror):
+    transform = rotation_y(30) @ np.diag([3.0, mirror * 0.5, 1.0, 1.0])
+    transform[0, 1] += 0.4
+    transform[:3, 3] = 7, 8, 9
+    geometry = flatten(described(ellipsoid(), transforms=[transform]))
+    # The ellipsoid |M^-1 (x - t)| = 1 has the gradient M^-T M^-1 (x - t).
+    inverse = np.linalg.inv(transform[:3, :3])
+    gradient = (geometry.position - transform[:3, 3]) @ inverse.T @ inverse
+    gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
+    np.testing.assert_allclose(geometry.normal, gradient, atol=2e-5)
+    # ... and counter-clockwise is outside still.
+    a, b, c = (geometry.position[geometry.triangle[:, k]] for k in range(3))
+    assert ((np.cross(b - a, c - a) * geometry.normal[geometry.triangle[:, 0]]).sum(axis=1) > 0).all()
+
+
+def test_flat_normals_are_made_where_there_are_none():
+    geometry = flatten(described(Mesh("m", ANGLED, ONE)))
+    expected = np.cross(ANGLED[1] - ANGLED[0], ANGLED[2] - ANGLED[0])
+    np.testing.assert_allclose(geometry.normal, np.tile(expected / np.linalg.norm(expected), (3, 1)), rtol=1e-6)
+
+
+def test_zero_normals_are_replaced_by_those_of_the_faces_around():
+    normals = np.array([(0, 0, 0), (0, 0, 5), (np.nan, 0, 0)], np.float32)
+    mesh = Mesh("m", np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), ONE, normals)
+    np.testing.assert_array_equal(flatten(described(mesh)).normal, [(0, 0, 1)] * 3)
+
+
+def test_triangles_without_area_are_dropped_and_the_rest_kept():
+    positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0)], np.float32)
+    triangles = np.array([(0, 1, 1), (0, 1, 3), (0, 1, 2)], np.int32)
+    geometry = flatten(described(Mesh("m", positions, triangles)))
+    assert geometry.dropped == 2
+    np.testing.assert_array_equal(geometry.position[geometry.triangle], positions[[(0, 1, 2)]])
+
+
+def test_a_scene_of_nothing_but_such_triangles_is_an_error():
+    with pytest.raises(SceneError, match="no triangle with an area"):
+        compile_scene(described(Mesh("m", ANGLED, ONE), transforms=[np.diag([0.0, 1, 1, 1]) * 0 + np.diag([0, 0, 0, 1.0])]))
+
+
+def test_too_many_triangles_are_refused_before_they_are_made(monkeypatch):
+    monkeypatch.setattr("renderer.scene.geometry.MAX_TRIANGLES", 10)
+    description = described(shapes.quad("q"))
+    description.instances *= 6
+    with pytest.raises(SceneError, match="fewer instances"):
+        compile_scene(description)
+
+
+def test_a_transform_beyond_float32_is_an_error():
+    with pytest.raises(SceneError, match="beyond"):
+        compile_scene(described(Mesh("far", ANGLED, ONE), transforms=[np.diag([1e30, 1e30, 1e30, 1.0])]))
+
+
+def test_an_instances_material_replaces_the_meshs():
+    description = described(shapes.quad("a"), shapes.quad("b"))
+    description.materials.append(Material("other"))
+    description.instances[1].material = 1
+    assert flatten(description).triangle_material.tolist() == [0, 0, 1, 1]
+
+
+def test_lights_are_chosen_by_power():
+    description = described(shapes.quad("lamp"), shapes.quad("wall"))
+    description.materials = [
+        Material("lamp", emission=(1.0, 1.0, 1.0), double_sided=True),
+        Material("wall"),
+        Material("ball", emission=(0.0, 2.0, 0.0)),
+    ]
+    description.meshes[1].material = 1
+    description.spheres = [Sphere((0, 5, 0), 0.5, 1), Sphere((0, 9, 0), 0.5, 2)]
+    scene = compile_scene(description)
+    assert scene.light_primitive.tolist() == [0, 1, 5]
+    assert scene.triangle_light.tolist() == [0, 1, -1, -1]
+    assert scene.sphere_light.tolist() == [-1, 2]
+    np.testing.assert_allclose(scene.light_area, [2, 2, np.pi], rtol=1e-6)
+    powers = np.array([2 * 2, 2 * 2, np.pi * 2 * 0.7152])  # area, sides, luminance
+    np.testing.assert_allclose(np.diff(scene.light_cdf), powers / powers.sum(), rtol=1e-5)
+    assert scene.light_cdf[0] == 0
+    assert scene.light_cdf[-1] == 1
+
+
+def test_textured_emission_counts_by_its_mean():
+    pixels = np.zeros((2, 2, 4), np.uint8)
+    pixels[0, 0] = 255
+    description = described(shapes.quad("a"), shapes.quad("b"))
+    description.images, description.textures = [Image("i", pixels)], [Texture(0)]
+    description.materials = [Material(emission=(1, 1, 1), emission_texture=0), Material(emission=(1, 1, 1))]
+    description.meshes[1].material = 1
+    np.testing.assert_allclose(np.diff(compile_scene(description).light_cdf), [0.1, 0.1, 0.4, 0.4], rtol=1e-5)
+
+
+def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
+    pixels = np.zeros((1, 2, 3), np.float32)
+    pixels[0, 0], pixels[0, 1] = (8, 4, 0), (0.5, 0.5, 0.5)
+    description = described(shapes.quad("a"))
+    description.images, description.textures = [Image("i", pixels)], [Texture(0, "clamp", "mirror")]
+    description.materials = [Material(emission=(1, 1, 1), emission_texture=0, base_color_texture=0)]
+    scene = compile_scene(description)
+    np.testing.assert_array_equal(scene.material[0, 3:6], [8, 8, 8])
+    base, emission = scene.texture[scene.material_texture[0, 0]], scene.texture[scene.material_texture[0, 1]]
+    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, 1]
+    assert scene.texel[base[0]].tolist() == [255, 255, 0, 255]
+    assert scene.texel[emission[0]].tolist() == [255, 188, 0, 255]  # 0.5 in sRGB
+
+
+def test_one_image_in_several_textures_is_packed_once():
+    description = described(shapes.quad("a"))
+    description.images = [Image("i", np.full((2, 3, 4), 7, np.uint8))]
+    description.textures = [Texture(0), Texture(0, "clamp", "clamp")]
+    description.materials = [Material(base_color_texture=0), Material(base_color_texture=1)]
+    scene = compile_scene(description)
+    assert scene.texel.shape == (6, 4)
+    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1], [0, 3, 2, 2, 2, 1]]
+
+
+def test_environment_tables_are_cdfs_of_luminance_and_solid_angle():
+    pixels = np.random.default_rng(2).random((8, 16, 3), np.float32)
+    pixels[3] = 0
+    description = described(shapes.quad("a"), images=[Image("sky", pixels)])
+    description.environment = Environment((2.0, 1.0, 1.0), 0, strength=3.0, rotation=90.0)
+    scene = compile_scene(description)
+    np.testing.assert_allclose(scene.environment, pixels * np.float32([6, 3, 3]), rtol=1e-6)
+    bright = scene.environment.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
+    edges = np.cos(np.arange(9) * np.pi / 8)
+    rows = bright.mean(axis=1) * (edges[:-1] - edges[1:])
+    np.testing.assert_allclose(np.diff(scene.environment_marginal), rows / rows.sum(), atol=1e-6)
+    expected = bright[0] / bright[0].sum()
+    np.testing.assert_allclose(np.diff(scene.environment_conditional[0]), expected, atol=1e-6)
+    np.testing.assert_allclose(np.diff(scene.environment_conditional[3]), 1 / 16, atol=1e-6)  # black rows stay samplable
+    cosine, sine, mean, chance = scene.environment_frame
+    assert (cosine, sine) == pytest.approx((0, 1), abs=1e-6)
+    assert mean == pytest.approx(rows.sum() / 2, rel=1e-5)
+    assert chance == 1  # nothing else shines
+
+
+def test_the_choice_between_sky_and_lamps_follows_power_yet_starves_neither():
+    lamp = shapes.quad("lamp")
+    chances = []
+    for strength in (0.0, 1e-6, 1.0, 1e6):
+        description = described(lamp, environment=Environment(strength=strength))
+        description.materials = [Material(emission=(3, 3, 3))]
+        chances.append(float(compile_scene(description).environment_frame[3]))
+    assert chances[0] == 0
+    assert chances[1] == pytest.approx(0.1)
+    # Sky: pi * pi R^2 with R^2 = 2; lamp: pi * 4 * 3.
+    assert chances[2] == pytest.approx(2 * np.pi / (2 * np.pi + 12), rel=1e-5)
+    assert chances[3] == pytest.approx(0.9)
+
+
+def test_every_array_is_read_only_and_the_same_twice():
+    description = described(ellipsoid(), environment=Environment())
+    first, second = compile_scene(description), compile_scene(description)
+    for a, b in zip([*first.bvh, *first[1:]], [*second.bvh, *second[1:]], strict=True):
+        assert a.flags.c_contiguous
+        assert not a.flags.writeable
+        assert a.tobytes() == b.tobytes()
+
+
+def test_progress_is_told_in_order():
+    told = []
+    compile_scene(described(shapes.quad("a")), lambda step, fraction: told.append((step, fraction)))
+    assert [f for _, f in told] == sorted(f for _, f in told)
+    assert told[-1][1] == 1.0
+
+
+def test_the_summary_ends_with_a_camera_that_sees_everything():
+    description = described(shapes.cube("a"), animations=["spin"], warnings=["w"], defaults={"spp": 4})
+    description.spheres = [Sphere((4, 0, 0), 1.5)]
+    description.cameras = [Camera("front", View((0, 0, 9), (0, 0, 8.5), fov=30))]
+    compiled = compile_scene(description)
+    summary = summarise(description, compiled)
+    assert [c["name"] for c in summary["cameras"]] == ["front", AUTO_CAMERA]
+    assert summary["cameras"][0]["view"] == {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30}
+    assert summary["bounds"] == [[-1, -1.5, -1.5], [5.5, 1.5, 1.5]]
+    assert summary["counts"]["triangles"] == 12
+    assert summary["counts"]["spheres"] == 1
+    assert (summary["animations"], summary["warnings"], summary["defaults"]) == (["spin"], ["w"], {"spp": 4})
+
+
+@pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
+def test_the_frame_is_tight_and_holds_every_point(up):
+    points = np.random.default_rng(9).normal(size=(500, 3)) * [5, 1, 2]
+    view = frame(points, up)
+    eye, target = np.array(view.eye), np.array(view.target)
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, view.up)
+    right /= np.linalg.norm(right)
+    above = np.cross(right, forward)
+    depth = (points - eye) @ forward
+    slope = np.tan(np.radians(view.fov / 2))
+    x = np.abs((points - eye) @ right) / (depth * slope * ASPECT)
+    y = np.abs((points - eye) @ above) / (depth * slope)
+    assert depth.min() > 0
+    assert 0.9 < max(x.max(), y.max()) < 1

@@ -1,0 +1,56 @@
+"""scenes/cornell-box.yaml holds what Mitsuba's cornell_box() holds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.scene.load import read
+
+SCENES = Path(__file__).parents[3] / "scenes"
+
+
+@pytest.fixture(scope="module")
+def theirs():
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant("scalar_rgb")
+    return mitsuba.cornell_box()
+
+
+@pytest.fixture(scope="module")
+def ours():
+    return read(SCENES, "cornell-box.yaml")
+
+
+def test_shapes_stand_where_mitsubas_stand(ours, theirs):
+    shapes = {
+        name: shape for name, shape in theirs.items() if isinstance(shape, dict) and "to_world" in shape and name != "sensor"
+    }
+    assert {m.name for m in ours.meshes} == set(shapes)
+    for instance in ours.instances:
+        mesh = ours.meshes[instance.mesh]
+        shape = shapes[mesh.name]
+        assert len(mesh.triangles) == {"rectangle": 2, "cube": 12}[shape["type"]]
+        np.testing.assert_allclose(instance.transform, np.array(shape["to_world"].matrix), atol=1e-6)
+        material = ours.materials[mesh.material]
+        assert material.name == ("light" if mesh.name == "light" else shape["bsdf"]["id"])
+        assert material.base_color == tuple(theirs[shape["bsdf"]["id"]]["reflectance"]["value"])
+        assert material.emission == tuple(shape.get("emitter", {}).get("radiance", {}).get("value", (0, 0, 0)))
+        assert material.kind == "diffuse"
+
+
+def test_the_camera_is_mitsubas(ours, theirs):
+    sensor = theirs["sensor"]
+    view = ours.cameras[0].view
+    assert view.fov == sensor["fov"]  # along the smaller axis; the picture is square
+    matrix = np.array(sensor["to_world"].matrix)
+    np.testing.assert_allclose(view.eye, matrix[:3, 3], atol=1e-6)
+    forward = np.subtract(view.target, view.eye)
+    np.testing.assert_allclose(forward / np.linalg.norm(forward), matrix[:3, 2], atol=1e-6)
+    np.testing.assert_allclose(view.up, matrix[:3, 1], atol=1e-6)
+    assert ours.defaults["max_depth"] == theirs["integrator"]["max_depth"]
+
+
+def test_nothing_is_left_to_warn_of(ours):
+    assert ours.warnings == []
+    assert ours.environment is None

@@ -1,0 +1,119 @@
+"""OBJ and MTL as exporters write them."""
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
+def test_polygons_are_cut_into_fans_and_negative_indices_count_back(scene):
+    description = scene("a.obj", "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 3 0\nv 0 2 0\nf -5 -4 -3 -2 -1\n")
+    mesh = description.meshes[0]
+    corners = mesh.positions[mesh.triangles]
+    expected = [[(0, 0, 0), (2, 0, 0), (2, 2, 0)], [(0, 0, 0), (2, 2, 0), (1, 3, 0)], [(0, 0, 0), (1, 3, 0), (0, 2, 0)]]
+    np.testing.assert_array_equal(corners, expected)
+
+
+def test_uvs_are_turned_to_the_upper_left_and_normals_kept(scene):
+    text = TRIANGLE + "vt 0 0\nvt 1 0.25 0\nvt 0 1\nvn 0 0 2\nf 1/1/1 2/2/1 3/3/1\n"
+    mesh = scene("a.obj", text).meshes[0]
+    np.testing.assert_array_equal(mesh.uvs[mesh.triangles[0]], [(0, 1), (1, 0.75), (0, 0)])
+    np.testing.assert_array_equal(mesh.normals, [(0, 0, 2)] * 3)
+
+
+def test_missing_normals_are_smooth_on_a_sphere_and_sharp_on_a_box(scene):
+    turn = np.radians(np.arange(0, 360, 15))
+    ring = "".join(f"v {np.cos(a)} {np.sin(a)} {z}\n" for z in (0, 1) for a in turn)
+    faces = "".join(f"f {i + 1} {(i + 1) % 24 + 1} {(i + 1) % 24 + 25} {i + 25}\n" for i in range(24))
+    lids = "f " + " ".join(str(i) for i in range(24, 0, -1)) + "\nf " + " ".join(str(i) for i in range(25, 49)) + "\n"
+    mesh = scene("drum.obj", ring + faces + lids).meshes[0]
+    normals = mesh.normals[mesh.triangles].reshape(-1, 3)
+    positions = mesh.positions[mesh.triangles].reshape(-1, 3)
+    side = np.abs(normals[:, 2]) < 0.5
+    np.testing.assert_allclose(normals[side, :2], positions[side, :2], atol=1e-5)  # round: the normal is the radius
+    np.testing.assert_allclose(normals[~side], [(0, 0, 1 if z == 1 else -1) for z in positions[~side, 2]], atol=1e-6)
+
+
+def test_materials_and_names_with_spaces(scene, png):
+    mtl = """
+newmtl dark red paint
+Kd 0.5 0.1 0.1
+map_Kd -s 1 1 1 C:\\Users\\me\\Textures\\My Paint.PNG
+newmtl lamp
+Kd 0 0 0
+Ke 4 3 2
+newmtl polished
+Kd 0.2 0.2 0.2
+Ks 0.9 0.9 0.9
+Ns 96
+newmtl window
+illum 4
+Ni 1.45
+newmtl chrome
+illum 3
+Kd 0 0 0
+Ks 0.9 0.8 0.7
+"""
+    text = TRIANGLE + "mtllib My Materials.mtl\n"
+    text += "".join(f"usemtl {m}\nf 1 2 3\n" for m in ("dark red paint", "lamp", "polished", "window", "chrome"))
+    description = scene("a.obj", text, {"My Materials.mtl": mtl, "maps/my paint.png": png(9, 8, 7)})
+    paint, lamp, polished, window, chrome = (description.materials[m.material] for m in description.meshes)
+    assert paint.base_color == (0.5, 0.1, 0.1)
+    image = description.images[description.textures[paint.base_color_texture].image]
+    assert image.pixels[0, 0, :3].tolist() == [9, 8, 7]
+    assert lamp.emission == (4, 3, 2)
+    assert polished.kind == "metallic_roughness"
+    assert polished.roughness == pytest.approx((2 / 98) ** 0.25)
+    assert (window.kind, window.ior) == ("glass", 1.45)
+    assert (chrome.kind, chrome.base_color) == ("mirror", (0.9, 0.8, 0.7))
+
+
+def test_a_texture_that_is_missing_is_named(scene):
+    mtl = "newmtl m\nKd 0.2 0.3 0.4\nmap_Kd textures/bark.jpg\n"
+    description = scene("a.obj", f"mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n", {"a.mtl": mtl})
+    assert any("bark.jpg" in w for w in description.warnings)
+    assert description.materials[0].base_color == (0.2, 0.3, 0.4)
+    assert description.materials[0].base_color_texture is None
+
+
+def test_a_missing_material_file_is_named(scene):
+    description = scene("a.obj", f"mtllib gone.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n")
+    assert any("gone.mtl" in w for w in description.warnings)
+
+
+def test_the_one_image_beside_a_bare_obj_is_its_texture(scene, png):
+    text = TRIANGLE + "vt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    description = scene("spot/a.obj", text, {"spot/a_texture.png": png(1, 2, 3)})
+    assert description.materials[0].base_color_texture == 0
+    assert any("a_texture.png" in w for w in description.warnings)
+
+
+def test_of_two_images_none_is_taken(scene, png):
+    text = TRIANGLE + "vt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    description = scene("a.obj", text, {"a.png": png(1, 2, 3), "b.png": png(1, 2, 3)})
+    assert description.materials[0].base_color_texture is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("f 1 2 3\n", "v 3 where the file has 0"),
+        (TRIANGLE + "f 1 2 9\n", "names v 9 where the file has 3"),
+        (TRIANGLE + "f 1 2 -9\n", "line 4: a face names element -9 where 3"),
+        (TRIANGLE + "f 1 2 0\n", "line 4"),
+        (TRIANGLE + "f 1 2 x\n", "line 4: 'x' is no corner"),
+        (TRIANGLE + "f 1/4 2/4 3/4\n", "names vt 4"),
+        ("v 0 0\nf 1 1 1\n", "'v 0 0' does not hold 3 numbers"),
+        ("v 0 0 nan\nf 1 1 1\n", "not finite"),
+        ("v 0 0 1e99\nf 1 1 1\n", "not finite"),
+        (TRIANGLE, "no surface"),
+        ("", "no surface"),
+    ],
+)
+def test_what_is_wrong_is_said(scene, text, said):
+    with pytest.raises(SceneError) as caught:
+        scene("a.obj", text)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith("a.obj")

@@ -1,0 +1,123 @@
+"""The service as it runs: uvicorn on a free port, a real Redis, and workers that speak the contract."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import redis
+import uvicorn
+
+from service.farm import Farm
+from service.main import create_app
+from service.settings import Settings
+from tests.service.peer_worker import PeerWorker
+from tests.service.redis_server import RedisServer, free_port
+
+TOKEN = "the farm's token"
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+class Service:
+    """The service on a thread of its own; `restart` is a new life with the same data folder."""
+
+    def __init__(self, data: Path, redis_url: str, **settings: Any) -> None:
+        self.options = {"data": data, "redis_url": redis_url, "token": TOKEN, "batch_deadline": 2.0, **settings}
+        self.start()
+
+    def start(self) -> None:
+        self.port = free_port()
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.app = create_app(Settings(port=self.port, **self.options))
+        config = uvicorn.Config(self.app, port=self.port, log_level="warning", timeout_graceful_shutdown=2)
+        self.server = uvicorn.Server(config)
+        self.thread = threading.Thread(target=self.server.run, daemon=True)
+        self.thread.start()
+        until(lambda: self.server.started, "the service starts")
+        self.http = httpx.Client(base_url=self.url, timeout=20)
+
+    @property
+    def farm(self) -> Farm:
+        farm: Farm = self.app.state.farm
+        return farm
+
+    def stop(self) -> None:
+        self.http.close()
+        self.server.should_exit = True
+        self.thread.join(15)
+        assert not self.thread.is_alive()
+
+    def restart(self) -> None:
+        self.stop()
+        self.start()
+
+    def worker(self, **options: Any) -> PeerWorker:
+        return PeerWorker(self.options["redis_url"], self.url, TOKEN, **options)
+
+    def upload(self, content: bytes = OBJ, name: str = "scene.obj") -> str:
+        answer = self.http.post("/api/scenes", files={"files": (name, content)})
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["id"])
+
+    def scene(self, id: str) -> dict[str, Any]:
+        return self.http.get(f"/api/scenes/{id}").raise_for_status().json()
+
+    def ready_scene(self) -> str:
+        id = self.upload()
+        until(lambda: self.scene(id)["status"] == "ready", "the scene is prepared")
+        return id
+
+    def submit(self, scene: str, **request: Any) -> str:
+        request = {"width": 64, "height": 48, "spp": 8, "tile_size": 16, **request}
+        answer = self.http.post("/api/jobs", json={"scene": scene, **request})
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["id"])
+
+    def job(self, id: str) -> dict[str, Any]:
+        return self.http.get(f"/api/jobs/{id}").raise_for_status().json()
+
+    def patch(self, id: str, **change: Any) -> dict[str, Any]:
+        return self.http.patch(f"/api/jobs/{id}", json=change).raise_for_status().json()
+
+    def wait_for(self, id: str, state: str, timeout: float = 20.0) -> dict[str, Any]:
+        until(lambda: self.job(id)["state"] == state, f"job {state}", timeout, lambda: self.job(id))
+        return self.job(id)
+
+    def digest(self, id: str) -> str:
+        return str(self.http.get(f"/api/jobs/{id}/frames/0/digest").raise_for_status().json()["digest"])
+
+
+def until(true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "") -> None:
+    """Wait until something is true."""
+    deadline = time.monotonic() + timeout
+    while not true():
+        assert time.monotonic() < deadline, f"waited {timeout} s until {what}: {say()}"
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="session")
+def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RedisServer]:
+    server = RedisServer(tmp_path_factory.mktemp("redis"))
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def service(tmp_path: Path, redis_server: RedisServer) -> Iterator[Service]:
+    client = redis.Redis.from_url(redis_server.url)
+    client.flushall()
+    client.close()
+    service = Service(tmp_path / "data", redis_server.url)
+    yield service
+    service.stop()
+
+
+@pytest.fixture
+def worker(service: Service) -> Iterator[PeerWorker]:
+    with service.worker() as worker:
+        yield worker

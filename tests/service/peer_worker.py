@@ -1,0 +1,175 @@
+"""A worker that speaks the real contract over the real Redis, and whose picture is a formula instead of a path tracer.
+
+It takes Celery's messages from the queues, answers on the stream, and renews its key. A sample's value depends on pixel,
+sample number and seed alone, so that the expected film of any job can be computed beside it.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import httpx
+import numpy as np
+import redis
+
+from renderer.film import CHANNELS, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLES, SAMPLES_EVEN, Sums
+from renderer.settings import Tile
+from worker.contract import (
+    HEARTBEAT_TTL_S,
+    RESULTS,
+    BlobRef,
+    RenderBatch,
+    Result,
+    SceneInfo,
+    WorkerReport,
+    pack_sums,
+    prepare_queue,
+    render_queue,
+    worker_key,
+)
+
+__all__ = ["PeerWorker", "expected_sums"]
+
+
+def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
+    """The sums of samples first ... first + count - 1: hashes of (x, y, sample, channel, seed), all of them finite."""
+    y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w].astype(np.uint64)
+    sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
+    for sample in range(first, first + count):
+        for channel in range(3):
+            word = x * np.uint64(0x9E3779B1) ^ y * np.uint64(0x85EBCA77) ^ np.uint64(sample * 0xC2B2AE3D + channel * 977 + seed)
+            word = (word ^ (word >> np.uint64(15))) * np.uint64(0x2C1B3C6D)
+            value = (word >> np.uint64(4) & np.uint64(0xFFFFFF)).astype(np.int64)  # 0 ... 1 in the film's quantum
+            sums[COLOR][channel] += value
+            if sample % 2 == 0:
+                sums[COLOR_EVEN][channel] += value
+        sums[NORMAL][2] += 1 << 24
+        sums[DEPTH] += 2 << 24
+        sums[SAMPLES] += 1
+        sums[SAMPLES_EVEN] += sample % 2 == 0
+    return sums
+
+
+class PeerWorker:
+    """One slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch."""
+
+    def __init__(
+        self, redis_url: str, service: str, token: str, name: str = "peer", kind: str = "test-kind", slots: int = 2
+    ) -> None:
+        self.redis = redis.Redis.from_url(redis_url)
+        self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"})
+        self.name = name
+        self.kind = kind
+        self.slots = slots
+        self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
+        self.on_prepare: Callable[[str], None] = lambda scene: None
+        self.batches: list[RenderBatch] = []
+        self.prepared: list[str] = []
+        self.current: dict[str, Any] = {}
+        self.beats = True
+        self._stop = threading.Event()
+        self._threads = [threading.Thread(target=self._work, daemon=True), threading.Thread(target=self._beat, daemon=True)]
+
+    def __enter__(self) -> PeerWorker:
+        self.report()
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Vanish, as a killed worker does: what it had in hand is not answered."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+        self.redis.delete(worker_key(self.name))
+        self.redis.close()
+        self.http.close()
+
+    def report(self) -> None:
+        current = [self.current, *[{}] * (self.slots - 1)]
+        report = WorkerReport(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current)
+        self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
+
+    def send(self, event: dict[str, Any], sums: bytes | None = None) -> None:
+        self.redis.xadd(RESULTS, Result(event, sums).to_fields())  # type: ignore[arg-type]
+
+    def answer(self, work: RenderBatch) -> None:
+        """Render a batch and send its sums."""
+        sums = expected_sums(work.tile, work.first, work.count, work.settings.seed)
+        self.send(
+            {"type": "batch", **self._about(work), "seconds": 0.001 * work.count, "bad": [], "bad_count": 0}, pack_sums(sums)
+        )
+
+    def _beat(self) -> None:
+        while not self._stop.wait(0.25):
+            try:
+                if self.beats:
+                    self.report()
+            except redis.RedisError:
+                continue
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            try:
+                found: Any = self.redis.brpop([prepare_queue(self.kind), render_queue(self.kind)], timeout=0.1)
+            except redis.RedisError:
+                time.sleep(0.1)
+                continue
+            if found is None:
+                continue
+            queue, message = found
+            _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
+            if queue == prepare_queue(self.kind).encode():
+                self._prepare(arguments["scene"])
+            else:
+                self._render(RenderBatch.from_json(arguments["batch"]))
+
+    def _render(self, work: RenderBatch) -> None:
+        self.batches.append(work)
+        about = self._about(work)
+        self.current = {key: about[key] for key in ("job", "frame", "tile", "first", "count")}
+        try:
+            if self.on_batch(work) is not False and not self._stop.is_set():
+                self.answer(work)
+        except ValueError as error:
+            self.send({"type": "batch-failed", **about, "error": str(error), "reproduce": "rayfarm render scene.glb"})
+        finally:
+            self.current = {}
+
+    def _about(self, work: RenderBatch) -> dict[str, Any]:
+        about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
+        return {**about, "tile": list(work.tile), "worker": self.name}
+
+    def _prepare(self, scene: str) -> None:
+        self.prepared.append(scene)
+        about = {"scene": scene, "kind": self.kind, "worker": self.name}
+        self.send({"type": "prepare-started", **about})
+        try:
+            self.on_prepare(scene)
+            manifest = self.http.get(f"/api/farm/scenes/{scene}/manifest").raise_for_status().json()
+            main = next(file for file in manifest["files"] if file["path"] == manifest["main"])
+            content = self.http.get(f"/api/farm/blobs/{main['sha256']}").raise_for_status().content
+            assert hashlib.sha256(content).hexdigest() == main["sha256"]
+            if b"broken" in content:
+                raise ValueError(f"{manifest['main']}, line 1: this is no scene.")
+            compiled = b"compiled for " + self.kind.encode() + content
+            sha256 = hashlib.sha256(compiled).hexdigest()
+            self.http.put(f"/api/farm/blobs/{sha256}", content=compiled).raise_for_status()
+            view = {"eye": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0], "fov": 40.0}
+            ref = BlobRef("", sha256, len(compiled))
+            cameras = [{"name": "front", "view": view}, {"name": "overview", "view": {**view, "fov": 60.0}}]
+            counts, bounds = {"triangles": 12}, [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]
+            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], [], {}, 0.01)
+            self.send({"type": "prepared", **about, "info": asdict(info)})
+        except ValueError as error:
+            self.send({"type": "prepare-failed", **about, "error": str(error)})

@@ -1,0 +1,51 @@
+"""The arrows between the packages, and the size of the files: docs/architecture.md as a test."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import ROOT
+
+PACKAGES = ("renderer", "worker", "service", "rayfarm")
+TALLEST = 400
+
+
+def test_the_import_contracts_hold() -> None:
+    program = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_cache=True))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_service_starts_without_what_compiles_kernels() -> None:
+    """Its image has no numba in it: importing it must not need one."""
+    program = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("numba", "llvmlite", "trimesh", "safetensors"):
+            raise ModuleNotFoundError(f"{name} is not in the service's image")
+
+sys.meta_path.insert(0, Missing())
+import service.main
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "tests", "web/js"])
+def test_one_concept_a_file(package: str) -> None:
+    tall = {
+        str(path.relative_to(ROOT)): lines
+        for path in (ROOT / package).rglob("*")
+        if path.suffix in (".py", ".js") and "node_modules" not in path.parts and (lines := _lines(path)) > TALLEST
+    }
+    assert not tall, f"longer than {TALLEST} lines: {tall}"
+
+
+def _lines(path: Path) -> int:
+    return path.read_text().count("\n")

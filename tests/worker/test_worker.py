@@ -1,0 +1,285 @@
+"""A worker process as it is: real Redis, real Celery, real forks; the service's side of HTTP is played by the test."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+import redis
+from celery import Celery
+
+from renderer.settings import RenderSettings, Tile, View
+from tests.helpers import ROOT, wait_until
+from worker.contract import (
+    PREPARE,
+    RENDER_BATCH,
+    RESULTS,
+    WORKER_KEYS,
+    BlobRef,
+    Manifest,
+    RenderBatch,
+    Result,
+    SceneInfo,
+    WorkerReport,
+    celery_config,
+    prepare_queue,
+    render_queue,
+    unpack_sums,
+)
+
+pytestmark = pytest.mark.farm
+
+SCENE = """
+shapes:
+  - {type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: grey}
+materials:
+  grey: {kind: diffuse, color: 0.5}
+environment: {color: 1}
+"""
+
+
+class FakeService(BaseHTTPRequestHandler):
+    """The few answers that a worker needs."""
+
+    blobs: dict[str, bytes]
+    manifests: dict[str, Manifest]
+    redis_url: str
+
+    def do_GET(self) -> None:
+        if self.headers["Authorization"] != "Bearer token":
+            self._answer(401, b"{}")
+        elif self.path == "/api/farm/join":
+            self._answer(200, json.dumps({"redis_url": self.redis_url, "instance": "i", "data_dir": ""}).encode())
+        elif self.path.endswith("/manifest"):
+            self._answer(200, json.dumps(asdict(self.manifests[self.path.split("/")[4]])).encode())
+        else:
+            data = self.blobs.get(self.path.rpartition("/")[2])
+            self._answer(404 if data is None else 200, data or b"{}")
+
+    def do_PUT(self) -> None:
+        data = self.rfile.read(int(self.headers["Content-Length"]))
+        self.blobs[self.path.rpartition("/")[2]] = data
+        self._answer(201, b"{}")
+
+    def _answer(self, status: int, body: bytes) -> None:
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@dataclass
+class Bench:
+    """A running worker and the test's hands on its queue, its stream and its files."""
+
+    url: str
+    service: type[FakeService]
+    store: redis.Redis
+    celery: Celery
+    process: subprocess.Popen[bytes]
+    seen: list[Result] = field(default_factory=list)
+
+    def report(self) -> WorkerReport | None:
+        for key in self.store.scan_iter(WORKER_KEYS):
+            report = WorkerReport.from_bytes(self.store.get(key))  # type: ignore[arg-type]
+            if report.pid == self.process.pid:
+                return report
+        return None
+
+    def upload(self, scene: str, files: dict[str, bytes], main: str) -> None:
+        refs = []
+        for path, data in files.items():
+            sha256 = hashlib.sha256(data).hexdigest()
+            self.service.blobs[sha256] = data
+            refs.append(BlobRef(path, sha256, len(data)))
+        self.service.manifests[scene] = Manifest(scene, main, refs)
+
+    def prepare(self, scene: str) -> Result:
+        kind = self.report().kind  # type: ignore[union-attr]
+        self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
+        return self.next("prepared", "prepare-failed")
+
+    def render(self, batch: RenderBatch) -> None:
+        kind = self.report().kind  # type: ignore[union-attr]
+        self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind))
+
+    def next(self, *types: str) -> Result:
+        """The next result of one of these types."""
+        found: list[Result] = []
+
+        def arrived() -> bool:
+            for number, fields in self.store.xrange(RESULTS):
+                self.store.xdel(RESULTS, number)
+                result = Result.from_fields(fields)
+                self.seen.append(result)
+                if result.event["type"] in types:
+                    found.append(result)
+                    return True
+            return False
+
+        wait_until(arrived, 60, f"one of {types} arrives; so far {[r.event for r in self.seen]}")
+        return found[0]
+
+
+@pytest.fixture(scope="module")
+def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "redis_url": redis_url})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_port}"
+    folder = tmp_path_factory.mktemp("worker")
+    command = [sys.executable, "-m", "worker", f"--service={url}", "--slots=2", f"--cache={folder / 'blobs'}"]
+    with (folder / "log").open("wb") as log:
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            stdout=log,
+            stderr=log,
+            env={**os.environ, "RAYFARM_TOKEN": "token", "RAYFARM_PREPARE_MEMORY_MB": "2000"},
+        )
+    celery = Celery("test", set_as_current=False)
+    celery.conf.update(celery_config(redis_url))
+    with redis.Redis.from_url(redis_url) as store:
+        made = Bench(url, handler, store, celery, process)
+
+        def ready() -> bool:
+            assert process.poll() is None, (folder / "log").read_text()
+            report = made.report()
+            return report is not None and report.state == "ready"
+
+        wait_until(ready, 120, "the worker is ready")
+        yield made
+        if process.poll() is None:
+            process.terminate()
+        assert process.wait(20) == 0, (folder / "log").read_text()
+        assert made.report() is None
+    celery.close()
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")
+def info(bench: Bench) -> SceneInfo:
+    bench.upload("ball", {"ball.yaml": SCENE.encode()}, "ball.yaml")
+    result = bench.prepare("ball")
+    assert result.event["type"] == "prepared", result.event
+    return SceneInfo.from_json(result.event["info"])
+
+
+def batch_of(info: SceneInfo, name: str, first: int, count: int, size: int = 64) -> RenderBatch:
+    view = View((0, 0, 4), (0, 0, 0))
+    return RenderBatch(
+        name, "job", 0, info.compiled.sha256, Tile(0, 0, size, size), first, count, RenderSettings(size, size, view)
+    )
+
+
+def test_a_scene_is_prepared(bench: Bench, info: SceneInfo) -> None:
+    assert info.counts["spheres"] == 1
+    assert info.cameras
+    assert info.compiled.sha256 in bench.service.blobs
+    assert info.thumbnail is not None
+    assert bench.service.blobs[info.thumbnail.sha256].startswith(b"\x89PNG")
+
+
+def test_batches_add_up_to_the_whole_to_the_bit(bench: Bench, info: SceneInfo) -> None:
+    parts = []
+    for name, first, count in (("a", 0, 3), ("b", 3, 5), ("whole", 0, 8)):
+        bench.render(batch_of(info, name, first, count))
+    for _ in range(3):
+        result = bench.next("batch", "batch-failed")
+        assert result.event["type"] == "batch", result.event
+        assert result.sums is not None
+        parts.append((result.event["batch"], unpack_sums(result.sums, Tile(0, 0, 64, 64))))
+    sums = dict(parts)
+    assert np.array_equal(sums["a"] + sums["b"], sums["whole"])
+    assert sums["whole"].any()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("noise.glb", b"glTF" + bytes(range(256)) * 8, "noise.glb"),
+        ("cut.obj", b"v 0 0", "cut.obj"),
+        ("wrong.yaml", b"shapes: {{{", "wrong.yaml"),
+    ],
+)
+def test_a_file_that_is_no_scene_is_a_sentence_and_no_end_of_a_worker(
+    bench: Bench, name: str, content: bytes, sentence: str
+) -> None:
+    before = {child.pid for child in psutil.Process(bench.process.pid).children()}
+    bench.upload(name, {name: content}, name)
+    event = bench.prepare(name).event
+    assert event["type"] == "prepare-failed"
+    assert sentence in event["error"]
+    assert "Traceback" not in event["error"]
+    assert {child.pid for child in psutil.Process(bench.process.pid).children()} == before
+
+
+def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info: SceneInfo) -> None:
+    lost = RenderBatch(**{**batch_of(info, "lost", 0, 1).__dict__, "compiled": "0" * 64})
+    bench.render(lost)
+    event = bench.next("batch", "batch-failed").event
+    assert event["type"] == "batch-failed"
+    assert "cannot fetch the scene" in event["error"]
+    assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --eye=0")
+
+
+def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
+    bench.render(batch_of(info, "long", 0, 20000))
+
+    def busy() -> bool:
+        report = bench.report()
+        return report is not None and any(doing.get("count") == 20000 for doing in report.current)
+
+    wait_until(busy, 30, "a slot renders the batch")
+    report = bench.report()
+    assert report is not None
+    victim = busiest(bench.process.pid)
+    victim.kill()
+    result = bench.next("batch", "batch-failed")
+    assert result.event["type"] == "batch", result.event
+    assert result.event["batch"] == "long"
+    wait_until(lambda: len(psutil.Process(bench.process.pid).children()) == 2, 10, "the slot is filled again")
+
+
+def busiest(parent: int) -> psutil.Process:
+    """The slot that works."""
+    slots = psutil.Process(parent).children()
+    before = {slot.pid: sum(slot.cpu_times()[:2]) for slot in slots}
+    wait_until(lambda: any(sum(s.cpu_times()[:2]) - before[s.pid] > 0.05 for s in slots), 10, "a slot uses its core")
+    return max(slots, key=lambda s: sum(s.cpu_times()[:2]) - before[s.pid])
+
+
+def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:
+    command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=1"]
+    done = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, "RAYFARM_TOKEN": "wrong"}, capture_output=True, text=True, timeout=30
+    )
+    assert done.returncode == 3
+    assert "does not know this token" in done.stderr
+
+
+def test_slots_end_with_a_worker_that_is_killed(bench: Bench, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=2", f"--cache={tmp_path}", "--name=victim"]
+    process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "RAYFARM_TOKEN": "token"}, stderr=subprocess.DEVNULL)
+    wait_until(lambda: len(psutil.Process(process.pid).children()) >= 2, 60, "its slots are there")
+    slots = psutil.Process(process.pid).children()
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    wait_until(lambda: not any(slot.is_running() for slot in slots), 5, "its slots have ended")
