@@ -15,7 +15,7 @@ import numpy.typing as npt
 from renderer.bvh.fold import count_wide_nodes, fold, half_area
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.bvh.simd import load, maximum, store
-from renderer.jit import device, entry
+from renderer.jit import builder, device
 
 __all__ = ["build"]
 
@@ -67,7 +67,7 @@ def _sealed(node: npt.NDArray[Any], packet: npt.NDArray[Any]) -> Bvh:
     return Bvh(node, packet)
 
 
-@entry
+@builder
 def _primitive_boxes(position, triangle, sphere, box):
     """Each primitive's box as (-lower, 0, upper, 0)."""
     triangles = len(triangle)
@@ -117,7 +117,7 @@ def _bin(box, i, axis, lower, scale):
     return min(np.int64((box[i, axis + 4] - box[i, axis] - lower) * scale), _BINS - 1)
 
 
-@entry
+@builder
 def _split(box, order, triangles, tree_box, tree):
     """Splits until every leaf is one packet's worth of one kind. Reorders `box` and `order`; fills the tree."""
     bin_box = np.empty((3 * _BINS, 8), np.float32)

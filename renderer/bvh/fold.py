@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.bvh.layout import NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
 from renderer.bvh.simd import store_int
-from renderer.jit import device, entry
+from renderer.jit import builder, device
 
 __all__ = ["count_wide_nodes", "fold", "half_area"]
 
@@ -44,7 +44,7 @@ def _open(tree_box, tree, root, members):
     return count
 
 
-@entry
+@builder
 def count_wide_nodes(tree_box, tree):
     """How many wide nodes and packets the folded tree has."""
     members = np.empty(WIDTH, np.int32)
@@ -83,7 +83,7 @@ def _fill_packet(packet, p, order, first, count, position, triangle, sphere):
     return order[first] >= triangles
 
 
-@entry
+@builder
 def fold(tree_box, tree, order, position, triangle, sphere, node, packet):
     """Fills `node` and `packet`, of the sizes that `count_wide_nodes` gave, from the binary tree."""
     members = np.empty(WIDTH, np.int32)

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.scene.description import F32, I32, SceneDescription
 
-__all__ = ["Environment", "LightList", "choose_environment", "list_lights", "luminance", "tabulate_environment"]
+__all__ = ["Environment", "LightList", "are_accents", "choose_environment", "list_lights", "luminance", "tabulate_environment"]
 
 
 def luminance(rgb: np.ndarray) -> np.ndarray:
@@ -94,9 +94,18 @@ def choose_environment(environment_mean: float, lights_power: float, bounds: F32
         return 0.0
     if lights_power <= 0:
         return 1.0
-    radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
-    arriving = np.pi * np.pi * radius * radius * environment_mean
+    arriving = _sky_power(bounds) * environment_mean
     return float(np.clip(arriving / (arriving + lights_power), 0.1, 0.9))
+
+
+def are_accents(lights_power: float, bounds: F32) -> bool:
+    """Whether lights give the scene less than a twentieth of what a sky of radiance 1 would."""
+    return lights_power < 0.05 * _sky_power(bounds)
+
+
+def _sky_power(bounds: F32) -> float:
+    radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
+    return np.pi * np.pi * radius * radius
 
 
 def _cdf(weights: np.ndarray) -> F32:

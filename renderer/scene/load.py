@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -14,13 +15,16 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
 
+Reader = Callable[[SceneFiles, str, SceneDescription], None]
+
 
 def read(folder: Path, main: str, environment: str | None = None) -> SceneDescription:
     """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
     environment: an HDR image of the folder that lights the scene in place of its own environment. A scene without any
-    light gets a white sky and a warning. Nothing outside the folder is opened. Raises SceneError with a sentence that
-    names the file and says what to do.
+    light gets a white sky and a warning; so does, when it is compiled, a model whose lights are but accents (a car's tail
+    lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside the folder is opened.
+    Raises SceneError with a sentence that names the file and says what to do.
     """
     files = SceneFiles(folder)
     description = SceneDescription(name=PurePosixPath(main).stem)
@@ -31,6 +35,7 @@ def read(folder: Path, main: str, environment: str | None = None) -> SceneDescri
     if description.environment is None and not _emits(description):
         description.environment = Environment()
         description.warnings.append("The scene has no light: lit by a white sky.")
+    description.sky_for_accents = PurePosixPath(main).suffix.lower() not in (".yaml", ".yml")
     return description
 
 
@@ -50,7 +55,7 @@ def read_into(files: SceneFiles, main: str, description: SceneDescription) -> No
         ) from error
 
 
-def _dispatch(suffix: str):  # type: ignore[no-untyped-def]
+def _dispatch(suffix: str) -> Reader:
     # Readers bring heavy libraries with them: each is imported when first needed.
     if suffix in (".glb", ".gltf"):
         from renderer.scene.readers import gltf

@@ -17,7 +17,7 @@ from renderer.scene.load import read
         ("Duck.glb", 4212, 1, ["no light"]),
         ("BoxTextured.glb", 12, 1, ["no light"]),
         ("AlphaBlendModeTest.glb", 61, 3, ["alpha mode MASK", "alpha mode BLEND", "normal map", "no light"]),
-        ("TestScene.gltf", 1096, 0, ["KHR_materials_common", "alpha mode BLEND"]),
+        ("TestScene.gltf", 1096, 0, ["KHR_materials_common", "alpha mode BLEND", "own lights are weak"]),
         ("duck.dae", 4212, 0, ["duckCM.tga", "no light"]),
         ("bunny.ply", 16301, 0, ["no light"]),
         ("teapot.obj", 6320, 0, ["no light"]),

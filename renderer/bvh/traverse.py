@@ -1,0 +1,198 @@
+"""Rays through the tree: the closest hit, and whether there is any.
+
+The boxes' slabs are met by one fused multiply-add a plane. Its rounding is made good by a slack that each ray adds to its
+own constants (and that the builder adds to the boxes), so that no box is missed that holds a hit: flat boxes and boxes that
+touch along an edge included. Children are visited nearest first; what waits on the stack keeps its distance and is dropped
+when something nearer has been hit since.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.layout import NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
+from renderer.bvh.packet import meet_spheres, meet_triangles
+from renderer.bvh.simd import bits, extract, fma, less_equal, load, load_int, lowest_bit, maximum, minimum, splat, store_int
+from renderer.jit import device
+
+__all__ = ["NO_PRIMITIVE", "any_hit", "closest_hit", "new_stack"]
+
+NO_PRIMITIVE = np.int32(-1)
+_NOWHERE = np.int32(-(2**31))  # where a child's number is expected: neither a node nor a leaf
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TINY = np.float32(1e-18)
+_SLACK = np.float32(4 * 2.0**-24)
+_W = np.uintp(WIDTH)
+_NODE = np.uintp(NODE_SIZE)
+_CHILDREN = np.uintp(ROW_CHILD * WIDTH)
+_PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
+_PACKET = np.uintp(PACKET_SIZE)
+_BIT = np.uint32(1)
+
+
+def new_stack() -> npt.NDArray[np.float32]:
+    """The scratch space of one thread's traversals, for the kernel that it calls."""
+    return np.empty(2 * STACK_SIZE, np.float32)
+
+
+@device
+def _slab(o, d):
+    """What a ray needs of one axis: (1/d, constant of the near plane, of the far plane, near row's offset, far row's offset).
+
+    A component near zero is taken as +-1e-18: 0 * inf would be NaN, and turn a ray into a walk of the whole tree.
+    """
+    if abs(d) < _TINY:
+        d = -_TINY if d < _ZERO else _TINY
+    inverse = _ONE / d
+    constant = -o * inverse
+    slack = abs(constant) * _SLACK
+    near = np.uintp(0) if inverse > _ZERO else _W
+    return splat(inverse), splat(constant - slack), splat(constant + slack), near, _W - near
+
+
+@device
+def _boxes(node, base, x, y, z, t_max):
+    """The ray against a node's eight boxes: (bits of those met, f32x8 distances)."""
+    two = _W + _W
+    four = two + two
+    x_near = fma(load(node, base + x[3]), x[0], x[1])
+    x_far = fma(load(node, base + x[4]), x[0], x[2])
+    y_near = fma(load(node, base + two + y[3]), y[0], y[1])
+    y_far = fma(load(node, base + two + y[4]), y[0], y[2])
+    z_near = fma(load(node, base + four + z[3]), z[0], z[1])
+    z_far = fma(load(node, base + four + z[4]), z[0], z[2])
+    near = maximum(maximum(x_near, y_near), maximum(z_near, splat(_ZERO)))
+    far = minimum(minimum(x_far, y_far), minimum(z_far, splat(t_max)))
+    return bits(less_equal(near, far)), near
+
+
+@device
+def _push(stack, base, top, distance, child):
+    """Puts a child on the stack, above the farther ones down to `base`."""
+    place = top
+    while place > base and stack[np.uintp(2) * (place - np.uintp(1))] < distance:
+        below = np.uintp(2) * (place - np.uintp(1))
+        stack[below + np.uintp(2)] = stack[below]
+        store_int(stack, below + np.uintp(3), load_int(stack, below + np.uintp(1)))
+        place -= np.uintp(1)
+    stack[np.uintp(2) * place] = distance
+    store_int(stack, np.uintp(2) * place + np.uintp(1), child)
+
+
+@device
+def _axes(o, d):
+    """The watertight test's frame: row offsets, shear, and the permuted origin."""
+    ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
+    zero = np.uintp(0)
+    two = _W + _W
+    if ax > ay and ax > az:
+        inverse = _ONE / d[0]
+        return (_W, two, zero), (d[1] * inverse, d[2] * inverse, inverse), (splat(o[1]), splat(o[2]), splat(o[0]))
+    if ay > az:
+        inverse = _ONE / d[1]
+        return (two, zero, _W), (d[2] * inverse, d[0] * inverse, inverse), (splat(o[2]), splat(o[0]), splat(o[1]))
+    inverse = _ONE / d[2]
+    return (zero, _W, two), (d[0] * inverse, d[1] * inverse, inverse), (splat(o[0]), splat(o[1]), splat(o[2]))
+
+
+@device
+def closest_hit(bvh, stack, o, d, t_max):
+    """The nearest primitive along o + t d with 0 < t < t_max: (t, primitive or NO_PRIMITIVE, u, v).
+
+    u and v are the barycentric coordinates of the triangle's corners b and c; 0 for spheres. stack: from `new_stack`.
+    """
+    node = bvh.node
+    packet = bvh.packet
+    x = _slab(o[0], d[0])
+    y = _slab(o[1], d[1])
+    z = _slab(o[2], d[2])
+    axes, shear, permuted = _axes(o, d)
+    best = t_max
+    primitive = NO_PRIMITIVE
+    best_u = _ZERO
+    best_v = _ZERO
+    top = np.uintp(1)
+    stack[0] = _ZERO
+    store_int(stack, np.uintp(1), np.int32(0))
+    while top > np.uintp(0):
+        top -= np.uintp(1)
+        if stack[np.uintp(2) * top] > best:
+            continue
+        child = load_int(stack, np.uintp(2) * top + np.uintp(1))
+        while child >= 0:
+            base = np.uintp(child) * _NODE
+            met, distance = _boxes(node, base, x, y, z, best)
+            if met == np.uint32(0):
+                child = _NOWHERE
+                break
+            lane = lowest_bit(met)
+            child = load_int(node, base + _CHILDREN + np.uintp(lane))
+            met = np.uint32(met & np.uint32(met - _BIT))
+            if met == np.uint32(0):
+                continue
+            floor = top
+            _push(stack, floor, top, extract(distance, lane), child)
+            top += np.uintp(1)
+            while met != np.uint32(0):
+                lane = lowest_bit(met)
+                _push(stack, floor, top, extract(distance, lane), load_int(node, base + _CHILDREN + np.uintp(lane)))
+                top += np.uintp(1)
+                met = np.uint32(met & np.uint32(met - _BIT))
+            top -= np.uintp(1)
+            child = load_int(stack, np.uintp(2) * top + np.uintp(1))
+        if child == _NOWHERE:
+            continue
+        leaf = ~child
+        number = np.uintp(leaf >> 1)
+        if leaf & 1:
+            hit, t = meet_spheres(packet, number, o, d, best)
+            u = splat(_ZERO)
+            v = u
+        else:
+            hit, t, u, v = meet_triangles(packet, number, axes, shear, permuted, best)
+        met = bits(hit)
+        while met != np.uint32(0):
+            lane = lowest_bit(met)
+            met = np.uint32(met & np.uint32(met - _BIT))
+            distance = extract(t, lane)
+            if distance < best:
+                best = distance
+                best_u = extract(u, lane)
+                best_v = extract(v, lane)
+                primitive = load_int(packet, number * _PACKET + _PRIMITIVES + np.uintp(lane))
+    return best, primitive, best_u, best_v
+
+
+@device
+def any_hit(bvh, stack, o, d, t_max):
+    """Whether anything lies along o + t d with 0 < t < t_max. stack: from `new_stack`."""
+    node = bvh.node
+    packet = bvh.packet
+    x = _slab(o[0], d[0])
+    y = _slab(o[1], d[1])
+    z = _slab(o[2], d[2])
+    axes, shear, permuted = _axes(o, d)
+    top = np.uintp(1)
+    store_int(stack, np.uintp(0), np.int32(0))
+    while top > np.uintp(0):
+        top -= np.uintp(1)
+        child = load_int(stack, top)
+        if child >= 0:
+            base = np.uintp(child) * _NODE
+            met, _ = _boxes(node, base, x, y, z, t_max)
+            while met != np.uint32(0):
+                store_int(stack, top, load_int(node, base + _CHILDREN + np.uintp(lowest_bit(met))))
+                top += np.uintp(1)
+                met = np.uint32(met & np.uint32(met - _BIT))
+            continue
+        leaf = ~child
+        number = np.uintp(leaf >> 1)
+        if leaf & 1:
+            hit, _ = meet_spheres(packet, number, o, d, t_max)
+        else:
+            hit, _, _, _ = meet_triangles(packet, number, axes, shear, permuted, t_max)
+        if bits(hit) != np.uint32(0):
+            return True
+    return False

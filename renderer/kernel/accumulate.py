@@ -1,0 +1,75 @@
+"""Renders a batch: every pixel of a tile, a range of sample numbers, into exact sums."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.film import ALBEDO, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLE_MAX, SAMPLES, SAMPLES_EVEN
+from renderer.jit import device, entry
+from renderer.kernel import vec
+from renderer.kernel.camera import camera_ray
+from renderer.kernel.path import trace_path
+from renderer.kernel.sampler import pixel_key, uniform4
+
+__all__ = ["MAX_BAD", "render_tile"]
+
+MAX_BAD = 64  # bad samples that are reported; further ones are only counted
+
+_MOST = np.float32(SAMPLE_MAX)
+_COLOR, _EVEN, _ALBEDO, _NORMAL = COLOR.start, COLOR_EVEN.start, ALBEDO.start, NORMAL.start
+_FIRST = np.uint32(0)
+
+
+@device
+def _fixed(value, scale):
+    """A value in the film's fixed point. Multiplying by a power of two is exact; this rounds once."""
+    return np.int64(np.rint(min(max(value, -_MOST), _MOST) * scale))
+
+
+@device
+def _fixed3(value, scale):
+    return _fixed(value[0], scale), _fixed(value[1], scale), _fixed(value[2], scale)
+
+
+@device
+def _add3(sums, channel, y, x, value):
+    sums[channel, y, x] += value[0]
+    sums[channel + 1, y, x] += value[1]
+    sums[channel + 2, y, x] += value[2]
+
+
+@entry
+def render_tile(scene, stack, camera, seed, max_depth, scale, x0, y0, first, count, sums, bad):
+    """Adds `count` samples a pixel to sums (CHANNELS, h, w) int64. Returns (bad samples, rays).
+
+    stack: from new_stack; camera: from camera_frame; scale: float32, 2**film_exponent; (x0, y0): the tile's corner;
+    bad: (MAX_BAD, 3) int64, filled with x, y and sample number of samples that were NaN or infinite and so left out.
+    """
+    bad_count = 0
+    rays = 0
+    for y in range(sums.shape[1]):
+        for x in range(sums.shape[2]):
+            pixel = pixel_key(x0 + x, y0 + y)
+            for sample in range(first, first + count):
+                u = uniform4(seed, pixel, np.uint32(sample), _FIRST)
+                o, d = camera_ray(camera, np.float32(x0 + x) + u[0], np.float32(y0 + y) + u[1])
+                path = trace_path(scene, stack, o, d, seed, pixel, np.uint32(sample), max_depth)
+                rays += path.rays
+                finite = vec.is_finite(path.radiance) and vec.is_finite(path.normal) and vec.is_finite(path.albedo)
+                if not (finite and vec.is_finite((path.depth, path.depth, path.depth))):
+                    if bad_count < MAX_BAD:
+                        bad[bad_count, 0] = x0 + x
+                        bad[bad_count, 1] = y0 + y
+                        bad[bad_count, 2] = sample
+                    bad_count += 1
+                    continue
+                color = _fixed3(path.radiance, scale)
+                _add3(sums, _COLOR, y, x, color)
+                _add3(sums, _ALBEDO, y, x, _fixed3(path.albedo, scale))
+                _add3(sums, _NORMAL, y, x, _fixed3(path.normal, scale))
+                sums[DEPTH, y, x] += _fixed(path.depth, scale)
+                sums[SAMPLES, y, x] += 1
+                if sample & 1 == 0:
+                    _add3(sums, _EVEN, y, x, color)
+                    sums[SAMPLES_EVEN, y, x] += 1
+    return bad_count, rays

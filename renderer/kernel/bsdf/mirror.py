@@ -1,0 +1,13 @@
+"""A perfect mirror."""
+
+from __future__ import annotations
+
+from renderer.jit import device
+
+__all__ = ["sample_mirror"]
+
+
+@device
+def sample_mirror(reflectance, wo):
+    """(wi, weight): the one direction that a mirror has."""
+    return (-wo[0], -wo[1], wo[2]), reflectance

@@ -1,0 +1,160 @@
+"""Light sampling: a light is chosen (the environment by a set probability, the others by power), then a point or direction.
+
+Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.jit import device, inlined
+from renderer.kernel import vec
+from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.kernel.material import emission
+from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
+from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
+
+__all__ = ["LightSample", "environment_light_pdf", "primitive_light_pdf", "sample_light"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_FAR = np.float32(1e18)
+_INV_4PI = np.float32(0.25 / math.pi)
+_ERROR = np.float32(32 * 2.0**-24)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_NO_SAMPLE_W = (_ZERO, _ZERO, _ONE)
+
+
+class LightSample(NamedTuple):
+    """A direction that light comes from. Vectors are tuples of float32 in world space."""
+
+    direction: tuple[float, float, float]  # unit, from the point lit
+    end: tuple[float, float, float]  # what must be seen from the point lit
+    radiance: tuple[float, float, float]  # that would arrive unoccluded
+    pdf: float  # per steradian, the choice of the light included; 0: nothing sampled
+
+
+@device
+def _nothing():
+    return LightSample(_NO_SAMPLE_W, _BLACK, _BLACK, _ZERO)
+
+
+@inlined
+def _sample_triangle(scene, number, area, p, u):
+    """A point of a triangle, uniformly: a LightSample, its pdf without the choice of the light."""
+    b, c = square_to_triangle(u)
+    q, error, normal = triangle_point(scene.position, scene.triangle, number, b, c)
+    d = vec.sub(q, p)
+    square = vec.dot(d, d)
+    doubled = vec.dot(normal, normal)
+    if not (square > _ZERO and doubled > _ZERO):
+        return _nothing()
+    normal = vec.scale(normal, _ONE / math.sqrt(doubled))
+    w = vec.scale(d, _ONE / math.sqrt(square))
+    cosine = -vec.dot(normal, w)
+    if cosine == _ZERO:
+        return _nothing()
+    uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
+    radiance = emission(scene, scene.triangle_material[number], uv, cosine > _ZERO)
+    return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, square / (abs(cosine) * area))
+
+
+@device
+def _cone(square, radius):
+    """1 - cos of the half angle under which a sphere is seen from outside, at distance**2 `square`."""
+    sine2 = radius * radius / square
+    return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
+
+
+@inlined
+def _sample_sphere(scene, number, p, u):
+    """A point of a sphere, uniform in the solid angle seen from p (by area from inside): as `_sample_triangle`."""
+    center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
+    radius = scene.sphere[number, 3]
+    to_center = vec.sub(center, p)
+    square = vec.dot(to_center, to_center)
+    if square > radius * radius:
+        one_minus_cos = _cone(square, radius)
+        local = square_to_cone(u, one_minus_cos)
+        axis = vec.scale(to_center, _ONE / math.sqrt(square))
+        s, t = vec.basis(axis)
+        # The point on the sphere from the cone's angle theta, without cancellation: pbrt 4ed, 6.2.4.
+        sine2 = local[0] * local[0] + local[1] * local[1]
+        most2 = radius * radius / square
+        ratio = min(_ONE, sine2 / most2)
+        cos_alpha = sine2 / math.sqrt(most2) + local[2] * math.sqrt(max(_ZERO, _ONE - ratio))
+        sin_alpha = math.sqrt(max(_ZERO, _ONE - cos_alpha * cos_alpha))
+        stretch = sin_alpha / math.sqrt(sine2) if sine2 > _ZERO else _ZERO
+        normal = vec.to_world(s, t, axis, (local[0] * stretch, local[1] * stretch, -cos_alpha))
+        pdf = square_to_cone_pdf(one_minus_cos)
+        outside = True
+    else:
+        normal = square_to_sphere(u)
+        pdf = _ZERO
+        outside = False
+    q = vec.add(center, vec.scale(normal, radius))
+    d = vec.sub(q, p)
+    far2 = vec.dot(d, d)
+    if not far2 > _ZERO:
+        return _nothing()
+    w = vec.scale(d, _ONE / math.sqrt(far2))
+    if not outside:
+        cosine = abs(vec.dot(normal, w))
+        if cosine == _ZERO:
+            return _nothing()
+        pdf = far2 * _INV_4PI / (cosine * radius * radius)
+    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), outside)
+    error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
+    return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf)
+
+
+@inlined
+def sample_light(scene, p, choice, u):
+    """Light towards the point p: a LightSample. `choice` picks the light, u the place on it."""
+    environment_chance = scene.environment_frame[3]
+    if choice < environment_chance:
+        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, u)
+        radiance = environment_radiance(scene.environment, scene.environment_frame, w)
+        return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance)
+    if len(scene.light_primitive) == 0:
+        return _nothing()
+    light, _, chance = choose(scene.light_cdf, (choice - environment_chance) / (_ONE - environment_chance))
+    primitive = scene.light_primitive[light]
+    triangles = len(scene.triangle)
+    if primitive < triangles:
+        sample = _sample_triangle(scene, primitive, scene.light_area[light], p, u)
+    else:
+        sample = _sample_sphere(scene, primitive - triangles, p, u)
+    return LightSample(sample.direction, sample.end, sample.radiance, sample.pdf * (_ONE - environment_chance) * chance)
+
+
+@inlined
+def environment_light_pdf(scene, w):
+    """The density with which `sample_light` gives the environment's direction w, per steradian."""
+    frame = scene.environment_frame
+    if frame[3] == _ZERO:
+        return _ZERO
+    return frame[3] * environment_pdf(scene.environment_marginal, scene.environment_conditional, frame, w)
+
+
+@inlined
+def primitive_light_pdf(scene, light, p, hit, cosine):
+    """The density with which `sample_light`, at p, gives the point `hit` of a light seen under `cosine`, per steradian."""
+    chance = (scene.light_cdf[light + 1] - scene.light_cdf[light]) * (_ONE - scene.environment_frame[3])
+    primitive = scene.light_primitive[light]
+    triangles = len(scene.triangle)
+    d = vec.sub(hit, p)
+    square = vec.dot(d, d)
+    if primitive < triangles:
+        return chance * square / max(cosine * scene.light_area[light], np.float32(1e-30))
+    number = primitive - triangles
+    center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
+    radius = scene.sphere[number, 3]
+    to_center = vec.sub(center, p)
+    center2 = vec.dot(to_center, to_center)
+    if center2 > radius * radius:
+        return chance * square_to_cone_pdf(_cone(center2, radius))
+    return chance * square * _INV_4PI / max(cosine * radius * radius, np.float32(1e-30))

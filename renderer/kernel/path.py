@@ -1,0 +1,120 @@
+"""The path tracer: unidirectional paths with next-event estimation, MIS by the power heuristic, and Russian roulette."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
+from renderer.jit import device, inlined
+from renderer.kernel import vec
+from renderer.kernel.environment import environment_radiance
+from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
+from renderer.kernel.material import emission, eval_material, fetch_material, is_specular, sample_material
+from renderer.kernel.sampler import uniform4
+from renderer.kernel.surface import leave, surface_at
+
+__all__ = ["PathResult", "power_heuristic", "trace_path"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INF = np.float32(np.inf)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE)
+_ROULETTE_FROM = 4  # segments that every path may have; dark ones end soon after
+_MOST_SURVIVAL = np.float32(0.95)
+
+
+class PathResult(NamedTuple):
+    """What one path brought home: float32, colours in linear Rec.709."""
+
+    radiance: tuple[float, float, float]
+    albedo: tuple[float, float, float]  # of the first hit; 0 where nothing is hit
+    normal: tuple[float, float, float]  # its shading normal, on the viewer's side
+    depth: float  # its distance
+    rays: int
+
+
+@device
+def power_heuristic(a, b):
+    """The weight of a sample whose own density is a and the other strategy's b (Veach 1997): with b's, they sum to 1."""
+    if a > b:  # the ratio of the lesser to the greater: neither squares overflow
+        r = b / a
+        return _ONE / (_ONE + r * r)
+    if b <= _ZERO:
+        return _ZERO
+    r = a / b
+    return r * r / (_ONE + r * r)
+
+
+@inlined
+def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
+    """The path of one sample of one pixel, from the ray o + t d on; max_depth counts its segments. A PathResult."""
+    radiance = _BLACK
+    throughput = _WHITE
+    albedo = _BLACK
+    first_normal = _BLACK
+    depth = _ZERO
+    rays = 0
+    point = o  # the last vertex,
+    pdf = _ZERO  # and the density with which its BSDF gave d; 0 after the camera and after specular bounces
+    unscaled = _ONE  # eta**2 of the medium the path is in
+    lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
+    for segment in range(max_depth):
+        t, primitive, u, v = closest_hit(scene.bvh, stack, o, d, _INF)
+        rays += 1
+        if primitive == NO_PRIMITIVE:
+            emitted = environment_radiance(scene.environment, scene.environment_frame, d)
+            weight = power_heuristic(pdf, environment_light_pdf(scene, d)) if pdf > _ZERO else _ONE
+            radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
+            break
+        surface = surface_at(scene, o, d, t, primitive, u, v)
+        wo_world = vec.neg(d)
+        if surface.light >= 0:
+            emitted = emission(scene, surface.material, surface.uv, surface.front)
+            weight = _ONE
+            if pdf > _ZERO:
+                cosine = vec.dot(surface.geometric, wo_world)
+                weight = power_heuristic(pdf, primitive_light_pdf(scene, surface.light, point, surface.point, cosine))
+            radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
+        material = fetch_material(scene, surface.material, surface.uv)
+        if segment == 0:
+            albedo = material.base
+            first_normal = surface.shading
+            depth = t
+        if segment + 1 == max_depth:
+            break
+
+        r0 = uniform4(seed, pixel, sample, np.uint32(2 * segment + 1))
+        r1 = uniform4(seed, pixel, sample, np.uint32(2 * segment + 2))
+        s, q = vec.basis(surface.shading)
+        wo = vec.to_local(s, q, surface.shading, wo_world)
+        if lit and not is_specular(material):
+            light = sample_light(scene, surface.point, r0[0], (r0[1], r0[2]))
+            facing = vec.dot(light.direction, surface.geometric)
+            if light.pdf > _ZERO and facing > _ZERO and vec.maximum(light.radiance) > _ZERO:
+                f, scatter_pdf = eval_material(material, wo, vec.to_local(s, q, surface.shading, light.direction))
+                if vec.maximum(f) > _ZERO:
+                    start = leave(surface.point, surface.error, surface.geometric, light.direction)
+                    rays += 1
+                    if not any_hit(scene.bvh, stack, start, vec.sub(light.end, start), _ONE):
+                        weight = power_heuristic(light.pdf, scatter_pdf) / light.pdf
+                        arriving = vec.scale(vec.mul(f, light.radiance), weight)
+                        radiance = vec.add(radiance, vec.mul(throughput, arriving))
+
+        wi, weight, pdf, thinned = sample_material(material, surface.front, wo, r1[0], (r1[1], r1[2]))
+        throughput = vec.mul(throughput, weight)
+        unscaled *= thinned
+        d = vec.normalize(vec.to_world(s, q, surface.shading, wi))
+        # A bent shading normal may send light through the surface, or back from behind it: neither exists.
+        if vec.maximum(throughput) <= _ZERO or (vec.dot(d, surface.geometric) > _ZERO) != (wi[2] > _ZERO):
+            break
+        if segment + 1 >= _ROULETTE_FROM:
+            survival = min(vec.maximum(throughput) * unscaled, _MOST_SURVIVAL)
+            if r0[3] >= survival:
+                break
+            throughput = vec.scale(throughput, _ONE / survival)
+        point = surface.point
+        o = leave(surface.point, surface.error, surface.geometric, d)
+    return PathResult(radiance, albedo, first_normal, depth, rays)

@@ -1,0 +1,183 @@
+"""sin, cos, exp, log, pow and their kin in float32, of our own: the C library's differ from host to host.
+
+Each is a polynomial after range reduction; coefficients by weighted least squares towards the least greatest error.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+
+__all__ = ["acos", "atan2", "exp", "exp2", "floor", "log", "log2", "power", "sincos_turns"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+_PI = np.float32(math.pi)
+_HALF_PI = np.float32(math.pi / 2)
+_LOG2_E = np.float32(math.log2(math.e))
+_LN_2 = np.float32(math.log(2.0))
+_SQRT_2 = np.float32(math.sqrt(2.0))
+_MAX_EXPONENT = np.float32(127.99999)
+_MIN_EXPONENT = np.float32(-126.0)
+_INF = np.float32(np.inf)
+_NAN = np.float32(np.nan)
+_SMALLEST = np.float32(2.0**-126)
+
+_S = tuple(np.float32(c) for c in (-1.66666549e-1, 8.33217815e-3, -1.95172989e-4))
+_C = tuple(np.float32(c) for c in (4.16664687e-2, -1.38873675e-3, 2.44384514e-5))
+_E = tuple(np.float32(c) for c in (6.93147206e-1, 2.40226513e-1, 5.55032791e-2, 9.61800398e-3, 1.34002353e-3, 1.54762792e-4))
+_L = tuple(
+    np.float32(c)
+    for c in (
+        1.44269500e0,
+        -7.21347199e-1,
+        4.80910280e-1,
+        -3.60716264e-1,
+        2.87939094e-1,
+        -2.38675687e-1,
+        2.15212268e-1,
+        -2.08933778e-1,
+        1.29264207e-1,
+    )
+)
+_T = tuple(
+    np.float32(c)
+    for c in (
+        -3.33331670e-1,
+        1.99941372e-1,
+        -1.42142089e-1,
+        1.06789394e-1,
+        -7.58057611e-2,
+        4.35535150e-2,
+        -1.65811688e-2,
+        2.97458655e-3,
+    )
+)
+_A = tuple(
+    np.float32(c)
+    for c in (
+        1.57079630e0,
+        -2.14598804e-1,
+        8.89790497e-2,
+        -5.01747138e-2,
+        3.08930491e-2,
+        -1.70898047e-2,
+        6.67128876e-3,
+        -1.26282962e-3,
+    )
+)
+
+
+@device
+def floor(x):
+    """The greatest whole number not above x, int64, for |x| < 2**62. (math.floor would be a call into the C library.)"""
+    whole = np.int64(x)
+    return whole - np.int64(np.float32(whole) > x)
+
+
+@device
+def sincos_turns(turns):
+    """(sin, cos) of 2 pi turns, |turns| < 2**20; absolute error below 1.5e-7."""
+    quarter = floor(turns * _FOUR + _HALF)
+    x = (turns * _FOUR - np.float32(quarter)) * _HALF_PI
+    z = x * x
+    sine = x + x * z * (_S[0] + z * (_S[1] + z * _S[2]))
+    cosine = _ONE - _HALF * z + z * z * (_C[0] + z * (_C[1] + z * _C[2]))
+    quadrant = np.int32(quarter) & 3
+    if quadrant == 0:
+        return sine, cosine
+    if quadrant == 1:
+        return cosine, -sine
+    if quadrant == 2:
+        return -sine, -cosine
+    return -cosine, sine
+
+
+@device
+def atan2(y, x):
+    """The angle of (x, y), in [-pi, pi]; absolute error below 4e-7. 0 at the origin."""
+    ax = abs(x)
+    ay = abs(y)
+    greater = max(ax, ay)
+    if greater == _ZERO:
+        return _ZERO
+    q = min(ax, ay) / greater
+    z = q * q
+    tail = _T[4] + z * (_T[5] + z * (_T[6] + z * _T[7]))
+    angle = q + q * z * (_T[0] + z * (_T[1] + z * (_T[2] + z * (_T[3] + z * tail))))
+    if ay > ax:
+        angle = _HALF_PI - angle
+    if x < _ZERO:
+        angle = _PI - angle
+    return math.copysign(angle, y)
+
+
+@device
+def acos(x):
+    """The angle of a cosine, in [0, pi]; what lies beyond -1 or 1 is taken as that. Absolute error below 6e-7."""
+    a = min(abs(x), _ONE)
+    tail = _A[4] + a * (_A[5] + a * (_A[6] + a * _A[7]))
+    angle = math.sqrt(_ONE - a) * (_A[0] + a * (_A[1] + a * (_A[2] + a * (_A[3] + a * tail))))
+    return _PI - angle if x < _ZERO else angle
+
+
+@device
+def exp2(x):
+    """2**x; relative error below 3e-7. inf above 128, 0 below -126."""
+    if x != x:
+        return x
+    if x >= np.float32(128.0):
+        return _INF
+    if x < _MIN_EXPONENT:
+        return _ZERO
+    whole = floor(x + _HALF)
+    f = x - np.float32(whole)
+    value = _ONE + f * (_E[0] + f * (_E[1] + f * (_E[2] + f * (_E[3] + f * (_E[4] + f * _E[5])))))
+    half = np.int32(whole) >> 1  # in two steps: 2**128 alone is out of range where 2**127.7 is not
+    return value * np.int32((half + 127) << 23).view(np.float32) * np.int32((np.int32(whole) - half + 127) << 23).view(np.float32)
+
+
+@device
+def log2(x):
+    """The logarithm to base 2; error below 2e-7 (relative near 1, absolute elsewhere). -inf at 0 and for subnormals."""
+    if not x >= _ZERO:
+        return _NAN
+    if x == _INF:
+        return _INF
+    if x < _SMALLEST:
+        return -_INF
+    b = np.float32(x).view(np.int32)
+    exponent = (b >> 23) - 127
+    m = np.int32((b & 0x7FFFFF) | 0x3F800000).view(np.float32)
+    if m > _SQRT_2:
+        m *= _HALF
+        exponent += 1
+    f = m - _ONE
+    tail = _L[4] + f * (_L[5] + f * (_L[6] + f * (_L[7] + f * _L[8])))
+    return np.float32(exponent) + f * (_L[0] + f * (_L[1] + f * (_L[2] + f * (_L[3] + f * tail))))
+
+
+@device
+def exp(x):
+    """e**x; relative error below 3e-7 + 1e-7 |x|."""
+    return exp2(x * _LOG2_E)
+
+
+@device
+def log(x):
+    """The natural logarithm."""
+    return log2(x) * _LN_2
+
+
+@device
+def power(x, y):
+    """x**y for x >= 0; relative error about 2e-7 (1 + |y log2(x)|). 0**0 is 1."""
+    if y == _ZERO:
+        return _ONE
+    return exp2(y * log2(x))

@@ -1,0 +1,150 @@
+"""From a hit to a point to shade: position, normals, texture coordinates, and how far rounding may have moved it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.jit import device, inlined
+from renderer.kernel import vec
+from renderer.kernel.polynomial import acos, atan2
+
+__all__ = ["Surface", "leave", "sphere_uv", "surface_at", "triangle_point"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_INV_PI = np.float32(1.0 / math.pi)
+_INV_2PI = np.float32(0.5 / math.pi)
+_LEAST_COSINE = np.float32(0.01)
+# Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
+_ERROR = np.float32(32 * 2.0**-24)
+
+
+class Surface(NamedTuple):
+    """A point hit. Vectors are tuples of float32 in world space."""
+
+    point: tuple[float, float, float]
+    error: float  # how far the point may be off the surface
+    geometric: tuple[float, float, float]  # unit normal of the true surface, on the viewer's side
+    shading: tuple[float, float, float]  # unit normal to shade with, less than 90 degrees from the viewer
+    uv: tuple[float, float]
+    front: bool  # whether the viewer is on the triangle's counter-clockwise side, or outside the sphere
+    material: int
+    light: int  # its number among the lights, or -1
+
+
+@device
+def _row3(array, i):
+    return array[i, 0], array[i, 1], array[i, 2]
+
+
+@device
+def _mix3(a, b, c, u, v):
+    w = _ONE - u - v
+    return w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], w * a[2] + u * b[2] + v * c[2]
+
+
+@device
+def _magnitude(a):
+    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
+
+
+@device
+def triangle_point(position, triangle, number, u, v):
+    """The point of a triangle at barycentric (u, v): (point, error, cross product of its edges)."""
+    a = _row3(position, triangle[number, 0])
+    b = _row3(position, triangle[number, 1])
+    c = _row3(position, triangle[number, 2])
+    error = _ERROR * ((_ONE - u - v) * _magnitude(a) + u * _magnitude(b) + v * _magnitude(c))
+    return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
+
+
+@device
+def triangle_uv(uv, triangle, number, u, v):
+    """The texture coordinates of a triangle at barycentric (u, v)."""
+    i, j, k = triangle[number, 0], triangle[number, 1], triangle[number, 2]
+    w = _ONE - u - v
+    return w * uv[i, 0] + u * uv[j, 0] + v * uv[k, 0], w * uv[i, 1] + u * uv[j, 1] + v * uv[k, 1]
+
+
+@device
+def sphere_uv(n):
+    """A sphere's texture coordinates by its outward normal, laid out as an environment's: north is +y, the middle is -z."""
+    return _HALF + atan2(n[0], -n[2]) * _INV_2PI, acos(n[1]) * _INV_PI
+
+
+@device
+def sphere_point(sphere, number, o, d, t):
+    """The point o + t d put back on the sphere: (point, error, outward unit normal).
+
+    In double precision: the centre of a sphere of radius 1e5 is too far away for float32 to tell the point's height.
+    """
+    cx, cy, cz = np.float64(sphere[number, 0]), np.float64(sphere[number, 1]), np.float64(sphere[number, 2])
+    x = np.float64(o[0]) + np.float64(t) * np.float64(d[0])
+    y = np.float64(o[1]) + np.float64(t) * np.float64(d[1])
+    z = np.float64(o[2]) + np.float64(t) * np.float64(d[2])
+    nx, ny, nz = x - cx, y - cy, z - cz
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    inward = np.float64(sphere[number, 3]) / length
+    point = (np.float32(cx + nx * inward), np.float32(cy + ny * inward), np.float32(cz + nz * inward))
+    normal = (np.float32(nx / length), np.float32(ny / length), np.float32(nz / length))
+    return point, _ERROR * _magnitude(point), normal
+
+
+@device
+def _facing(shading, geometric, wo):
+    """The shading normal on the geometric one's side, and bent towards the viewer where it would look away."""
+    if vec.dot(shading, geometric) < _ZERO:
+        shading = vec.neg(shading)
+    cosine = vec.dot(shading, wo)
+    if cosine < _LEAST_COSINE:
+        shading = vec.normalize(vec.add(shading, vec.scale(wo, _LEAST_COSINE - cosine)))
+        if not vec.dot(shading, wo) > _ZERO:
+            return geometric
+    return shading
+
+
+@inlined
+def surface_at(scene, o, d, t, primitive, u, v):
+    """The surface that the ray o + t d (d unit) meets at a hit of `closest_hit`."""
+    wo = vec.neg(d)
+    triangles = len(scene.triangle)
+    if primitive < triangles:
+        point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
+        square = vec.dot(normal, normal)
+        if square > _ZERO:
+            normal = vec.scale(normal, _ONE / math.sqrt(square))
+        else:  # so small that its area is 0 in float32
+            normal = wo
+        i, j, k = scene.triangle[primitive, 0], scene.triangle[primitive, 1], scene.triangle[primitive, 2]
+        shading = vec.normalize(_mix3(_row3(scene.normal, i), _row3(scene.normal, j), _row3(scene.normal, k), u, v))
+        if not vec.is_finite(shading):
+            shading = normal
+        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v)
+        material = scene.triangle_material[primitive]
+        light = scene.triangle_light[primitive]
+    else:
+        number = primitive - triangles
+        point, error, normal = sphere_point(scene.sphere, number, o, d, t)
+        shading = normal
+        uv = (_ZERO, _ZERO)
+        material = scene.sphere_material[number]
+        light = scene.sphere_light[number]
+        if (
+            max(scene.material_texture[material, 0], scene.material_texture[material, 1], scene.material_texture[material, 2])
+            >= 0
+        ):
+            uv = sphere_uv(normal)
+    front = vec.dot(normal, wo) > _ZERO
+    geometric = normal if front else vec.neg(normal)
+    return Surface(point, error, geometric, _facing(shading, geometric, wo), uv, front, material, light)
+
+
+@device
+def leave(point, error, normal, towards):
+    """The point moved off its surface, to the side that `towards` is on: where a ray may start without meeting it again."""
+    distance = error if vec.dot(normal, towards) > _ZERO else -error
+    return vec.add(point, vec.scale(normal, distance))

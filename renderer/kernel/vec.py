@@ -1,0 +1,124 @@
+"""Vectors as tuples of three float32: they live in registers and cost nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+
+__all__ = [
+    "add",
+    "basis",
+    "cross",
+    "dot",
+    "is_finite",
+    "luminance",
+    "maximum",
+    "mul",
+    "neg",
+    "normalize",
+    "scale",
+    "sub",
+    "to_local",
+    "to_world",
+]
+
+_ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
+_RED = np.float32(0.2126)
+_GREEN = np.float32(0.7152)
+_BLUE = np.float32(0.0722)
+
+
+@device
+def add(a, b):
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@device
+def sub(a, b):
+    """a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@device
+def mul(a, b):
+    """The product by components."""
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+@device
+def scale(a, s):
+    """a times the number s."""
+    return a[0] * s, a[1] * s, a[2] * s
+
+
+@device
+def neg(a):
+    """-a."""
+    return -a[0], -a[1], -a[2]
+
+
+@device
+def dot(a, b):
+    """The scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@device
+def cross(a, b):
+    """The vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@device
+def normalize(a):
+    """a at length 1; NaN where a is zero."""
+    return scale(a, _ONE / math.sqrt(dot(a, a)))
+
+
+@device
+def maximum(a):
+    """The greatest component."""
+    return max(a[0], max(a[1], a[2]))
+
+
+@device
+def luminance(c):
+    """The luminance of linear Rec.709."""
+    return _RED * c[0] + _GREEN * c[1] + _BLUE * c[2]
+
+
+@device
+def is_finite(a):
+    """Whether no component is NaN or infinite."""
+    s = a[0] * _ZERO + a[1] * _ZERO + a[2] * _ZERO
+    return s == _ZERO
+
+
+@device
+def basis(n):
+    """Two unit vectors that make a right-handed frame with the unit n (Duff et al., JCGT 6(1), 2017)."""
+    sign = math.copysign(_ONE, n[2])
+    a = -_ONE / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (_ONE + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])
+
+
+@device
+def to_world(s, t, n, v):
+    """The vector with coordinates v in the frame (s, t, n)."""
+    return (
+        s[0] * v[0] + t[0] * v[1] + n[0] * v[2],
+        s[1] * v[0] + t[1] * v[1] + n[1] * v[2],
+        s[2] * v[0] + t[2] * v[1] + n[2] * v[2],
+    )
+
+
+@device
+def to_local(s, t, n, v):
+    """The coordinates of v in the frame (s, t, n)."""
+    return dot(s, v), dot(t, v), dot(n, v)

@@ -1,0 +1,111 @@
+"""From the unit square to other domains: each square_to_x beside the density square_to_x_pdf of what it gives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel.polynomial import sincos_turns
+
+__all__ = [
+    "square_to_cone",
+    "square_to_cone_pdf",
+    "square_to_cosine_hemisphere",
+    "square_to_cosine_hemisphere_pdf",
+    "square_to_disk",
+    "square_to_disk_pdf",
+    "square_to_sphere",
+    "square_to_sphere_pdf",
+    "square_to_triangle",
+    "square_to_triangle_pdf",
+]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_EIGHTH = np.float32(0.125)
+_QUARTER = np.float32(0.25)
+_INV_PI = np.float32(1.0 / math.pi)
+_INV_2PI = np.float32(0.5 / math.pi)
+_INV_4PI = np.float32(0.25 / math.pi)
+
+
+@device
+def square_to_disk(u):
+    """The unit disk, uniformly, keeping neighbours together (Shirley & Chiu 1997): (x, y)."""
+    a = _TWO * u[0] - _ONE
+    b = _TWO * u[1] - _ONE
+    if a == _ZERO and b == _ZERO:
+        return _ZERO, _ZERO
+    if abs(a) > abs(b):
+        radius = a
+        turns = _EIGHTH * (b / a)
+    else:
+        radius = b
+        turns = _QUARTER - _EIGHTH * (a / b)
+    sine, cosine = sincos_turns(turns)
+    return radius * cosine, radius * sine
+
+
+@device
+def square_to_disk_pdf(p):
+    """Per unit area at p = (x, y)."""
+    return _INV_PI if p[0] * p[0] + p[1] * p[1] <= _ONE else _ZERO
+
+
+@device
+def square_to_cosine_hemisphere(u):
+    """Directions about +z, proportional to their cosine (Malley): a unit vector."""
+    x, y = square_to_disk(u)
+    return x, y, math.sqrt(max(_ZERO, _ONE - x * x - y * y))
+
+
+@device
+def square_to_cosine_hemisphere_pdf(w):
+    """Per steradian."""
+    return max(_ZERO, w[2]) * _INV_PI
+
+
+@device
+def square_to_sphere(u):
+    """Directions all round, uniformly: a unit vector."""
+    z = _ONE - _TWO * u[0]
+    radius = math.sqrt(max(_ZERO, _ONE - z * z))
+    sine, cosine = sincos_turns(u[1])
+    return radius * cosine, radius * sine, z
+
+
+@device
+def square_to_sphere_pdf(w):
+    """Per steradian."""
+    return _INV_4PI
+
+
+@device
+def square_to_cone(u, one_minus_cos):
+    """Directions about +z within a cone, uniformly. The cone is told by 1 - cos(half angle), which small cones keep exact."""
+    height = u[0] * one_minus_cos  # 1 - z
+    radius = math.sqrt(max(_ZERO, height * (_TWO - height)))
+    sine, cosine = sincos_turns(u[1])
+    return radius * cosine, radius * sine, _ONE - height
+
+
+@device
+def square_to_cone_pdf(one_minus_cos):
+    """Per steradian, inside the cone."""
+    return _INV_2PI / one_minus_cos
+
+
+@device
+def square_to_triangle(u):
+    """Barycentric coordinates (of b, of c), uniform over a triangle's area."""
+    root = math.sqrt(u[0])
+    return u[1] * root, _ONE - root
+
+
+@device
+def square_to_triangle_pdf(area):
+    """Per unit area."""
+    return _ONE / area

@@ -1,0 +1,190 @@
+"""The whole way in one process: a batch, a frame, and the kernels made ready before either."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from renderer.bvh.build import build
+from renderer.bvh.traverse import new_stack
+from renderer.film import CHANNELS, BadSample, BatchSums, Sums
+from renderer.kernel.accumulate import MAX_BAD, render_tile
+from renderer.kernel.camera import camera_frame
+from renderer.scene.compiled import CompiledScene, seal
+from renderer.settings import RenderSettings, Tile, View, tiles_of
+
+__all__ = ["RenderStats", "render_batch", "render_frame", "warm_up"]
+
+_TILE = 32
+_SAMPLES_AT_ONCE = 64
+
+
+@dataclass
+class RenderStats:
+    """What rendering took. Seconds of wall time; `rays` counts shadow rays too."""
+
+    compile_s: float = 0.0
+    render_s: float = 0.0
+    samples: int = 0
+    rays: int = 0
+    bad: list[BadSample] = field(default_factory=list)  # samples left out, at most MAX_BAD of them
+    bad_count: int = 0
+
+
+def _lit(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
+    """The scene with the settings' environment. Only the small arrays change: the compiled scene's file stays as it is."""
+    strength = np.float32(settings.environment_strength)
+    if settings.environment is None and strength == 1:
+        return scene
+    frame = scene.environment_frame.copy()
+    if settings.environment is None:
+        environment = scene.environment * strength
+        marginal, conditional = scene.environment_marginal, scene.environment_conditional
+        frame[2] *= strength
+    else:
+        environment = np.array(settings.environment, np.float32).reshape(1, 1, 3) * strength
+        marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)
+        frame[2] = environment @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+    if not environment.any():
+        frame[3] = 0.0
+    elif frame[3] == 0.0:
+        frame[3] = 0.5 if len(scene.light_primitive) else 1.0
+    for array in (environment, marginal, conditional, frame):
+        array.flags.writeable = False
+    return scene._replace(
+        environment=environment, environment_marginal=marginal, environment_conditional=conditional, environment_frame=frame
+    )
+
+
+def _render(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> tuple[BatchSums, int]:
+    """A batch and its number of rays; the scene's environment is already the settings'."""
+    sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
+    bad = np.empty((MAX_BAD, 3), np.int64)
+    bad_count, rays = render_tile(
+        scene,
+        new_stack(),
+        camera_frame(settings),
+        np.uint32(settings.seed),
+        settings.max_depth,
+        np.float32(2.0**settings.film_exponent),
+        tile.x,
+        tile.y,
+        first,
+        count,
+        sums,
+        bad,
+    )
+    listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
+    return BatchSums(sums, listed, int(bad_count)), int(rays)
+
+
+def render_batch(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> BatchSums:
+    """Sample numbers first ... first + count - 1 of every pixel of the tile. Runs without the GIL; any number at once.
+
+    The sums depend on the arguments alone: batches of a frame add up to the same bits however the frame is cut.
+    """
+    return _render(_lit(scene, settings), settings, tile, first, count)[0]
+
+
+def render_frame(
+    scene: CompiledScene,
+    settings: RenderSettings,
+    spp: int,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    stats: RenderStats | None = None,
+    stop: Callable[[Sums], bool] | None = None,
+    time_limit: float | None = None,
+) -> Sums:
+    """Sample numbers 0 ... spp - 1 of every pixel: the film's sums, (CHANNELS, height, width) int64.
+
+    threads: None for one per CPU this process may use; the sums do not depend on it.
+    progress: called from this thread with (samples a pixel done so far times pixels, all of them).
+    stats: filled in, where given.
+    stop: asked with the sums after every pass over the frame (1, 1, 2, 4 ... up to 64 samples a pixel); True ends.
+    time_limit: seconds after which no further pass is begun; one pass is always made.
+    """
+    stats = stats if stats is not None else RenderStats()
+    threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (threads or os.cpu_count() or 1)
+    lit = _lit(scene, settings)
+    sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
+    tiles = tiles_of(settings.width, settings.height, _TILE)
+    total = spp * settings.width * settings.height
+    begin = time.perf_counter()
+    lock = threading.Lock()
+    done = 0
+
+    def render(tile: Tile, first: int, count: int) -> int:
+        batch, rays = _render(lit, settings, tile, first, count)
+        sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += batch.sums
+        with lock:
+            stats.rays += rays
+            stats.samples += count * tile.w * tile.h
+            stats.bad_count += batch.bad_count
+            stats.bad.extend(batch.bad[: MAX_BAD - len(stats.bad)])
+        return count * tile.w * tile.h
+
+    with ThreadPoolExecutor(threads, thread_name_prefix="render") as pool:
+        first = 0
+        while first < spp:
+            count = min(max(first, 1), _SAMPLES_AT_ONCE, spp - first)
+            waiting = [pool.submit(render, tile, first, count) for tile in tiles]
+            try:
+                for future in waiting:
+                    done += future.result()
+                    if progress is not None:
+                        progress(done, total)
+            except BaseException:  # Ctrl-C among them: do not first render what waits
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+            first += count
+            if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
+                break
+    stats.render_s += time.perf_counter() - begin
+    return sums
+
+
+def warm_up() -> float:
+    """Compiles every kernel that a worker needs, or loads it from the cache: the seconds that took.
+
+    A parent that does this before it forks shares the machine code with its children.
+    """
+    begin = time.perf_counter()
+    corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    triangle = np.array([[0, 1, 2]], np.int32)
+    none = np.full(1, -1, np.int32)
+    zero = np.zeros(1, np.int32)
+    scene = CompiledScene(
+        bvh=build(corner, triangle, np.zeros((0, 4), np.float32)),
+        position=corner,
+        normal=np.broadcast_to(np.array([0, 0, 1], np.float32), (3, 3)),
+        uv=corner[:, :2],
+        triangle=triangle,
+        triangle_material=zero,
+        triangle_light=none,
+        sphere=np.zeros((0, 4), np.float32),
+        sphere_material=zero[:0],
+        sphere_light=zero[:0],
+        material_kind=zero,
+        material=np.full((1, 10), 0.5, np.float32),
+        material_texture=none.repeat(3).reshape(1, 3),
+        texture=np.zeros((0, 6), np.int32),
+        texel=np.zeros((0, 4), np.uint8),
+        light_primitive=zero[:0],
+        light_cdf=np.zeros(1, np.float32),
+        light_area=np.zeros(0, np.float32),
+        environment=np.ones((1, 1, 3), np.float32),
+        environment_marginal=np.array([0, 1], np.float32),
+        environment_conditional=np.array([[0, 1]], np.float32),
+        environment_frame=np.array([1, 0, 1, 1], np.float32),
+        bounds=np.array([[0, 0, 0], [1, 1, 0]], np.float32),
+    )
+    settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)), max_depth=2)
+    render_batch(seal(scene), settings, Tile(0, 0, 2, 2), 0, 1)
+    return time.perf_counter() - begin
