@@ -22,7 +22,7 @@ from tests.helpers import Farm
 
 pytestmark = [pytest.mark.browser, pytest.mark.farm]
 
-WIDTH, HEIGHT, SPP = 240, 150, 256
+WIDTH, HEIGHT, SPP = 192, 120, 192
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
