@@ -56,6 +56,7 @@ class Engine:
         self.preparing = Preparing(self._dispatcher, self.workers, settings.prepare_deadline)
         self.scheduler = Scheduler(settings, self._dispatcher, self.workers, self._start)
         self._changes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
+        self._purged = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed, lost
@@ -103,6 +104,9 @@ class Engine:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
     def _step(self) -> None:
+        if not self._purged:
+            self._dispatcher.purge()
+            self._purged = True
         while not self._changes.empty():
             self._apply(*self._changes.get())
         if self.workers.look():
@@ -126,6 +130,7 @@ class Engine:
         job = self.scheduler.jobs.get(id)
         if row is None or row.state not in ("queued", "running", "paused"):
             if job is not None:
+                self.records.progress(job)
                 self._drop(job)
             if row is None:
                 self.films.delete(id)
@@ -134,6 +139,7 @@ class Engine:
         else:
             if row.state == "paused" != job.state:
                 self.scheduler.withdraw(job)
+                self.records.progress(job)
             job.state, job.priority = row.state, row.priority
             if row.spp and row.spp != job.plan.spp:
                 self.scheduler.withdraw(job)

@@ -77,7 +77,7 @@ class FramePlan:
             self._limit[tile] = checkpoints(covered.prefix, spp, self.noise)
             if not self._is_complete(tile, covered):
                 self._open.add(tile)
-                self._push(tile)
+                self._go_on(tile, covered.prefix)
 
     @property
     def done(self) -> bool:
@@ -145,9 +145,13 @@ class FramePlan:
         if self._is_complete(back.tile, covered):
             self._open.discard(back.tile)
             return
-        self._limit[back.tile] = checkpoints(covered.prefix + 1, self.spp, self.noise)
-        self._planned[back.tile] = max(self._planned[back.tile], covered.prefix)
-        self._push(back.tile)
+        self._go_on(back.tile, covered.prefix)
+
+    def _go_on(self, tile: int, prefix: int) -> None:
+        if prefix >= self._limit[tile]:
+            self._limit[tile] = checkpoints(prefix + 1, self.spp, self.noise)
+        self._planned[tile] = max(self._planned[tile], prefix)
+        self._push(tile)
 
     def _lose_gaps(self, of: Range) -> None:
         for start, end in self._coverage(of.tile).gaps(of.first, of.first + of.count):

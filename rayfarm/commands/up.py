@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from rayfarm.console import err, out
-from rayfarm.machine import StopSignals, cores
+from rayfarm.machine import StopSignals, cores, has_screen
 
 __all__ = ["register"]
 
@@ -62,7 +62,7 @@ def up(
             farm.start(signals.stop)
             if farm.wait(farm.service_answers, "service", signals.stop):
                 _summary(farm.url, farm.public_url, farm.secrets.token, host, folder)
-                if browser:
+                if browser and has_screen():
                     webbrowser.open(farm.url)
                 if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {slots} worker slots. Ctrl-C stops the farm.")
@@ -89,4 +89,4 @@ def _summary(url: str, public_url: str, token: str, host: str, folder: Path) -> 
         out.print("  Add a machine   on the other machine:")
         out.print(f"                  rayfarm worker --join {public_url} --token {token}", soft_wrap=True)
     out.print(f"  Data and logs   {folder}", soft_wrap=True)
-    out.print("  Compiling or loading the renderer's kernels (up to half a minute on the first start) ...\n")
+    out.print("  Loading the renderer's kernels (the first start compiles them: half a minute) ...\n", soft_wrap=True)

@@ -88,13 +88,13 @@ function preparing(page, scene, life) {
   const chip = stateChip("preparing");
   const step = h("p", { class: "quiet", "aria-live": "polite" });
   const bar = progressBar("Preparing");
-  const notice = h("div", null);
+  const notice = h("div", { class: "notice-slot" });
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(
     page,
     heading(scene),
     notice,
-    h("section", { class: "preparing panel" }, chip.element, bar.element, step),
+    h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step),
   );
   return (next) => {
     setText(step, next.step ?? "Waiting for a worker");
@@ -130,7 +130,7 @@ function failed(page, scene) {
  */
 function ready(page, scene, life) {
   const picture = thumbnail();
-  const notice = h("div", null);
+  const notice = h("div", { class: "notice-slot" });
   const form = settingsForm(scene, async (request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
