@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from rayfarm.console import err, out
-from rayfarm.machine import StopSignals, cores
+from rayfarm.machine import StopSignals, cores, has_screen
 
 __all__ = ["register"]
 
@@ -62,7 +62,7 @@ def up(
             farm.start(signals.stop)
             if farm.wait(farm.service_answers, "service", signals.stop):
                 _summary(farm.url, farm.public_url, farm.secrets.token, host, folder)
-                if browser:
+                if browser and has_screen():
                     webbrowser.open(farm.url)
                 if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {slots} worker slots. Ctrl-C stops the farm.")

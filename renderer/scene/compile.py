@@ -10,11 +10,12 @@ import numpy as np
 from renderer.bvh.build import build
 from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
-from renderer.scene.description import F32, Camera, Environment, SceneDescription
+from renderer.scene.description import F32, Camera, SceneDescription
 from renderer.scene.framing import frame
 from renderer.scene.geometry import flatten
 from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
 from renderer.scene.packing import pack
+from renderer.scene.studio import light_studio
 from renderer.settings import View
 
 __all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
@@ -42,9 +43,9 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     lights = list_lights(
         packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material
     )
-    if description.sky_for_accents and description.environment is None and are_accents(lights.power, bounds):
-        description.environment = Environment()
-        description.warnings.append("The scene's own lights are weak: lit by a white sky as well.")
+    if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
+        light_studio(description)
+        description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)
     chance = choose_environment(environment.mean, lights.power, bounds)
     rotation = environment.rotation

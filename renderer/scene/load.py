@@ -11,6 +11,7 @@ from renderer.errors import RayfarmError, SceneError
 from renderer.formats import SCENE_SUFFIXES
 from renderer.scene.description import Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.studio import light_studio
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
@@ -22,9 +23,9 @@ def read(folder: Path, main: str, environment: str | None = None) -> SceneDescri
     """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
     environment: an HDR image of the folder that lights the scene in place of its own environment. A scene without any
-    light gets a white sky and a warning; so does, when it is compiled, a model whose lights are but accents (a car's tail
-    lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside the folder is opened.
-    Raises SceneError with a sentence that names the file and says what to do.
+    light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights are but accents (a
+    car's tail lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside the folder is
+    opened. Raises SceneError with a sentence that names the file and says what to do.
     """
     files = SceneFiles(folder)
     description = SceneDescription(name=PurePosixPath(main).stem)
@@ -33,9 +34,9 @@ def read(folder: Path, main: str, environment: str | None = None) -> SceneDescri
         _light_with(files, environment, description)
     _check(main, description)
     if description.environment is None and not _emits(description):
-        description.environment = Environment()
-        description.warnings.append("The scene has no light: lit by a white sky.")
-    description.sky_for_accents = PurePosixPath(main).suffix.lower() not in (".yaml", ".yml")
+        light_studio(description)
+        description.warnings.append("The scene has no light: lit by a soft studio light. Give an environment to change that.")
+    description.studio_for_accents = PurePosixPath(main).suffix.lower() not in (".yaml", ".yml")
     return description
 
 
