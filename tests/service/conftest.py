@@ -13,9 +13,9 @@ import pytest
 import redis
 import uvicorn
 
+from rayfarm.local.farm import free_port
 from service.farm import Farm
 from service.main import create_app
-from rayfarm.local.farm import free_port
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.peer_worker import PeerWorker

@@ -25,7 +25,9 @@ def test_it_is_the_set_of_its_samples(ranges: list[tuple[int, int]], start: int,
     assert coverage.end == max(model, default=-1) + 1
     assert coverage.prefix == next(i for i in range(200) if i not in model)
     assert {i for a, b in coverage.gaps(start, end) for i in range(a, b)} == set(range(start, end)) - model
-    assert all(b1 < a2 for (_, b1), (a2, _) in zip(coverage.ranges, coverage.ranges[1:], strict=False)), "ranges that touch are joined"
+    assert all(b1 < a2 for (_, b1), (a2, _) in zip(coverage.ranges, coverage.ranges[1:], strict=False)), (
+        "ranges that touch are joined"
+    )
 
 
 def test_an_empty_range_is_refused() -> None:

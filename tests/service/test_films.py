@@ -29,7 +29,9 @@ def part(film: Film, tile: int, first: int, count: int, **more: object) -> Part:
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 11), st.integers(1, 5)), max_size=24), st.integers(1, 5), st.booleans())
+@given(
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 11), st.integers(1, 5)), max_size=24), st.integers(1, 5), st.booleans()
+)
 def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, int]], group: int, small_cache: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
         film = make(Path(folder) / "job.sqlite", 2000 if small_cache else 1 << 20)
@@ -44,7 +46,9 @@ def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, 
         again = make(Path(folder) / "job.sqlite")
         for tile, samples in model.items():
             rect = film.tiles[tile]
-            expected = sum((expected_sums(rect, s, 1, 0) for s in samples), np.zeros((film_math.CHANNELS, rect.h, rect.w), np.int64))
+            expected = sum(
+                (expected_sums(rect, s, 1, 0) for s in samples), np.zeros((film_math.CHANNELS, rect.h, rect.w), np.int64)
+            )
             for each in (film, again):
                 sums = each.tile_sums(0, tile)
                 np.testing.assert_array_equal(np.zeros_like(expected) if sums is None else sums, expected)
@@ -84,7 +88,9 @@ def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
 
 def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
-    film._database.execute("CREATE TRIGGER full BEFORE INSERT ON part WHEN NEW.tile = 1 BEGIN SELECT raise(ABORT, 'disk full'); END")
+    film._database.execute(
+        "CREATE TRIGGER full BEFORE INSERT ON part WHEN NEW.tile = 1 BEGIN SELECT raise(ABORT, 'disk full'); END"
+    )
     try:
         film.merge([part(film, 0, 0, 1), part(film, 1, 0, 1)])
     except Exception as error:
