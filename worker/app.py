@@ -31,6 +31,8 @@ def make_app(worker: context.WorkerContext) -> Celery:
         worker_hijack_root_logger=False,
         worker_redirect_stdouts=False,
         broker_connection_max_retries=None,
+        # A busy machine may take longer than Celery's 4 s to start a slot; killing it then only makes it busier.
+        worker_proc_alive_timeout=60.0,
     )
     tasks.register(app)
     app.steps["consumer"].add(Heartbeat)
