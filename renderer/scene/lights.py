@@ -11,6 +11,9 @@ from renderer.scene.description import F32, I32, SceneDescription
 __all__ = ["Environment", "LightList", "are_accents", "choose_environment", "list_lights", "luminance", "tabulate_environment"]
 
 
+_MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
+
+
 def luminance(rgb: np.ndarray) -> np.ndarray:
     """Rec.709 luminance of (..., 3)."""
     return rgb @ np.array([0.2126, 0.7152, 0.0722])
@@ -71,12 +74,12 @@ def tabulate_environment(description: SceneDescription) -> Environment:
         return Environment(np.zeros((1, 1, 3), np.float32), _cdf(np.ones(1)), _cdf(np.ones((1, 1))), 0.0, 0.0)
     color = np.array(source.color, np.float64) * source.strength
     if source.image is None:
-        radiance = color.astype(np.float32).reshape(1, 1, 3)
+        radiance = np.minimum(color, _MAX_RADIANCE).astype(np.float32).reshape(1, 1, 3)
     else:
         pixels = description.images[source.image].pixels
         if pixels.dtype == np.uint8:
             pixels = _linear(pixels[..., :3])
-        radiance = np.ascontiguousarray(np.maximum(pixels[..., :3], 0) * color.astype(np.float32), np.float32)
+        radiance = np.clip(pixels[..., :3] * color, 0, _MAX_RADIANCE).astype(np.float32)
     bright = luminance(radiance.astype(np.float64))
     height = len(bright)
     solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))  # of a row, over 2 pi

@@ -19,6 +19,7 @@ __all__ = ["Packed", "pack"]
 _KINDS = {"diffuse": DIFFUSE, "mirror": MIRROR, "glass": GLASS, "metallic_roughness": METALLIC_ROUGHNESS}
 _WRAPS = {"repeat": REPEAT, "mirror": MIRRORED, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
+_MAX_EMISSION = 1e9
 
 
 class Packed(NamedTuple):
@@ -97,7 +98,7 @@ def pack(description: SceneDescription) -> Packed:
         if m.emission_texture is not None and emitted[i] > 0:
             row, scale = texels.add(m.emission_texture, bright=True)
             textures[i, 1] = row
-            emission *= scale
+            emission = np.minimum(emission * scale, _MAX_EMISSION)
             emitted[i] *= scale * texels.mean_luminance(row)
         if m.metallic_roughness_texture is not None:
             textures[i, 2] = texels.add(m.metallic_roughness_texture)[0]

@@ -61,7 +61,7 @@ export function jobRow(job, life) {
       if (next.samples > 0 && due) {
         picturedAt = now;
         picturedState = next.state;
-        image.src = imageUrl(next.id, next.frames[0]?.number ?? 0, "jpg", { v: next.samples });
+        image.src = imageUrl(next.id, next.frames[0]?.number ?? 0, "jpg", { width: 320, v: next.samples });
       }
     },
   };

@@ -13,12 +13,14 @@ import { icon } from "../icons.js";
 import { actionsPanel, moreSamples, pauseOrResume, progressPanel, savePanel } from "../job-panel.js";
 import { Live } from "../live.js";
 import { PixelReadout } from "../pixel-readout.js";
-import { linkTo, setTitle } from "../router.js";
+import { go, linkTo, setTitle } from "../router.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
 import { outlinesOf } from "../tile-outlines.js";
 import { announce, showError } from "../tray.js";
+import { rememberPlace } from "../view-place.js";
+import { removeJob } from "./job-row.js";
 
 /** @typedef {import("../types.js").Job} Job */
 
@@ -77,18 +79,23 @@ function open(page, job, life) {
   let view = null;
   /** @type {PixelReadout | null} */
   let readout = null;
+  let remember = () => {};
   /** @type {Element} */
   let stage;
   try {
     const shown = new FilmView(width, height, {
       cursor: (at) => readout?.point(at),
-      moved: () => setText(zoom, zoomLabel(shown?.viewport.scale ?? 1)),
+      moved: () => {
+        setText(zoom, zoomLabel(shown?.viewport.scale ?? 1));
+        remember();
+      },
     });
     view = shown;
     stage = shown.element;
     readout = new PixelReadout(job.id, shown.film);
     life.add(() => (readout?.dispose(), shown.dispose()));
     life.add(display.subscribe((look) => shown.setLook(look)));
+    remember = rememberPlace(shown.viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
     stage = h("div", { class: "stage" }, emptyState("image", "The live picture cannot be shown here", h("p", null, error.message)));
@@ -174,6 +181,11 @@ function open(page, job, life) {
       chip.element,
       h("span", { class: "grow" }),
       actions.element,
+      h(
+        "button",
+        { class: "icon-button danger", type: "button", "aria-label": "Delete this picture", title: "Delete this picture", onclick: () => (removeJob(latest), go("jobs")) },
+        icon("trash"),
+      ),
     ),
     h("div", { class: "job-line" }, line.element),
     stageBox,
