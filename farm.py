@@ -39,7 +39,7 @@ def main():
         return run_tests(python, rest) if command == "test" else run_benchmarks(python, rest)
     install(FOR_USE)
     program = str(VENV / "bin" / "rayfarm")
-    return os.execv(program, [program, *arguments])
+    return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
 
 
 def say(text):

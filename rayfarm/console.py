@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 
@@ -16,7 +17,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-__all__ = ["Ticker", "bar", "err", "out"]
+__all__ = ["PROGRAM", "Ticker", "bar", "err", "out"]
+
+# What a person types to get here: farm.py says so where it was started by it.
+PROGRAM = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

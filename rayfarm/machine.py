@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from types import FrameType
 
-__all__ = ["StopSignals", "cores"]
+__all__ = ["StopSignals", "cores", "has_screen"]
 
 
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def has_screen() -> bool:
+    """Whether a browser could be shown; without this, Linux would open one that draws into the terminal."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class StopSignals:

@@ -36,7 +36,10 @@ def expand(
     """
     try:
         with zipfile.ZipFile(archive) as file:
-            entries = [entry for entry in file.infolist() if not entry.is_dir() and not is_junk(entry.filename)]
+            everything = [entry for entry in file.infolist() if not entry.is_dir()]
+            for entry in everything:
+                safe_name(entry.orig_filename.split("\0")[0])
+            entries = [entry for entry in everything if not is_junk(entry.filename)]
             _judge(entries, name, max_files, max_bytes, max_ratio)
             left = max_bytes
             for entry in entries:
@@ -54,9 +57,8 @@ def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes:
     if len(entries) > max_files:
         raise Problem(413, f"The archive {name} has {len(entries)} files; at most {max_files} are taken.")
     for entry in entries:
-        safe_name(entry.orig_filename.split("\0")[0])
         if stat.S_ISLNK(entry.external_attr >> 16):
-            raise Problem(422, f"{entry.filename} in {name} is a symbolic link. Pack the file that it points to.")
+            raise Problem(422, f"The entry {entry.filename} of {name} is a symbolic link. Pack the file that it points to.")
         if entry.flag_bits & 0x1:
             raise Problem(422, f"The archive {name} is encrypted. Pack it again without a password.")
     total = sum(entry.file_size for entry in entries)
@@ -87,7 +89,8 @@ def _extract(
                     raise Problem(413, f"The archive {name} unpacks to more than it says, as zip bombs do.")
                 if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
                     raise Problem(
-                        413, f"{entry.filename} in {name} unpacks to over {max_ratio:g} times its size, as zip bombs do."
+                        413,
+                        f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do.",
                     )
     except BaseException:
         writer.discard()

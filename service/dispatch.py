@@ -59,9 +59,11 @@ class Dispatcher:
                 taken.add(lease)
         return taken
 
-    def purge(self, kind: str) -> None:
-        """Remove all that waits for workers of a kind. Raises redis.RedisError."""
-        self._redis.delete(render_queue(kind), prepare_queue(kind))
+    def purge(self) -> None:
+        """Remove all that waits, of an earlier life whose leases are forgotten. Raises redis.RedisError."""
+        for pattern in (render_queue("*"), prepare_queue("*")):
+            for name in self._redis.scan_iter(pattern, count=1000):
+                self._redis.delete(name)
 
     def close(self) -> None:
         """Close the connections."""
@@ -69,6 +71,7 @@ class Dispatcher:
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str) -> None:
         try:
-            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, ignore_result=True, retry=False)
+            options = {"ignore_result": True, "retry": False, "argsrepr": "", "kwargsrepr": ""}  # nobody reads the reprs
+            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, **options)
         except (OperationalError, redis.RedisError, OSError) as error:
             raise QueueError(str(error)) from error

@@ -108,7 +108,7 @@ class _Reader:
         _, options = parse_options_header(self._disposition)
         try:
             self._field = options.get(b"name", b"").decode()
-            filename = options[b"filename"].decode() if b"filename" in options else None
+            filename = _unescape(options[b"filename"].decode()) if b"filename" in options else None
         except UnicodeDecodeError:
             raise Problem(422, "A name in the upload is not UTF-8. Rename the file and send it again.") from None
         if filename is None:
@@ -140,3 +140,8 @@ class _Reader:
         if len(header) > MAX_HEADER:
             raise Problem(413, f"A header in the upload is longer than {MAX_HEADER} bytes.")
         return header
+
+
+def _unescape(filename: str) -> str:
+    """Undo the three escapes that browsers make in names (HTML, "multipart/form-data encoding algorithm")."""
+    return filename.replace("%22", '"').replace("%0D", "\r").replace("%0A", "\n")

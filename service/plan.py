@@ -77,7 +77,7 @@ class FramePlan:
             self._limit[tile] = checkpoints(covered.prefix, spp, self.noise)
             if not self._is_complete(tile, covered):
                 self._open.add(tile)
-                self._push(tile)
+                self._go_on(tile, covered.prefix)
 
     @property
     def done(self) -> bool:
@@ -126,7 +126,12 @@ class FramePlan:
 
     def wants(self, batch: Range) -> bool:
         """Whether these samples belong to the frame: a tile that is complete takes no more, so that its end stays exact."""
-        return batch.tile in self._open and batch.count > 0 and batch.first + batch.count <= self._limit[batch.tile]
+        return (
+            batch.tile in self._open
+            and batch.count > 0
+            and batch.first >= 0
+            and batch.first + batch.count <= self._limit[batch.tile]
+        )
 
     def lose(self, lost: Range) -> None:
         """A batch did not come back: it is the first to be handed out again."""
@@ -145,9 +150,13 @@ class FramePlan:
         if self._is_complete(back.tile, covered):
             self._open.discard(back.tile)
             return
-        self._limit[back.tile] = checkpoints(covered.prefix + 1, self.spp, self.noise)
-        self._planned[back.tile] = max(self._planned[back.tile], covered.prefix)
-        self._push(back.tile)
+        self._go_on(back.tile, covered.prefix)
+
+    def _go_on(self, tile: int, prefix: int) -> None:
+        if prefix >= self._limit[tile]:
+            self._limit[tile] = checkpoints(prefix + 1, self.spp, self.noise)
+        self._planned[tile] = max(self._planned[tile], prefix)
+        self._push(tile)
 
     def _lose_gaps(self, of: Range) -> None:
         for start, end in self._coverage(of.tile).gaps(of.first, of.first + of.count):

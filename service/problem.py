@@ -16,8 +16,10 @@ __all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
 
 log = logging.getLogger(__name__)
 
+FASTAPI_BAD_BODY = "There was an error parsing the body"
 SENTENCES = {
     404: "There is nothing at {path}. The API is described at /docs.",
+    400: "The body cannot be read. Send JSON in UTF-8.",
     405: "{method} is not possible at {path}. The API is described at /docs.",
 }
 
@@ -81,7 +83,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> ProblemResponse:
         detail = str(error.detail)
-        if error.status_code in SENTENCES and detail == http.HTTPStatus(error.status_code).phrase:
+        if error.status_code in SENTENCES and detail in (http.HTTPStatus(error.status_code).phrase, FASTAPI_BAD_BODY):
             detail = SENTENCES[error.status_code].format(path=request.url.path, method=request.method)
         return response(error.status_code, detail, error.headers)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.problem import Problem, response
@@ -102,7 +103,7 @@ def _bounded(scope: Scope, receive: Receive) -> Receive:
         message = await receive()
         size += len(message.get("body", b""))
         if size > MAX_BODY:
-            raise _too_large()
+            raise HTTPException(413, _too_large().detail)  # the one exception that FastAPI lets through while it reads a body
         return message
 
     return wrapped

@@ -29,6 +29,7 @@ class Settings(BaseSettings):
     port: int = 8000
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = Path(__file__).resolve().parent.parent / "web"
+    examples: Path = Path(__file__).resolve().parent.parent / "scenes"
 
     max_upload_bytes: int = GIB
     max_upload_files: int = 4096

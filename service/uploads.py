@@ -22,7 +22,7 @@ from service.problem import Problem
 from service.settings import Settings
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "check_length", "receive"]
+__all__ = ["Upload", "check_length", "keep", "receive"]
 
 DISK_CHECK_EVERY = 16 << 20
 
@@ -79,14 +79,15 @@ async def receive(content_type: str, chunks: AsyncIterator[bytes], store: BlobSt
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     try:
         form = await read_form(content_type, chunks, store, settings.max_upload_files, settings.max_upload_bytes, check_disk)
-        return await run_in_threadpool(_store, form, store, settings, check_disk)
+        return await run_in_threadpool(keep, form, store, settings, check_disk)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise no_room() from error
         raise
 
 
-def _store(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]) -> Upload:
+def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]) -> Upload:
+    """Expand, check and store what was sent. Raises Problem; then nothing of it is left."""
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import signal
+import warnings
 from typing import Any
 
 from celery import Celery, signals
+from celery.exceptions import SecurityWarning
 
 from worker import context, tasks
 from worker.contract import celery_config, prepare_queue, render_queue
@@ -29,6 +31,8 @@ def make_app(worker: context.WorkerContext) -> Celery:
         worker_hijack_root_logger=False,
         worker_redirect_stdouts=False,
         broker_connection_max_retries=None,
+        # A busy machine may take longer than Celery's 4 s to start a slot; killing it then only makes it busier.
+        worker_proc_alive_timeout=60.0,
     )
     tasks.register(app)
     app.steps["consumer"].add(Heartbeat)
@@ -37,6 +41,8 @@ def make_app(worker: context.WorkerContext) -> Celery:
 
 def run(worker: context.WorkerContext) -> int:
     """Take tasks until a signal says to stop; the exit code. SIGTERM: finish the tasks in hand first."""
+    # Celery warns root because of pickle; only JSON is accepted here.
+    warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
     signals.worker_process_init.connect(_child_starts)
     signals.worker_shutting_down.connect(_shutting_down)

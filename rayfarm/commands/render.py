@@ -14,13 +14,13 @@ import typer
 from rayfarm import options
 from rayfarm.console import Ticker, bar, err
 from rayfarm.errors import CommandError
-from rayfarm.machine import cores
 from rayfarm.scene_files import opened
+from renderer.settings import RenderSettings, Tile
 
 if TYPE_CHECKING:
     from renderer.film import Sums
+    from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
-    from renderer.settings import RenderSettings, Tile
 
 __all__ = ["register"]
 
@@ -45,6 +45,8 @@ def render(
     fov: options.Fov = None,
     size: options.Size = None,
     spp: options.Spp = None,
+    noise: options.Noise = None,
+    time_limit: options.TimeLimit = None,
     max_depth: options.MaxDepth = None,
     integrator: options.Integrator = None,
     seed: options.Seed = 0,
@@ -75,31 +77,17 @@ def render(
     if not output.parent.is_dir():
         raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
 
-    marks = {"begun": time.perf_counter()}
+    clock = Clock()
     from renderer.film import mean
     from renderer.image import encode
     from renderer.image import tonemap as tonemaps
-    from renderer.render import warm_up
-    from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import read
-    from renderer.settings import RenderSettings
+    from renderer.render import RenderStats
 
+    clock.mark("import_s")
     encode.format_of(output)
     if tonemap not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {tonemap!r}; known are {', '.join(tonemaps.CURVES)}")
-    with bar() as progress:
-        step = progress.add_task("reading", total=None)
-        marks["imported"] = time.perf_counter()
-        with opened(scene, environment) as (folder, main, inside):
-            description = read(folder, main, inside)
-            marks["loaded"] = time.perf_counter()
-            progress.update(step, description="building")
-            compiled = compile_scene(description)
-        summary = summarise(description, compiled)
-        marks["built"] = time.perf_counter()
-        progress.update(step, description="compiling")
-        warm_up()
-        marks["compiled"] = time.perf_counter()
+    compiled, summary = _load(scene, environment, clock)
     for warning in summary["warnings"]:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
 
@@ -116,58 +104,104 @@ def render(
         environment_strength=env_strength,
     )
     count = spp or defaults.get("spp", DEFAULT_SPP)
-    sums, samples = _sums(compiled, settings, count, first, rectangle, threads or cores())
-    marks["rendered"] = time.perf_counter()
+    done = RenderStats()
+    if tile is None and first == 0:
+        sums = _frame(compiled, settings, count, threads, noise, time_limit, done)
+    else:
+        sums = _part(compiled, settings, rectangle or Tile(0, 0, width, height), first, count, done)
+    clock.mark("render_s")
     planes = {name: mean(sums, settings.film_exponent, channel) for name, channel in aovs.items()}
     encode.write(output, mean(sums, settings.film_exponent), exposure=exposure, curve=tonemap, aovs=planes)
 
-    seconds = marks["rendered"] - marks["compiled"]
-    speed = samples / max(seconds, 1e-9) / 1e6
-    err.print(f"{output}: {width}x{height}, {count} spp, {seconds:.1f} s, {speed:.2f} M samples/s", markup=False, soft_wrap=True)
+    seconds = max(clock.seconds["render_s"], 1e-9)
+    taken = done.samples / (width * height)
+    speed = f"{taken:.4g} spp, {seconds:.1f} s, {done.samples / seconds / 1e6:.2f} M samples/s"
+    err.print(f"{output}: {width}x{height}, {speed}", markup=False, soft_wrap=True)
+    if done.bad_count:
+        x, y, sample = done.bad[0]
+        which = f"the first is sample {sample} of pixel {x},{y}"
+        err.print(f"note: {done.bad_count} samples were not finite and are left out; {which}.", markup=False, soft_wrap=True)
     if stats is not None:
-        _write_stats(stats, marks, samples)
+        _write_stats(stats, clock, done)
 
 
-def _sums(
-    compiled: CompiledScene, settings: RenderSettings, spp: int, first: int, tile: Tile | None, threads: int
-) -> tuple[Sums, int]:
-    """The film's sums, and how many samples were taken."""
-    import numpy as np
+class Clock:
+    """Seconds of each step, from one mark to the next."""
 
-    from renderer.film import CHANNELS
-    from renderer.render import render_batch, render_frame
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
 
-    if tile is not None or first:
-        whole = tile or (0, 0, settings.width, settings.height)
-        tile = type(tile)(*whole) if tile else _tile(*whole)
-        if (
-            tile.x < 0
-            or tile.y < 0
-            or tile.x + tile.w > settings.width
-            or tile.y + tile.h > settings.height
-            or min(tile.w, tile.h) < 1
-        ):
-            raise CommandError(f"--tile reaches out of the picture of {settings.width}x{settings.height} pixels")
-        part = render_batch(compiled, settings, tile, first, spp)
-        sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
-        sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = part.sums
-        return sums, tile.w * tile.h * spp
+    def mark(self, step: str) -> None:
+        """A step ends here."""
+        now = time.perf_counter()
+        self.seconds[step] = now - self._last
+        self._last = now
+
+
+def _load(scene: Path, environment: Path | None, clock: Clock) -> tuple[CompiledScene, dict[str, Any]]:
+    """The compiled scene and its summary. Read first: a wrong file is told before half a minute of compiling."""
+    from renderer.render import warm_up
+    from renderer.scene.compile import compile_scene, summarise
+    from renderer.scene.load import read
+
+    with bar() as progress:
+        step = progress.add_task("reading", total=None)
+        with opened(scene, environment) as (folder, main, inside):
+            description = read(folder, main, inside)
+        clock.mark("load_s")
+        progress.update(step, description="loading the kernels (the first time compiles them: half a minute)")
+        warm_up()
+        clock.mark("compile_s")
+        progress.update(step, description="building")
+        compiled = compile_scene(description)
+        summary = summarise(description, compiled)
+        clock.mark("build_s")
+    return compiled, summary
+
+
+def _frame(
+    compiled: CompiledScene,
+    settings: RenderSettings,
+    spp: int,
+    threads: int | None,
+    noise: float | None,
+    time_limit: float | None,
+    done: RenderStats,
+) -> Sums:
+    """The whole frame's sums, with a progress bar."""
+    from renderer.film import noise as noise_of
+    from renderer.render import render_frame
+
     ticker = Ticker()
     with bar() as progress:
         task = progress.add_task("rendering", total=None)
 
-        def show(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-            ticker.tick(f"rendering: {100 * done / max(total, 1):.0f} %")
+        def show(part: int, whole: int) -> None:
+            progress.update(task, completed=part, total=whole)
+            ticker.tick(f"rendering: {100 * part / max(whole, 1):.0f} %")
 
-        sums = render_frame(compiled, settings, spp, threads=threads, progress=show)
-    return sums, settings.width * settings.height * spp
+        def quiet_enough(sums: Sums) -> bool:
+            return noise is not None and noise_of(sums, settings.film_exponent) <= noise
+
+        return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
 
 
-def _tile(x: int, y: int, w: int, h: int) -> Tile:
-    from renderer.settings import Tile
+def _part(compiled: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, done: RenderStats) -> Sums:
+    """A frame's sums with one batch in it: what a worker of a farm renders."""
+    import numpy as np
 
-    return Tile(x, y, w, h)
+    from renderer.film import CHANNELS
+    from renderer.render import render_batch
+
+    x, y, w, h = tile
+    if min(x, y) < 0 or min(w, h) < 1 or x + w > settings.width or y + h > settings.height:
+        raise CommandError(f"--tile reaches out of the picture of {settings.width}x{settings.height} pixels")
+    batch = render_batch(compiled, settings, tile, first, count)
+    sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
+    sums[:, y : y + h, x : x + w] = batch.sums
+    done.samples, done.bad, done.bad_count = w * h * count, batch.bad, batch.bad_count
+    return sums
 
 
 def _aovs(text: str | None, output: Path) -> dict[str, Any]:
@@ -182,16 +216,14 @@ def _aovs(text: str | None, output: Path) -> dict[str, Any]:
     return {name: channels[name] for name in names}
 
 
-def _write_stats(path: Path, marks: dict[str, float], samples: int) -> None:
-    scale = 1 if sys.platform == "darwin" else 1024
+def _write_stats(path: Path, clock: Clock, done: RenderStats) -> None:
+    scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
     data = {
-        "import_s": marks["imported"] - marks["begun"],
-        "load_s": marks["loaded"] - marks["imported"],
-        "build_s": marks["built"] - marks["loaded"],
-        "compile_s": marks["compiled"] - marks["built"],
-        "render_s": marks["rendered"] - marks["compiled"],
-        "samples": samples,
-        "samples_per_s": samples / max(marks["rendered"] - marks["compiled"], 1e-9),
+        **clock.seconds,
+        "samples": done.samples,
+        "rays": done.rays,
+        "bad_samples": done.bad_count,
+        "samples_per_s": done.samples / max(clock.seconds["render_s"], 1e-9),
         "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale,
     }
     text = json.dumps(data, indent=1)

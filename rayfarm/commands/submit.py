@@ -11,7 +11,7 @@ import typer
 
 from rayfarm import options
 from rayfarm.client import Client
-from rayfarm.console import Ticker, bar, err, out
+from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.scene_files import belonging
 
@@ -132,7 +132,7 @@ def _wait(farm: Client, job: str, output: Path | None) -> None:
 
             final = farm.wait(job, watch=show)
     except KeyboardInterrupt:
-        err.print(f"The job goes on. Its state: `rayfarm jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
+        err.print(f"The job goes on. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     if final["state"] != "finished":
         raise CommandError(f"The job {job} {_outcome(final)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import webbrowser
 from pathlib import Path
@@ -9,12 +10,13 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.console import err, out
-from rayfarm.machine import StopSignals, cores
+from rayfarm.console import PROGRAM, err, out
+from rayfarm.machine import StopSignals, cores, has_screen
 
 __all__ = ["register"]
 
 COMPILING_S = 600.0
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def register(app: typer.Typer) -> None:
@@ -54,7 +56,8 @@ def up(
     begun = time.monotonic()
 
     def say(sentence: str) -> None:
-        err.print(sentence, markup=False, soft_wrap=True)
+        with contextlib.suppress(OSError):  # a terminal that was closed must not keep the farm from being stopped
+            err.print(sentence, markup=False, soft_wrap=True)
 
     with locked(folder):
         farm = LocalFarm(folder, host, port, slots, say)
@@ -62,7 +65,7 @@ def up(
             farm.start(signals.stop)
             if farm.wait(farm.service_answers, "service", signals.stop):
                 _summary(farm.url, farm.public_url, farm.secrets.token, host, folder)
-                if browser:
+                if browser and has_screen():
                     webbrowser.open(farm.url)
                 if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {slots} worker slots. Ctrl-C stops the farm.")
@@ -78,15 +81,14 @@ def up(
 
 
 def _summary(url: str, public_url: str, token: str, host: str, folder: Path) -> None:
-    out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{url}[/bold]   API: {url}/docs\n")
-    if host == "127.0.0.1":
-        out.print("  Add a machine   start with --host 0.0.0.0, then on the other machine:")
-        out.print(
-            f"                  rayfarm worker --join http://THIS-MACHINE:{url.rpartition(':')[2]} --token {token}",
-            soft_wrap=True,
-        )
+    def line(title: str, text: str) -> None:
+        out.print(f"  {title:<15} {text}", markup=False, soft_wrap=True)
+
+    out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{url}[/bold]\n")
+    line("API", f"{url}/docs/")
+    if host in LOOPBACK:
+        line("Add a machine", "start with --host 0.0.0.0, which prints the command for it")
     else:
-        out.print("  Add a machine   on the other machine:")
-        out.print(f"                  rayfarm worker --join {public_url} --token {token}", soft_wrap=True)
-    out.print(f"  Data and logs   {folder}", soft_wrap=True)
-    out.print("  Compiling or loading the renderer's kernels (up to half a minute on the first start) ...\n")
+        line("Add a machine", f"{PROGRAM} worker --join {public_url} --token {token}")
+    line("Data and logs", str(folder))
+    line("Kernels", "loading; the first start compiles them, which takes half a minute\n")

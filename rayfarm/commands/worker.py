@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.console import err, out
+from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores
 
@@ -43,7 +43,7 @@ def worker(
         join = f"http://{join}"
     token = token or os.environ.get("RAYFARM_TOKEN", "")
     if not token:
-        raise CommandError("A worker shows the farm's token. Give it as --token; `rayfarm up` prints the whole command.")
+        raise CommandError(f"A worker shows the farm's token. Give it as --token; `{PROGRAM} up` prints the whole command.")
     signals = StopSignals()
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:

@@ -53,11 +53,16 @@ def read(data: bytes, name: str) -> npt.NDArray[Any]:
     Raises SceneError where the bytes are no image of a known format, are damaged, or hold more than MAX_PIXELS.
     """
     suffix = _suffix(data, name)
-    if suffix in _PILLOW:
-        return _through_pillow(data, name, _PILLOW[suffix])
-    if suffix in _OPENIMAGEIO:
+    if suffix not in IMAGE_SUFFIXES:
+        raise SceneError(f"{name}: is no image of a known format; give one of {', '.join(IMAGE_SUFFIXES)}")
+    try:
+        if suffix in _PILLOW:
+            return _through_pillow(data, name, _PILLOW[suffix])
         return _through_openimageio(data, name, suffix)
-    raise SceneError(f"{name}: is no image of a known format; give one of {', '.join(IMAGE_SUFFIXES)}")
+    except (SceneError, MemoryError):
+        raise
+    except Exception as error:  # the decoders raise nearly every type on damaged data
+        raise SceneError(f"{name}: the image is damaged or not what its name says ({error}); export it again") from error
 
 
 def _suffix(data: bytes, name: str) -> str:
@@ -75,23 +80,16 @@ def _check_size(name: str, width: int, height: int) -> None:
 
 
 def _through_pillow(data: bytes, name: str, format: str) -> npt.NDArray[Any]:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with Image.open(io.BytesIO(data), formats=(format,)) as image:
-                _check_size(name, *image.size)
-                if image.mode.startswith("I"):  # 16-bit grey
-                    grey = (np.asarray(image).astype(np.uint32) >> 8).clip(0, 255).astype(np.uint8)
-                    return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
-                if image.mode == "CMYK":
-                    return np.array(image.convert("RGB").convert("RGBA"))
-                return np.array(image.convert("RGBA"))
-    except SceneError:
-        raise
-    except MemoryError:
-        raise
-    except Exception as error:  # Pillow's decoders raise nearly every type on damaged data
-        raise SceneError(f"{name}: the image is damaged or not what its name says ({error}); export it again") from error
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with Image.open(io.BytesIO(data), formats=(format,)) as image:
+            _check_size(name, *image.size)
+            if image.mode.startswith("I"):  # 16-bit grey
+                grey = (np.asarray(image).astype(np.uint32) >> 8).clip(0, 255).astype(np.uint8)
+                return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+            if image.mode == "CMYK":
+                return np.array(image.convert("RGB").convert("RGBA"))
+            return np.array(image.convert("RGBA"))
 
 
 def _through_openimageio(data: bytes, name: str, suffix: str) -> npt.NDArray[Any]:

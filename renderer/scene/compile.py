@@ -12,9 +12,10 @@ from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
 from renderer.scene.framing import frame
-from renderer.scene.geometry import flatten
-from renderer.scene.lights import choose_environment, list_lights, tabulate_environment
+from renderer.scene.geometry import MAX_COORDINATE, flatten
+from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
 from renderer.scene.packing import pack
+from renderer.scene.studio import light_studio
 from renderer.settings import View
 
 __all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
@@ -33,7 +34,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     say = progress or (lambda step, fraction: None)
     say("placing meshes", 0.0)
     geometry = flatten(description)
-    sphere = np.array([(*s.center, s.radius) for s in description.spheres], np.float32).reshape(-1, 4)
+    sphere = _spheres(description)
     sphere_material = np.array([s.material for s in description.spheres], np.int32)
     bounds = _bounds(description.name, geometry.position, geometry.triangle, sphere)
     say("packing textures", 0.25)
@@ -42,6 +43,9 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     lights = list_lights(
         packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material
     )
+    if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
+        light_studio(description)
+        description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)
     chance = choose_environment(environment.mean, lights.power, bounds)
     rotation = environment.rotation
@@ -101,6 +105,13 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "warnings": list(description.warnings),
         "defaults": dict(description.defaults),
     }
+
+
+def _spheres(description: SceneDescription) -> F32:
+    found = np.array([(*s.center, s.radius) for s in description.spheres], np.float64).reshape(-1, 4)
+    if not (np.abs(found) < MAX_COORDINATE).all():
+        raise SceneError(f"{description.name}: a sphere's place or size is beyond what numbers hold; give it a sane one")
+    return found.astype(np.float32)
 
 
 def _bounds(name: str, position: F32, triangle: np.ndarray, sphere: F32) -> F32:

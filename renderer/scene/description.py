@@ -141,6 +141,7 @@ class SceneDescription:
     environment: Environment | None = None
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
+    studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
     animations: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

@@ -10,9 +10,10 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, I32, Instance, Mesh, SceneDescription
 from renderer.scene.normals import cofactors, face_normals
 
-__all__ = ["MAX_TRIANGLES", "Geometry", "flatten"]
+__all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "flatten"]
 
 MAX_TRIANGLES = 20_000_000
+MAX_COORDINATE = 1e15  # squares and products of it stay within float32
 
 
 class Geometry(NamedTuple):
@@ -28,12 +29,16 @@ class Geometry(NamedTuple):
 
 def flatten(description: SceneDescription) -> Geometry:
     """Places every instance. Raises SceneError where a scene has more than MAX_TRIANGLES or leaves the range of float32."""
-    total = sum(len(description.meshes[i.mesh].triangles) for i in description.instances)
-    if total > MAX_TRIANGLES:
-        raise SceneError(
-            f"{description.name}: shows {total / 1e6:.0f} million triangles; at most {MAX_TRIANGLES // 10**6} million fit. "
-            "Simplify its meshes or show fewer instances"
-        )
+    shown = [description.meshes[i.mesh] for i in description.instances]
+    for total, limit, what in (
+        (sum(len(m.triangles) for m in shown), MAX_TRIANGLES, "triangles"),
+        (sum(len(m.positions) for m in shown), 3 * MAX_TRIANGLES, "vertices"),
+    ):
+        if total > limit:
+            raise SceneError(
+                f"{description.name}: shows {total / 1e6:.0f} million {what}; at most {limit // 10**6} million fit. "
+                "Simplify its meshes or show fewer instances"
+            )
     parts = [_place(description.meshes[i.mesh], i) for i in description.instances]
     if not parts:
         empty = np.zeros((0, 3), np.float32)
@@ -53,7 +58,7 @@ def _place(mesh: Mesh, instance: Instance) -> Geometry:
     transform = np.asarray(instance.transform, np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         position = (mesh.positions @ transform[:3, :3].T + transform[:3, 3]).astype(np.float32)
-    if not np.isfinite(position).all() or np.abs(position).max(initial=0) > 1e18:
+    if not np.isfinite(position).all() or np.abs(position).max(initial=0) > MAX_COORDINATE:
         raise SceneError(f"Mesh {mesh.name}: its place in the world is beyond what numbers hold; give it a sane transform")
     triangle = np.ascontiguousarray(mesh.triangles, np.int32)
     if np.linalg.det(transform[:3, :3]) < 0:

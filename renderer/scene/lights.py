@@ -8,7 +8,10 @@ import numpy as np
 
 from renderer.scene.description import F32, I32, SceneDescription
 
-__all__ = ["Environment", "LightList", "choose_environment", "list_lights", "luminance", "tabulate_environment"]
+__all__ = ["Environment", "LightList", "are_accents", "choose_environment", "list_lights", "luminance", "tabulate_environment"]
+
+
+_MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
 def luminance(rgb: np.ndarray) -> np.ndarray:
@@ -71,12 +74,12 @@ def tabulate_environment(description: SceneDescription) -> Environment:
         return Environment(np.zeros((1, 1, 3), np.float32), _cdf(np.ones(1)), _cdf(np.ones((1, 1))), 0.0, 0.0)
     color = np.array(source.color, np.float64) * source.strength
     if source.image is None:
-        radiance = color.astype(np.float32).reshape(1, 1, 3)
+        radiance = np.minimum(color, _MAX_RADIANCE).astype(np.float32).reshape(1, 1, 3)
     else:
         pixels = description.images[source.image].pixels
         if pixels.dtype == np.uint8:
             pixels = _linear(pixels[..., :3])
-        radiance = np.ascontiguousarray(np.maximum(pixels[..., :3], 0) * color.astype(np.float32), np.float32)
+        radiance = np.clip(pixels[..., :3] * color, 0, _MAX_RADIANCE).astype(np.float32)
     bright = luminance(radiance.astype(np.float64))
     height = len(bright)
     solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))  # of a row, over 2 pi
@@ -94,9 +97,18 @@ def choose_environment(environment_mean: float, lights_power: float, bounds: F32
         return 0.0
     if lights_power <= 0:
         return 1.0
-    radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
-    arriving = np.pi * np.pi * radius * radius * environment_mean
+    arriving = _sky_power(bounds) * environment_mean
     return float(np.clip(arriving / (arriving + lights_power), 0.1, 0.9))
+
+
+def are_accents(lights_power: float, bounds: F32) -> bool:
+    """Whether lights give the scene less than a twentieth of what a sky of radiance 1 would."""
+    return lights_power < 0.05 * _sky_power(bounds)
+
+
+def _sky_power(bounds: F32) -> float:
+    radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
+    return np.pi * np.pi * radius * radius
 
 
 def _cdf(weights: np.ndarray) -> F32:

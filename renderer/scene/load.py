@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -10,17 +11,21 @@ from renderer.errors import RayfarmError, SceneError
 from renderer.formats import SCENE_SUFFIXES
 from renderer.scene.description import Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.studio import light_studio
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
+
+Reader = Callable[[SceneFiles, str, SceneDescription], None]
 
 
 def read(folder: Path, main: str, environment: str | None = None) -> SceneDescription:
     """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
     environment: an HDR image of the folder that lights the scene in place of its own environment. A scene without any
-    light gets a white sky and a warning. Nothing outside the folder is opened. Raises SceneError with a sentence that
-    names the file and says what to do.
+    light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights are but accents (a
+    car's tail lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside the folder is
+    opened. Raises SceneError with a sentence that names the file and says what to do.
     """
     files = SceneFiles(folder)
     description = SceneDescription(name=PurePosixPath(main).stem)
@@ -29,8 +34,9 @@ def read(folder: Path, main: str, environment: str | None = None) -> SceneDescri
         _light_with(files, environment, description)
     _check(main, description)
     if description.environment is None and not _emits(description):
-        description.environment = Environment()
-        description.warnings.append("The scene has no light: lit by a white sky.")
+        light_studio(description)
+        description.warnings.append("The scene has no light: lit by a soft studio light. Give an environment to change that.")
+    description.studio_for_accents = PurePosixPath(main).suffix.lower() not in (".yaml", ".yml")
     return description
 
 
@@ -50,7 +56,7 @@ def read_into(files: SceneFiles, main: str, description: SceneDescription) -> No
         ) from error
 
 
-def _dispatch(suffix: str):  # type: ignore[no-untyped-def]
+def _dispatch(suffix: str) -> Reader:
     # Readers bring heavy libraries with them: each is imported when first needed.
     if suffix in (".glb", ".gltf"):
         from renderer.scene.readers import gltf

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import numpy.typing as npt
-
 from renderer.scene.description import Instance, SceneDescription
 
 __all__ = ["merge"]
 
 
-def merge(
-    part: SceneDescription, whole: SceneDescription, placed: list[npt.NDArray[np.float64]], material: int | None = None
-) -> None:
-    """Shows all of `part`'s meshes in `whole` once for each transform; `material`, of the whole, replaces their own.
+def merge(part: SceneDescription, whole: SceneDescription, material: int | None = None) -> list[Instance]:
+    """Adds `part`'s meshes to `whole`; `material`, of the whole, replaces their own.
 
-    The part's cameras and environment stay out.
+    Returns what shows them as the part does, not yet in the whole's list. The part's cameras and environment stay out.
     """
     images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
     whole.warnings += [w for w in part.warnings if w not in whole.warnings]
@@ -39,8 +34,9 @@ def merge(
         ]
     for mesh in part.meshes:
         whole.meshes.append(replace(mesh, material=mesh.material + materials if material is None else material))
-    for transform in placed:
-        for instance in part.instances:
-            own = instance.material
-            number = None if own is None or material is not None else own + materials
-            whole.instances.append(Instance(instance.mesh + meshes, transform @ instance.transform, number))
+    shown = []
+    for instance in part.instances:
+        own = instance.material
+        number = None if own is None or material is not None else own + materials
+        shown.append(Instance(instance.mesh + meshes, instance.transform, number))
+    return shown

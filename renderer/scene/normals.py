@@ -44,8 +44,9 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     faces = face_normals(mesh.positions, triangles)
     length = np.linalg.norm(faces, axis=1, keepdims=True)
     unit = np.divide(faces, length, out=np.zeros_like(faces), where=length > 0)
-    # Vertices that differ in UV alone are one point of the surface.
-    point = np.unique(mesh.positions + np.float32(0), axis=0, return_inverse=True)[1].reshape(-1)[triangles.reshape(-1)]
+    # Vertices that differ in UV alone are one point of the surface. (Adding 0 turns -0 into 0.)
+    _, first, number = np.unique(mesh.positions + np.float32(0), axis=0, return_index=True, return_inverse=True)
+    point = number.reshape(-1)[triangles.reshape(-1)]
 
     order = np.argsort(point, kind="stable")
     face = order // 3
@@ -67,7 +68,7 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     corners[order] = np.divide(total, size, out=total, where=size > 0)
 
     # Corners that agree in vertex and normal stay one vertex.
-    vertex = triangles.reshape(-1)
+    vertex = triangles.reshape(-1) if mesh.uvs is not None else first[point]
     key = np.column_stack([vertex, np.rint(corners * 1e4).astype(np.int32)])
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     kept = vertex[first]

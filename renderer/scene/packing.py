@@ -8,15 +8,18 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.image.tonemap import encode_srgb
+from renderer.kernel.material import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
+from renderer.kernel.texture import CLAMP, REPEAT
+from renderer.kernel.texture import MIRROR as MIRRORED
 from renderer.scene.description import F32, I32, SceneDescription
 from renderer.scene.lights import luminance
 
-__all__ = ["MATERIAL_KINDS", "Packed", "pack"]
+__all__ = ["Packed", "pack"]
 
-# The numbers of renderer/kernel/material.py.
-MATERIAL_KINDS = {"diffuse": 0, "mirror": 1, "glass": 2, "metallic_roughness": 3}
-_WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}
+_KINDS = {"diffuse": DIFFUSE, "mirror": MIRROR, "glass": GLASS, "metallic_roughness": METALLIC_ROUGHNESS}
+_WRAPS = {"repeat": REPEAT, "mirror": MIRRORED, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
+_MAX_EMISSION = 1e9
 
 
 class Packed(NamedTuple):
@@ -87,7 +90,7 @@ def pack(description: SceneDescription) -> Packed:
     textures = np.full((count, 3), -1, np.int32)
     emitted = np.zeros(count)
     for i, m in enumerate(description.materials):
-        kinds[i] = MATERIAL_KINDS[m.kind]
+        kinds[i] = _KINDS[m.kind]
         emission = np.array(m.emission, np.float64)
         emitted[i] = luminance(emission)
         if m.base_color_texture is not None:
@@ -95,7 +98,7 @@ def pack(description: SceneDescription) -> Packed:
         if m.emission_texture is not None and emitted[i] > 0:
             row, scale = texels.add(m.emission_texture, bright=True)
             textures[i, 1] = row
-            emission *= scale
+            emission = np.minimum(emission * scale, _MAX_EMISSION)
             emitted[i] *= scale * texels.mean_luminance(row)
         if m.metallic_roughness_texture is not None:
             textures[i, 2] = texels.add(m.metallic_roughness_texture)[0]

@@ -34,7 +34,7 @@ class TextureShelf:
         key = (name, srgb)
         if key not in self._images:
             try:
-                self._images[key] = self._add(name, self._files.read(name), srgb)
+                self._images[key] = self.add(Image(name, read.read(self._files.read(name), name), srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn(f"{error}; rendered without it.")
@@ -45,7 +45,7 @@ class TextureShelf:
         key = (f"\0{name}", srgb)
         if key not in self._images:
             try:
-                self._images[key] = self._add(name, data, srgb)
+                self._images[key] = self.add(Image(name, read.read(data, name), srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn(f"{error}; rendered without it.")
@@ -74,10 +74,12 @@ class TextureShelf:
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
         self.warn(f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile.")
 
-    def _add(self, name: str, data: bytes, srgb: bool) -> int:
-        pixels = read.read(data, name)
-        self._bytes += pixels.nbytes
+    def add(self, image: Image) -> int:
+        """Puts an image on the shelf. Raises SceneError where all of them together are too large."""
+        self._bytes += image.pixels.nbytes
         if self._bytes > MAX_IMAGE_BYTES:
-            raise SceneError(f"{name}: with it the scene's images need more than {MAX_IMAGE_BYTES >> 30} GiB; make them smaller")
-        self._description.images.append(Image(name, pixels, srgb))
+            raise SceneError(
+                f"{image.name}: with it the scene's images need more than {MAX_IMAGE_BYTES >> 30} GiB; make them smaller"
+            )
+        self._description.images.append(image)
         return len(self._description.images) - 1

@@ -57,19 +57,20 @@ def image(
     aov: Literal["color", "albedo", "normal", "depth"] = "color",
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query("neutral", alias="tonemap", max_length=40, description="a curve's name; for png and jpg"),
+    width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
 ) -> Response:
     """The picture so far. EXR and HDR are scene-linear; PNG and JPEG are exposed and tone-mapped."""
     if tonemap_curve not in tonemap.CURVES:
         raise Problem(422, f"tonemap: {tonemap_curve!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
     film = _film(id, n, farm)
-    key = f"{film.version(n)} {extension} {aov} {exposure} {tonemap_curve}"
+    key = f"{film.version(n)} {extension} {aov} {exposure} {tonemap_curve} {width}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
     if aov == "color":
-        data = encode(film.channel(n), extension, exposure, tonemap_curve)
+        data = encode(_smaller(film.channel(n), width), extension, exposure, tonemap_curve)
     else:
-        data = encode(_visible(film, n, aov, extension), extension, 0.0, "srgb")
+        data = encode(_smaller(_visible(film, n, aov, extension), width), extension, 0.0, "srgb")
     headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{"" if aov == "color" else "-" + aov}.{extension}"'
     return Response(data, media_type=MEDIA[extension], headers=headers)
 
@@ -110,6 +111,16 @@ def _film(id: str, n: int, farm: Farm) -> Film:
     if film is None:
         raise Problem(409, f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
     return film
+
+
+def _smaller(values: np.ndarray, width: int | None) -> np.ndarray:
+    """The (h, w, 3) picture averaged over squares of whole pixels, so that it is at least `width` wide; what is left over at
+    the right and lower edges of the last squares is cut off."""
+    side = min(values.shape[1] // (width or values.shape[1]), values.shape[0])
+    if side <= 1:
+        return values
+    h, w = values.shape[0] // side, values.shape[1] // side
+    return values[: h * side, : w * side].reshape(h, side, w, side, 3).mean(axis=(1, 3), dtype=np.float32)
 
 
 def _visible(film: Film, n: int, aov: str, extension: str) -> np.ndarray:

@@ -18,7 +18,7 @@ from service.records import blobs_of
 from service.schemas import SceneOut
 from service.uploads import Upload, check_length, receive
 
-__all__ = ["router"]
+__all__ = ["record", "router"]
 
 router = APIRouter(prefix="/api/scenes", tags=["scenes"])
 
@@ -49,7 +49,7 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
     check_length(request.headers.get("content-length"), farm.settings.max_upload_bytes)
     content_type = request.headers.get("content-type", "")
     stored = await receive(content_type, request.stream(), farm.blobs, farm.settings)
-    scene = await run_in_threadpool(_record, stored, farm)
+    scene = await run_in_threadpool(record, stored, farm)
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene
 
@@ -103,7 +103,8 @@ def delete_scene(id: str, farm: FarmDependency) -> None:
     farm.broadcast.tell("scene", id)
 
 
-def _record(stored: Upload, farm: Farm) -> SceneOut:
+def record(stored: Upload, farm: Farm) -> SceneOut:
+    """Write a stored upload down as a scene, and have it prepared. One that is there already stays as it is."""
     with farm.sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:

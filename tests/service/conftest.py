@@ -13,11 +13,12 @@ import pytest
 import redis
 import uvicorn
 
+from rayfarm.local.farm import free_port
 from service.farm import Farm
 from service.main import create_app
 from service.settings import Settings
+from tests.helpers import running_redis
 from tests.service.peer_worker import PeerWorker
-from tests.service.redis_server import RedisServer, free_port
 
 TOKEN = "the farm's token"
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -31,7 +32,7 @@ class Service:
         self.start()
 
     def start(self) -> None:
-        self.port = free_port()
+        self.port = free_port("127.0.0.1")
         self.url = f"http://127.0.0.1:{self.port}"
         self.app = create_app(Settings(port=self.port, **self.options))
         config = uvicorn.Config(self.app, port=self.port, log_level="warning", timeout_graceful_shutdown=2)
@@ -101,14 +102,15 @@ def until(true: Callable[[], bool], what: str, timeout: float = 20.0, say: Calla
 
 
 @pytest.fixture(scope="session")
-def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RedisServer]:
-    server = RedisServer(tmp_path_factory.mktemp("redis"))
+def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_redis]:
+    server = running_redis(tmp_path_factory.mktemp("redis"))
+    server.start()
     yield server
     server.stop()
 
 
 @pytest.fixture
-def service(tmp_path: Path, redis_server: RedisServer) -> Iterator[Service]:
+def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
     client = redis.Redis.from_url(redis_server.url)
     client.flushall()
     client.close()

@@ -101,7 +101,12 @@ class PeerWorker:
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
     def send(self, event: dict[str, Any], sums: bytes | None = None) -> None:
-        self.redis.xadd(RESULTS, Result(event, sums).to_fields())  # type: ignore[arg-type]
+        while not self._stop.is_set():
+            try:
+                self.redis.xadd(RESULTS, Result(event, sums).to_fields())  # type: ignore[arg-type]
+                return
+            except redis.RedisError:
+                time.sleep(0.1)
 
     def answer(self, work: RenderBatch) -> None:
         """Render a batch and send its sums."""

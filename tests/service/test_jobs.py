@@ -1,16 +1,23 @@
-"""Jobs from the request to the finished film, through a real Redis and the real contract."""
+"""Jobs from the request to the finished film, through a real Redis and the real contract, with everything that can go wrong."""
 
 from __future__ import annotations
 
+import threading
+import time
+
 import numpy as np
+import pytest
+import redis
 
 from renderer import film as film_math
 from renderer.settings import Tile
+from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
+from worker.contract import RESULTS, RenderBatch, Result, render_queue
 
 
-def expected_digest(width: int, height: int, spp: int, seed: int = 0) -> str:
+def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int = 0) -> str:
     return film_math.digest(expected_sums(Tile(0, 0, width, height), 0, spp, seed))
 
 
@@ -19,8 +26,259 @@ def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, wo
     done = service.wait_for(job, "finished")
     assert done["progress"] == 1.0
     assert done["samples"] == 64 * 48 * 8
-    assert service.digest(job) == expected_digest(64, 48, 8, seed=5)
+    assert service.digest(job) == expected_digest(seed=5)
     pixel = service.http.get(f"/api/jobs/{job}/frames/0/pixel", params={"x": 20, "y": 30}).json()
-    sums = expected_sums(Tile(20, 30, 1, 1), 0, 8, 5)
     assert pixel["samples"] == 8
+    sums = expected_sums(Tile(20, 30, 1, 1), 0, 8, 5)
     np.testing.assert_array_equal(np.float32(pixel["color"]), film_math.mean(sums, 24)[0, 0])
+
+
+@pytest.mark.parametrize("tile_size", [16, 64])
+def test_the_size_of_tiles_does_not_matter(service: Service, worker: PeerWorker, tile_size: int) -> None:
+    job = service.submit(service.ready_scene(), tile_size=tile_size)
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+
+
+def test_more_samples_give_the_bits_of_asking_at_once(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene(), spp=3)
+    service.wait_for(job, "finished")
+    refused = service.http.patch(f"/api/jobs/{job}", json={"spp": 2})
+    assert refused.status_code == 409
+    assert service.patch(job, spp=8)["state"] == "queued"
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+
+
+def test_a_job_waits_for_its_scene(service: Service, worker: PeerWorker) -> None:
+    go = threading.Event()
+    worker.on_prepare = lambda scene: (go.wait(10), None)[1]
+    job = service.submit(service.upload(), camera="overview")
+    assert service.job(job)["message"]
+    assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 409
+    go.set()
+    service.wait_for(job, "finished")
+    assert service.job(job)["settings"]["view"]["fov"] == 60.0
+
+
+def test_a_scene_that_fails_fails_its_jobs_and_refuses_more(service: Service, worker: PeerWorker) -> None:
+    scene = service.upload(b"broken")
+    first = service.http.post("/api/jobs", json={"scene": scene})
+    until(lambda: service.scene(scene)["status"] == "failed", "the scene fails")
+    assert "line 1" in service.scene(scene)["error"]
+    if first.status_code == 201:
+        assert "line 1" in service.wait_for(first.json()["id"], "failed")["error"]
+    refused = service.http.post("/api/jobs", json={"scene": scene})
+    assert refused.status_code == 409
+    assert "line 1" in refused.json()["detail"]
+
+
+def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None:
+    with service.worker() as worker:
+        worker.on_batch = lambda batch: time.sleep(0.03)
+        job = service.submit(service.ready_scene(), spp=40)
+        until(lambda: service.job(job)["progress"] > 0.2, "the job is under way")
+        service.stop()
+    service.start()
+    with service.worker() as worker:
+        until(lambda: worker.redis.xlen(RESULTS) == 0, "what arrived meanwhile is taken in")
+        worker.batches.clear()
+        before = service.job(job)["samples"]
+        assert 0 < before < 64 * 48 * 40
+        service.wait_for(job, "finished")
+        after = service.job(job)["samples"]
+    assert service.digest(job) == expected_digest(spp=40)
+    rendered = sum(b.count * b.tile.w * b.tile.h for b in worker.batches)
+    assert rendered <= after - before + 4 * 30 * 256, "what the film has is not rendered again, but for what was in hand"
+
+
+def test_a_redis_that_loses_everything_costs_only_time(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=30)
+    until(lambda: service.job(job)["progress"] > 0.2, "the job is under way")
+    with redis.Redis.from_url(service.options["redis_url"]) as client:
+        client.flushall()
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+
+
+def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=30)
+    until(lambda: service.job(job)["progress"] > 0.2, "the job is under way")
+    redis_server.stop()
+    until(lambda: service.http.get("/readyz").status_code == 503, "the service says that Redis is away")
+    assert "Redis" in service.http.get("/readyz").json()["detail"]
+    assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
+    redis_server.start()
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+
+
+def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, worker: PeerWorker) -> None:
+    lost: list[RenderBatch] = []
+
+    def lose_two(batch: RenderBatch) -> bool | None:
+        if len(lost) < 2:
+            lost.append(batch)
+            return False
+        return None
+
+    worker.on_batch = lose_two
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+    assert len({b.batch for b in worker.batches}) == len(worker.batches), "every handing out has an id of its own"
+
+
+def test_what_a_vanished_worker_held_is_handed_out_at_once(tmp_path, redis_server: running_redis) -> None:  # type: ignore[no-untyped-def]
+    service = Service(tmp_path / "data", redis_server.url, batch_deadline=60.0)
+    held, other = service.worker(name="held", slots=1), service.worker(name="other", slots=1)
+    with held:
+        held.on_batch = lambda batch: (until(lambda: held._stop.is_set(), "the worker is stopped"), False)[1]
+        job = service.submit(service.ready_scene())
+        until(lambda: bool(held.current), "the worker holds a batch")
+        time.sleep(1.5)
+    with other:
+        service.wait_for(job, "finished", timeout=10)
+    assert service.digest(job) == expected_digest()
+    service.stop()
+
+
+def test_doubled_late_and_damaged_answers_change_nothing(service: Service, worker: PeerWorker) -> None:
+    def twice(batch: RenderBatch) -> None:
+        worker.answer(batch)
+        about = worker._about(batch)
+        worker.send({"type": "batch", **about, "seconds": 0.1}, b"these are no sums")
+        worker.send({"type": "batch", "job": batch.job})
+        worker.redis.xadd(RESULTS, {"nonsense": "1"})
+        worker.redis.xadd(RESULTS, {"event": "[]"})
+        overlapping = Result({"type": "batch", **about, "count": batch.count + 1, "seconds": 0.1}, b"")
+        worker.redis.xadd(RESULTS, overlapping.to_fields())  # type: ignore[arg-type]
+
+    worker.on_batch = twice
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+    until(lambda: worker.redis.xlen(RESULTS) == 0, "the stream is trimmed")
+    assert service.http.get("/readyz").status_code == 200
+
+
+def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: PeerWorker) -> None:
+    def fail(batch: RenderBatch) -> None:
+        if batch.tile[:2] == (16, 16):
+            raise ValueError("the texture is on fire")
+
+    worker.on_batch = fail
+    job = service.submit(service.ready_scene())
+    failed = service.wait_for(job, "failed")
+    assert "on fire" in failed["error"]
+    assert failed["reproduce"] == "rayfarm render scene.glb"
+    assert sum(b.tile[:2] == (16, 16) for b in worker.batches) == 3
+    worker.on_batch = lambda batch: None
+    service.patch(job, state="running")
+    assert service.wait_for(job, "finished")["error"] is None
+    assert service.digest(job) == expected_digest()
+
+
+def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorker) -> None:
+    failed: list[RenderBatch] = []
+
+    def fail(batch: RenderBatch) -> None:
+        if not failed:
+            failed.append(batch)
+            raise ValueError("a cosmic ray")
+
+    worker.on_batch = fail
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+
+
+def test_pause_and_cancel_take_hold_within_a_second(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.1)
+    job = service.submit(service.ready_scene(), spp=500)
+    until(lambda: len(worker.batches) > 3, "the job is under way")
+    service.patch(job, state="paused")
+    time.sleep(0.5)
+    held = len(worker.batches)
+    time.sleep(0.6)
+    assert len(worker.batches) == held
+    assert worker.redis.llen(render_queue(worker.kind)) == 0
+    service.patch(job, state="running")
+    until(lambda: len(worker.batches) > held, "the job goes on")
+    assert service.patch(job, state="cancelled")["state"] == "cancelled"
+    time.sleep(0.5)
+    held = len(worker.batches)
+    time.sleep(0.6)
+    assert len(worker.batches) == held
+    done = service.job(job)
+    assert done["state"] == "cancelled"
+    assert 0 < done["progress"] < 1, "what was rendered stays"
+    assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
+
+
+def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.03)
+    scene = service.ready_scene()
+    slow = service.submit(scene, spp=100)
+    until(lambda: len(worker.batches) > 2, "the first job is under way")
+    urgent = service.submit(scene, priority=5)
+    service.wait_for(urgent, "finished")
+    assert service.job(slow)["state"] == "running"
+    jobs = [b.job for b in worker.batches]
+    first, last = jobs.index(urgent), len(jobs) - jobs[::-1].index(urgent)
+    assert jobs[first:last].count(slow) <= 4, "no more than what was in the window"
+
+
+def test_a_time_limit_ends_a_job_with_a_whole_picture(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=None, seconds=1.0)
+    done = service.wait_for(job, "finished", timeout=10)
+    assert 1.0 <= done["active_s"] < 3.0
+    pixels = [service.http.get(f"/api/jobs/{job}/frames/0/pixel", params={"x": x, "y": 40}).json() for x in (0, 63)]
+    assert all(pixel["samples"] >= 1 for pixel in pixels)
+
+
+def test_noise_stops_tiles_by_their_own_films(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    jobs = [service.submit(scene, spp=256, noise=0.09, tile_size=16) for _ in range(2)]
+    digests = set()
+    for job in jobs:
+        service.wait_for(job, "finished")
+        digests.add(service.digest(job))
+        samples = service.job(job)["samples"] / (64 * 48)
+        assert 32 <= samples < 256
+    assert len(digests) == 1
+
+
+def test_a_scene_is_prepared_again_for_workers_of_another_kind(service: Service) -> None:
+    with service.worker(kind="old"):
+        scene = service.ready_scene()
+    with service.worker(kind="new", name="new-one") as new:
+        until(lambda: [w["kind"] for w in service.http.get("/api/workers").json()] == ["new"], "the old worker is gone")
+        job = service.submit(scene)
+        service.wait_for(job, "finished")
+        assert new.prepared == [scene]
+        assert service.job(job)["kind"] == "new"
+    assert service.digest(job) == expected_digest()
+
+
+def test_a_job_does_not_mix_kinds(service: Service) -> None:
+    with service.worker(kind="old") as old:
+        old.on_batch = lambda batch: time.sleep(0.1)
+        job = service.submit(service.ready_scene(), spp=100)
+        until(lambda: len(old.batches) > 1, "the job has begun")
+    with service.worker(kind="new", name="new-one") as new:
+        until(lambda: "kind old" in (service.job(job)["message"] or ""), "the job says what it waits for")
+        assert new.batches == []
+
+
+def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    film = service.options["data"] / "films" / f"{job}.sqlite"
+    assert film.exists()
+    assert service.http.delete(f"/api/jobs/{job}").status_code == 204
+    until(lambda: not film.exists(), "the film is removed")
+    assert service.http.get(f"/api/jobs/{job}").status_code == 404

@@ -241,11 +241,11 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
 
 
 def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
-    bench.render(batch_of(info, "long", 0, 20000))
+    bench.render(batch_of(info, "long", 0, 3000))
 
     def busy() -> bool:
         report = bench.report()
-        return report is not None and any(doing.get("count") == 20000 for doing in report.current)
+        return report is not None and any(doing.get("count") == 3000 for doing in report.current)
 
     wait_until(busy, 30, "a slot renders the batch")
     report = bench.report()

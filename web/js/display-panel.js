@@ -69,6 +69,7 @@ export function displayPanel(display, { normalise }) {
   const value = h("output", { class: "mono" });
   const slider = h("input", {
     type: "range",
+    class: "centred",
     ...{ min: -EXPOSURE_RANGE, max: EXPOSURE_RANGE, step: 0.1 },
     oninput: () => display.update((d) => ({ ...d, exposure: clampExposure(slider.valueAsNumber) })),
     ondblclick: () => display.update((d) => ({ ...d, exposure: 0 })),

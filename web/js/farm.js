@@ -14,22 +14,30 @@ export const scenes = new Store(/** @type {Scene[] | null} */ (null));
 export const jobs = new Store(/** @type {Job[] | null} */ (null));
 /** @type {Store<Worker[] | null>} */
 export const workers = new Store(/** @type {Worker[] | null} */ (null));
-/** Whether events arrive. @type {Store<boolean>} */
-export const link = new Store(true);
+/** The connections that are lost at the moment, by name. @type {Store<ReadonlySet<string>>} */
+export const lost = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
 /** What the user deleted and may still take back: hidden, not gone. @type {Store<ReadonlySet<string>>} */
 export const hidden = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
 /**
- * @param {string} id
- * @param {boolean} hide
+ * @param {Store<ReadonlySet<string>>} store
+ * @param {string} item
+ * @param {boolean} member
  */
-export function setHidden(id, hide) {
-  const next = new Set(hidden.value);
-  if (hide) next.add(id);
-  else next.delete(id);
-  hidden.set(next);
+function setMember(store, item, member) {
+  if (store.value.has(item) === member) return;
+  const next = new Set(store.value);
+  if (member) next.add(item);
+  else next.delete(item);
+  store.set(next);
 }
+
+/** @param {string} id @param {boolean} hide */
+export const setHidden = (id, hide) => setMember(hidden, id, hide);
+
+/** @param {string} connection @param {boolean} up */
+export const setLink = (connection, up) => setMember(lost, connection, !up);
 
 /**
  * @template {{id: string}} T
@@ -42,15 +50,6 @@ function put(store, item) {
     const at = items.findIndex(({ id }) => id === item.id);
     return at < 0 ? [item, ...items] : items.with(at, item);
   });
-}
-
-/**
- * @template {{id: string}} T
- * @param {Store<T[] | null>} store
- * @param {string} id
- */
-function drop(store, id) {
-  store.update((items) => items?.filter((item) => item.id !== id) ?? null);
 }
 
 /** @param {Scene} scene */
@@ -67,8 +66,25 @@ async function refetch() {
   workers.set(allWorkers);
 }
 
-/** @param {MessageEvent<string>} event */
-const data = (event) => JSON.parse(event.data);
+/**
+ * @template {{id: string}} T
+ * @param {Store<T[] | null>} store
+ * @param {(item: T) => void} putItem
+ * @param {T & {deleted?: boolean}} item
+ */
+function take(store, putItem, item) {
+  if (item.deleted) store.update((items) => items?.filter(({ id }) => id !== item.id) ?? null);
+  else putItem(item);
+}
+
+/** @param {Worker & {id: string, deleted?: boolean}} worker */
+function takeWorker(worker) {
+  workers.update((all) => {
+    const name = worker.deleted ? worker.id : worker.name;
+    const others = (all ?? []).filter((other) => other.name !== name);
+    return worker.deleted ? others : [...others, worker].sort((a, b) => a.name.localeCompare(b.name));
+  });
+}
 
 /** Subscribes to the farm's news for as long as the page is open. */
 export function followFarm() {
@@ -79,19 +95,17 @@ export function followFarm() {
       refetch().then(
         () => {
           backoff.succeeded();
-          link.set(true);
+          setLink("events", true);
         },
         () => source.dispatchEvent(new Event("error")),
       );
     };
-    source.addEventListener("scene", (event) => putScene(data(event)));
-    source.addEventListener("scene-deleted", (event) => drop(scenes, data(event).id));
-    source.addEventListener("job", (event) => putJob(data(event)));
-    source.addEventListener("job-deleted", (event) => drop(jobs, data(event).id));
-    source.addEventListener("workers", (event) => workers.set(data(event)));
+    source.addEventListener("scene", (event) => take(scenes, putScene, JSON.parse(event.data)));
+    source.addEventListener("job", (event) => take(jobs, putJob, JSON.parse(event.data)));
+    source.addEventListener("worker", (event) => takeWorker(JSON.parse(event.data)));
     source.onerror = () => {
       source.close(); // its own reconnection knows no back-off, and gives up after some answers
-      link.set(false);
+      setLink("events", false);
       backoff.schedule(connect);
     };
   };

@@ -1,6 +1,6 @@
 /** Form fields: a label, a control, and a sentence below where one helps. */
 
-import { fill, h } from "./dom.js";
+import { h } from "./dom.js";
 
 let ids = 0;
 
@@ -37,34 +37,29 @@ export function numberInput({ value = "", min, max, step = 1, placeholder, requi
 }
 
 /**
- * A few exclusive choices side by side.
+ * A few exclusive choices side by side. `aside` stands at the right of the label and says what the choice comes to.
  *
  * @param {string} label
- * @param {{value: string, label: string, small?: string}[]} options
+ * @param {{value: string, label: string}[]} options
  * @param {string} chosen
  * @param {(value: string) => void} changed
  */
 export function segments(label, options, chosen, changed) {
   const name = freshId("segments");
   const group = h("div", { class: "segments", role: "radiogroup", "aria-label": label });
-  const radios = options.map(({ value, label: text, small }) => {
+  const radios = options.map(({ value, label: text }) => {
     const radio = h("input", { type: "radio", name, value, onchange: () => changed(value) });
-    const detail = h("small", null, small ?? "");
-    detail.hidden = !small;
-    group.append(h("label", null, radio, h("span", null, text), detail));
-    return { value, radio, detail };
+    group.append(h("label", null, radio, text));
+    return { value, radio };
   });
   /** @param {string} value */
   const select = (value) => radios.forEach((option) => (option.radio.checked = option.value === value));
   select(chosen);
+  const aside = h("span", { class: "quiet small number" });
   return {
-    element: h("div", { class: "field" }, h("span", { class: "label", "aria-hidden": "true" }, label), group),
+    element: h("div", { class: "field" }, h("div", { class: "row spread" }, h("span", { class: "label", "aria-hidden": "true" }, label), aside), group),
     select,
-    /** @param {string} value @param {string} text */
-    setDetail(value, text) {
-      const option = radios.find((candidate) => candidate.value === value);
-      if (option) fill(option.detail, text);
-    },
+    aside,
   };
 }
 

@@ -19,10 +19,12 @@ export class CannotShow extends Error {}
 export class FilmCanvas {
   /**
    * @param {HTMLCanvasElement} canvas
+   * @param {HTMLCanvasElement} over is kept in the same place
    * @param {Viewport} viewport
    */
-  constructor(canvas, viewport) {
+  constructor(canvas, over, viewport) {
     this.canvas = canvas;
+    this.over = over;
     this.viewport = viewport;
     /** @type {Look} */
     this.look = { exposure: 0, curve: "neutral" };
@@ -132,11 +134,18 @@ export class FilmCanvas {
     return texture;
   }
 
-  /** Fits the canvas' backing store to its box, in device pixels, so that a pixel of it is a pixel of the screen. */
+  /** Lays the canvas onto the screen's own pixels, so that a pixel of it is one of them: layout gives fractions of both. */
   resize() {
     const ratio = devicePixelRatio;
-    const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
-    const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    const box = /** @type {Element} */ (this.canvas.parentElement).getBoundingClientRect();
+    const left = Math.ceil(box.left * ratio - 1e-3);
+    const top = Math.ceil(box.top * ratio - 1e-3);
+    const width = Math.max(1, Math.floor(box.right * ratio + 1e-3) - left);
+    const height = Math.max(1, Math.floor(box.bottom * ratio + 1e-3) - top);
+    for (const canvas of [this.canvas, this.over]) {
+      const style = { left: left / ratio - box.left, top: top / ratio - box.top, width: width / ratio, height: height / ratio };
+      for (const [name, value] of Object.entries(style)) canvas.style.setProperty(name, `${value}px`);
+    }
     if (width !== this.canvas.width || height !== this.canvas.height) {
       this.canvas.width = width;
       this.canvas.height = height;

@@ -29,13 +29,22 @@ export class FilmView {
     this.film = new Film(width, height);
     this.over = new PixelOverlay(overlay, this.viewport);
     this.over.film = this.film;
-    this.canvas = new FilmCanvas(canvas, this.viewport);
+    this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
     this.canvas.setFilm(this.film);
     this.canvas.afterDraw = () => {
       this.over.draw();
+      // Where the picture lies, for whoever compares screenshots with films.
+      const { scale, x, y } = this.viewport;
+      this.element.dataset.view = `${scale} ${x} ${y}`;
       handlers.moved();
     };
-    this.undoPan = panAndZoom(this.element, this.viewport, () => this.canvas.invalidate());
+    /** @param {MouseEvent} event */
+    const place = (event) => {
+      const box = canvas.getBoundingClientRect();
+      return { x: (event.clientX - box.left) * devicePixelRatio, y: (event.clientY - box.top) * devicePixelRatio };
+    };
+    this.place = place;
+    this.undoPan = panAndZoom(this.element, place, this.viewport, () => this.canvas.invalidate());
     this.resizing = new ResizeObserver(() => this.canvas.resize());
     this.resizing.observe(this.element);
     this.element.addEventListener("pointermove", (event) => this.pointAt(event));
@@ -79,8 +88,8 @@ export class FilmView {
 
   /** @param {PointerEvent} event */
   pointAt(event) {
-    const box = this.element.getBoundingClientRect();
-    const at = this.viewport.pixelAt((event.clientX - box.left) * devicePixelRatio, (event.clientY - box.top) * devicePixelRatio);
+    const { x, y } = this.place(event);
+    const at = this.viewport.pixelAt(x, y);
     this.setCursor(this.film.contains(at.x, at.y) ? at : null);
   }
 

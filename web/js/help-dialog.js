@@ -17,9 +17,11 @@ export function showHelp() {
       h(
         "dl",
         { class: "keys" },
-        shortcuts().map(({ keys, does }) =>
-          h("div", null, h("dt", null, keys.split(/\+(?=.)/).map((key) => h("kbd", null, key))), h("dd", null, does)),
-        ),
+        shortcuts()
+          .filter(({ shown }) => shown !== null)
+          .map(({ keys, shown, does }) =>
+            h("div", null, h("dt", null, (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, key))), h("dd", null, does)),
+          ),
       ),
       h("p", { class: "quiet" }, "On the picture: drag to pan, wheel or pinch to zoom, double-click to fit."),
     ),

@@ -26,6 +26,9 @@ const PATHS = {
   copy: "M5.5 5.5h8v8h-8zM3.5 10.5h-1v-8h8v1",
 };
 
+/** Drawn filled: outlines of these read as something else. */
+const SOLID = new Set(["play", "stop"]);
+
 /** @typedef {keyof typeof PATHS} IconName */
 
 /**
@@ -35,7 +38,7 @@ const PATHS = {
 export function icon(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("viewBox", "0 0 16 16");
-  svg.setAttribute("class", "icon");
+  svg.setAttribute("class", SOLID.has(name) ? "icon solid" : "icon");
   svg.setAttribute("aria-hidden", "true");
   const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
   path.setAttribute("d", PATHS[name]);

@@ -1,9 +1,10 @@
 /** A job's progress and what can be done with it: pause, resume, cancel, more samples, download. */
 
 import { changeJob, imageUrl } from "./api.js";
-import { h, setText } from "./dom.js";
+import { fill, h, setText } from "./dom.js";
 import { putJob } from "./farm.js";
-import { clock, compact, count } from "./format.js";
+import { clock, compact, count, plural } from "./format.js";
+import { command } from "./hints.js";
 import { icon } from "./icons.js";
 import { progressBar } from "./state-chip.js";
 import { showError } from "./tray.js";
@@ -34,14 +35,18 @@ export function progressPanel() {
   const elapsed = h("dd");
   const left = h("dd");
   const speed = h("dd");
+  const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
+  const bad = h("p", { class: "quiet small", hidden: true });
   /** @type {Job | null} */
   let latest = null;
   let heard = 0;
+  /** @type {string | null} */
+  let shownError = null;
   const tick = () => {
     if (!latest) return;
     const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
-    setText(elapsed, clock(latest.elapsed_s + since));
+    setText(elapsed, clock(latest.active_s + since));
     setText(left, latest.state === "running" ? (latest.eta_s == null ? "…" : clock(latest.eta_s - since)) : latest.state === "finished" ? "0:00" : "–");
   };
   return {
@@ -51,24 +56,40 @@ export function progressPanel() {
       h("div", { class: "row baseline" }, samples, of),
       bar.element,
       h("dl", { class: "figures number" }, [["Elapsed", elapsed], ["Left", left], ["Samples/s", speed]].map(([name, value]) => h("div", null, h("dt", null, name), value))),
+      message,
       error,
+      bad,
     ),
     tick,
     /** @param {Job} job */
     update(job) {
       latest = job;
       heard = performance.now();
-      const frames = job.last_frame - job.first_frame + 1;
-      const mean = job.samples / (job.width * job.height * frames);
-      setText(samples, count(Math.floor(mean)));
-      setText(of, `of ${count(job.spp)} samples per pixel`);
+      const pixels = (job.width ?? 1) * (job.height ?? 1) * Math.max(1, job.frames.length);
+      setText(samples, count(Math.floor(job.samples / pixels)));
+      setText(of, goal(job));
       bar.update(job.progress, job.state);
-      setText(speed, job.samples_per_s > 0 ? compact(job.samples_per_s) : "–");
+      const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? job.samples / job.active_s : 0);
+      setText(speed, rate > 0 ? compact(rate) : "–");
+      message.hidden = !job.message;
+      setText(message, job.message ?? "");
       error.hidden = !job.error;
-      error.replaceChildren(icon("warning"), h("div", null, job.error ?? ""));
+      if (job.error !== shownError) {
+        shownError = job.error; // an alert that is written again is read out again
+        fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
+      }
+      bad.hidden = job.bad_samples === 0;
+      setText(bad, `${plural(job.bad_samples, "sample")} came out as no number and were left out.`);
       tick();
     },
   };
+}
+
+/** @param {Job} job what "12" samples are out of */
+function goal(job) {
+  if (job.noise != null) return `samples per pixel, until the noise is ${job.noise * 100} %`;
+  if (job.seconds != null) return `samples per pixel, for ${clock(job.seconds)}`;
+  return `of ${count(job.spp ?? 0)} samples per pixel`;
 }
 
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */
@@ -107,7 +128,7 @@ export function pauseOrResume(job) {
 /** @param {Job} job */
 export function moreSamples(job) {
   const stopped = job.state === "cancelled";
-  void change(job, { spp: job.spp + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) }, "No samples were added");
+  void change(job, { spp: (job.spp ?? 0) + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) }, "No samples were added");
 }
 
 /**

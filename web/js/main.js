@@ -7,6 +7,7 @@ import { emptyState } from "./hints.js";
 import { linkTo, onNavigate } from "./router.js";
 import { buildShell } from "./shell.js";
 import { addShortcuts } from "./shortcuts.js";
+import { showError } from "./tray.js";
 import { acceptDrops } from "./uploads.js";
 import { homeView } from "./views/home.js";
 import { jobView } from "./views/job.js";
@@ -44,6 +45,11 @@ onNavigate(({ path }) => {
   // A screen reader starts to read the new view; at the start the browser's own focus stays.
   if (!first) main.focus({ preventScroll: true });
 });
+
+/** @param {unknown} error */
+const fault = (error) => showError("The page has a fault", error, { action: { label: "Reload the page", run: () => location.reload() } });
+addEventListener("error", (event) => event.error && fault(event.error));
+addEventListener("unhandledrejection", (event) => fault(event.reason));
 
 addShortcuts([{ keys: "?", does: "This help", run: showHelp }]);
 acceptDrops();

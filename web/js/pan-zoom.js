@@ -4,21 +4,16 @@
 
 /**
  * @param {HTMLElement} surface that takes the pointer
+ * @param {(event: MouseEvent) => {x: number, y: number}} place of an event on the canvas, in device pixels
  * @param {Viewport} viewport
  * @param {() => void} changed
  * @returns {() => void} undoes it
  */
-export function panAndZoom(surface, viewport, changed) {
+export function panAndZoom(surface, place, viewport, changed) {
   /** Pointers that are down, at their last place. @type {Map<number, {x: number, y: number}>} */
   const down = new Map();
   const abort = new AbortController();
   const signal = abort.signal;
-
-  /** @param {MouseEvent} event */
-  const place = (event) => {
-    const box = surface.getBoundingClientRect();
-    return { x: (event.clientX - box.left) * devicePixelRatio, y: (event.clientY - box.top) * devicePixelRatio };
-  };
 
   surface.addEventListener(
     "wheel",

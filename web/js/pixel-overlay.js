@@ -11,6 +11,8 @@ import { radiance } from "./format.js";
 
 /** CSS pixels that a picture pixel must measure before its three values fit into it. */
 const VALUES_FROM = 44;
+/** And before it is framed under the cursor. */
+const CURSOR_FROM = 6;
 
 export class PixelOverlay {
   /**
@@ -37,13 +39,14 @@ export class PixelOverlay {
     const { width, height } = viewport.canvas;
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     context.clearRect(0, 0, width, height);
-    if (!film) return;
-    for (const outline of this.outlines) this.drawOutline(outline);
     const ratio = devicePixelRatio;
-    if (viewport.scale >= VALUES_FROM * ratio && this.showValues) this.drawValues(film, ratio);
-    if (viewport.scale >= 6 * ratio && this.cursor && film.contains(this.cursor.x, this.cursor.y)) {
-      this.strokeTwice(this.cursor.x, this.cursor.y, 1, 1);
-    }
+    const values = film !== null && this.showValues && viewport.scale >= VALUES_FROM * ratio;
+    const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
+    // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
+    canvas.hidden = !values && !cursor && this.outlines.length === 0;
+    for (const outline of this.outlines) this.drawOutline(outline);
+    if (values) this.drawValues(film, ratio);
+    if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
   }
 
   /** @param {Outline} outline */

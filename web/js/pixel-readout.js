@@ -62,8 +62,8 @@ export class PixelReadout {
   async ask(at) {
     this.asking = new AbortController();
     try {
-      const { rgb, samples } = await getPixel(this.job, this.frame, at.x, at.y, this.asking.signal);
-      this.show(rgb, samples, true);
+      const { color, samples } = await getPixel(this.job, this.frame, at.x, at.y, this.asking.signal);
+      this.show(color, samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.
     }

@@ -37,7 +37,7 @@ export function sizeOf(long, aspect) {
  * @param {string} scene
  */
 export function expectedSpeed(workers, jobs, scene) {
-  const own = jobs.find((job) => job.scene === scene && job.samples_per_s > 0);
-  if (own) return own.samples_per_s;
+  const own = jobs.find((job) => job.scene === scene && job.active_s > 1);
+  if (own) return own.samples / own.active_s;
   return workers.reduce((sum, worker) => sum + worker.slots * worker.samples_per_s, 0);
 }

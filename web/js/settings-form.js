@@ -14,6 +14,7 @@ import { viewFields } from "./view-fields.js";
 
 const MAX_SIZE = 16384;
 const MAX_SPP = 1 << 20;
+const AUTO_CAMERA = "auto"; // the one that every scene has
 const CUSTOM = "custom";
 const OWN_VIEW = "\0view"; // no camera's name has a NUL in it
 
@@ -26,7 +27,7 @@ export function settingsForm(scene, submit) {
   const { defaults } = scene;
   let aspect = defaults.width && defaults.height ? defaults.width / defaults.height : DEFAULT_ASPECT;
 
-  const camera = h("select", null, scene.cameras.map(({ name }) => h("option", { value: name }, name)), h("option", { value: OWN_VIEW }, "Custom view …"));
+  const camera = h("select", null, scene.cameras.map(({ name }) => h("option", { value: name }, name === AUTO_CAMERA ? "Automatic: frames the scene" : name)), h("option", { value: OWN_VIEW }, "Custom view …"));
   const view = viewFields(scene.cameras[0]?.view);
   view.element.hidden = true;
   camera.addEventListener("change", () => {
@@ -41,7 +42,7 @@ export function settingsForm(scene, submit) {
   const height = numberInput({ value: start.height, min: 1, max: MAX_SIZE });
   const keep = h("input", { type: "checkbox", checked: true });
   const customSize = h("div", { class: "stack" }, h("div", { class: "pair" }, field("Width", width), field("Height", height)), h("label", { class: "check" }, keep, "Keep the aspect"));
-  const size = segments("Size", [...SIZES.map(({ name, label }) => ({ value: name, label, small: " " })), { value: CUSTOM, label: "Custom" }], CUSTOM, (value) => {
+  const size = segments("Size", [...SIZES.map(({ name, label }) => ({ value: name, label })), { value: CUSTOM, label: "Custom" }], CUSTOM, (value) => {
     const preset = SIZES.find(({ name }) => name === value);
     customSize.hidden = !!preset;
     if (preset) setSize(sizeOf(preset.long, aspect));
@@ -53,23 +54,14 @@ export function settingsForm(scene, submit) {
     height.value = String(to.height);
     update();
   };
-  const nameSizes = () => {
-    for (const { name, long } of SIZES) {
-      const { width: w, height: h_ } = sizeOf(long, aspect);
-      size.setDetail(name, `${w}×${h_}`);
-    }
-  };
   width.addEventListener("input", () => {
     if (keep.checked) height.value = String(Math.max(1, Math.round(numberOf(width, 1) / aspect)));
     else aspect = numberOf(width, 1) / Math.max(1, numberOf(height, 1));
-    nameSizes();
   });
   height.addEventListener("input", () => {
     if (keep.checked) width.value = String(Math.max(1, Math.round(numberOf(height, 1) * aspect)));
     else aspect = numberOf(width, 1) / Math.max(1, numberOf(height, 1));
-    nameSizes();
   });
-  nameSizes();
   const preset = SIZES.find(({ long }) => sizeOf(long, aspect).width === start.width && sizeOf(long, aspect).height === start.height);
   size.select(preset?.name ?? CUSTOM);
   customSize.hidden = !!preset;
@@ -77,7 +69,7 @@ export function settingsForm(scene, submit) {
   // Quality
   const spp = numberInput({ value: defaults.spp ?? 128, min: 1, max: MAX_SPP });
   const customSpp = field("Samples per pixel", spp);
-  const quality = segments("Quality", [...QUALITIES.map((q) => ({ value: q.name, label: q.label, small: `${q.spp} spp` })), { value: CUSTOM, label: "Custom" }], CUSTOM, (value) => {
+  const quality = segments("Quality", [...QUALITIES.map((q) => ({ value: q.name, label: q.label })), { value: CUSTOM, label: "Custom" }], CUSTOM, (value) => {
     const chosen = QUALITIES.find(({ name }) => name === value);
     customSpp.hidden = !!chosen;
     if (chosen) spp.value = String(chosen.spp);
@@ -120,6 +112,8 @@ export function settingsForm(scene, submit) {
     const all = workers.value ?? [];
     const slots = all.reduce((sum, worker) => sum + worker.slots, 0);
     const speed = expectedSpeed(all, jobs.value ?? [], scene.id);
+    setText(size.aside, `${numberOf(width, 0)} × ${numberOf(height, 0)}`);
+    setText(quality.aside, `${plural(numberOf(spp, 0), "sample")} per pixel`);
     const cost = `${compact(samples)} samples`;
     if (!slots) setText(estimate, `${cost}. Waits for a worker.`);
     else if (!speed) setText(estimate, `${cost} on ${plural(slots, "slot")}. The time is known once they have rendered something.`);
@@ -138,8 +132,7 @@ export function settingsForm(scene, submit) {
     ...(seconds.value && { seconds: seconds.valueAsNumber }),
     max_depth: depth.valueAsNumber,
     seed: seed.valueAsNumber,
-    environment_strength: strength.valueAsNumber,
-    ...(replace.checked && { environment: linearOf(colour.value) }),
+    environment: { strength: strength.valueAsNumber, color: replace.checked ? linearOf(colour.value) : null },
   });
 
   const element = h(

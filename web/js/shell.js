@@ -1,7 +1,7 @@
 /** The top bar, the "connection lost" banner, and the view between them. */
 
 import { fill, h, setText } from "./dom.js";
-import { jobs, link, workers } from "./farm.js";
+import { jobs, lost, workers } from "./farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "./icons.js";
 import { linkTo } from "./router.js";
@@ -66,12 +66,13 @@ function buildLostBanner() {
   document.body.append(banner);
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  link.subscribe((up) => {
-    clearTimeout(timer);
-    if (!up) {
-      timer = setTimeout(() => (banner.hidden = false), LOST_AFTER_MS);
+  lost.subscribe(({ size }) => {
+    if (size) {
+      timer ??= setTimeout(() => (banner.hidden = false), LOST_AFTER_MS);
       return;
     }
+    clearTimeout(timer);
+    timer = undefined;
     if (!banner.hidden) announce("Connected again");
     banner.hidden = true;
   });

@@ -2,8 +2,9 @@
 
 /**
  * @typedef {object} Shortcut
- * @property {string} keys as shown: "E", "Shift+E", "Enter"
+ * @property {string} keys "E", "Shift+E", "Enter"
  * @property {string} does
+ * @property {string | null} [shown] in the help instead of the keys; null leaves it out
  * @property {() => void} run
  */
 

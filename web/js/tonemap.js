@@ -7,7 +7,7 @@
 export const CURVES = [
   { name: "neutral", label: "Neutral", hint: "Khronos PBR Neutral: true base colours, highlights roll off" },
   { name: "srgb", label: "sRGB", hint: "No curve: what is above 1 clips" },
-  { name: "reinhard", label: "Reinhard", hint: "x / (1 + x) on every channel: soft and flat" },
+  { name: "reinhard", label: "Reinhard", hint: "x / (1 + luminance): soft and flat" },
   { name: "filmic", label: "Filmic", hint: "ACES fit by Narkowicz: more contrast" },
   { name: "agx", label: "AgX", hint: "Bright colours fade to white, as on film" },
 ];
@@ -35,9 +35,9 @@ vec3 neutral(vec3 c) {
   return mix(c, vec3(newPeak), g);
 }
 
-// Reinhard et al. 2002, equation 3, on each channel
+// Reinhard et al. 2002, equation 3, on luminance
 vec3 reinhard(vec3 c) {
-  return c / (1.0 + c);
+  return c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
 }
 
 // Narkowicz 2015, "ACES Filmic Tone Mapping Curve"

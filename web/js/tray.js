@@ -21,7 +21,8 @@ export class Card {
   /** @param {string} title */
   constructor(title) {
     this.title = h("span", { class: "title", title }, title);
-    this.lead = h("span", null);
+    /** Stands in for an icon. */
+    this.lead = h("span", { hidden: true });
     this.actions = h("span", { class: "row" });
     this.body = h("div", null);
     this.element = h("section", { "aria-label": title }, h("header", null, this.lead, this.title, this.actions), this.body);
@@ -43,15 +44,22 @@ export class Card {
  *
  * @param {string} title
  * @param {unknown} error
- * @param {string} [remedy]
+ * @param {{remedy?: string, action?: {label: string, run: () => void}}} [help] what to do about it
  */
-export function showError(title, error, remedy) {
+export function showError(title, error, { remedy, action } = {}) {
   const sentence = error instanceof Error ? error.message : String(error);
   const card = new Card(title);
   card.element.className = "error";
   card.element.setAttribute("role", "alert");
   card.lead.replaceWith(icon("warning"));
-  fill(card.body, h("p", { class: "detail" }, sentence), remedy && h("p", { class: "detail quiet" }, remedy));
+  fill(card.body, h("p", { class: "detail" }, sentence), remedy && h("p", { class: "detail" }, remedy));
+  if (action) {
+    const act = () => {
+      card.remove();
+      action.run();
+    };
+    card.body.append(h("p", { class: "detail" }, h("button", { class: "text-button", type: "button", onclick: act }, action.label)));
+  }
   card.onClose(() => card.remove());
 }
 

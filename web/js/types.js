@@ -16,7 +16,7 @@
  * @property {number | null} progress of preparing, 0..1
  * @property {number} created unix seconds
  * @property {number} bytes
- * @property {boolean} has_thumbnail
+ * @property {string | null} thumbnail its address
  * @property {Camera[]} cameras the last one frames the whole scene
  * @property {Record<string, number>} counts
  * @property {number[][] | null} bounds lower and upper corner
@@ -30,21 +30,23 @@
  * @property {string} name
  * @property {string} scene
  * @property {JobState} state
+ * @property {string | null} message why it does not go on at the moment
+ * @property {string | null} error
+ * @property {string | null} reproduce a command that shows the error again
  * @property {number} progress 0..1
  * @property {number | null} eta_s
- * @property {number} elapsed_s of rendering, without pauses
+ * @property {number} active_s time spent on rendering, pauses left out
  * @property {number} samples in the film: every pixel of every frame counted
- * @property {number} samples_per_s
- * @property {string | null} error
+ * @property {number} samples_per_s of the moment; 0 where it is not being rendered
+ * @property {number} bad_samples that were NaN or infinite, and left out
  * @property {number} created unix seconds
- * @property {number} width
- * @property {number} height
- * @property {number} spp asked for
- * @property {number} first_frame
- * @property {number} last_frame
- * @property {number} max_depth
- * @property {number} seed
- * @property {string | null} camera
+ * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
+ * @property {number | null} height
+ * @property {number | null} spp at most
+ * @property {number | null} noise
+ * @property {number | null} seconds
+ * @property {Record<string, any> | null} settings
+ * @property {{number: number, samples: number}[]} frames
  *
  * @typedef {object} JobRequest
  * @property {string} scene
@@ -57,8 +59,7 @@
  * @property {number} [seconds]
  * @property {number} max_depth
  * @property {number} seed
- * @property {Vec3} [environment] linear Rec.709
- * @property {number} [environment_strength]
+ * @property {{color: Vec3 | null, strength: number}} [environment] color: linear Rec.709 in place of the scene's own
  *
  * @typedef {object} Worker
  * @property {string} name
@@ -70,7 +71,7 @@
  *
  * @typedef {{name: string, title: string, description: string}} Example
  *
- * @typedef {{rgb: Vec3, samples: number}} PixelValue
+ * @typedef {{color: Vec3, samples: number}} PixelValue
  */
 
 export {};

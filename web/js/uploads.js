@@ -2,6 +2,7 @@
 
 import { ApiError } from "./api.js";
 import { fill, h, setText } from "./dom.js";
+import { putScene } from "./farm.js";
 import { bytes } from "./format.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "./icons.js";
@@ -16,7 +17,7 @@ const SCENE_KINDS = ".glb .gltf .obj .ply .stl .dae .off .yaml";
 /** @param {NamedFile[]} files */
 async function start(files) {
   if (!files.length) {
-    showError("Nothing to upload", "There is no file in what was dropped.", `A scene is one of ${SCENE_KINDS}, or a zip with one.`);
+    showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${SCENE_KINDS}, or a zip with one.`);
     return;
   }
   const title = titleOf(files);
@@ -44,20 +45,17 @@ async function start(files) {
         setText(line, sent < all ? `${bytes(sent)} of ${bytes(all)}` : "Storing …");
       },
     });
+    putScene(scene);
     go("scenes", scene.id);
   } catch (error) {
-    if (!abort.signal.aborted) showError(`${title} was not taken`, error, remedyFor(error));
+    if (!abort.signal.aborted) showError(`${title} was not taken`, error, {
+      // The service's own sentences say what to do; a lost connection has none.
+      remedy: error instanceof ApiError && error.status === 0 ? "Drop it again once the service is back." : undefined,
+      action: { label: "Choose other files", run: () => choose({ folder: false }) },
+    });
   } finally {
     card.remove();
   }
-}
-
-/** @param {unknown} error */
-function remedyFor(error) {
-  if (!(error instanceof ApiError)) return undefined;
-  if (error.status === 413) return "Leave out what the scene does not use, or raise RAYFARM_MAX_UPLOAD_BYTES where the service runs.";
-  if (error.status === 0) return "Drop it again once the service is back.";
-  return `A scene is one of ${SCENE_KINDS}, with its textures; or a folder or zip with one.`;
 }
 
 /** @param {() => NamedFile[] | Promise<NamedFile[]>} gather */

@@ -110,6 +110,25 @@ export class Viewport {
     this.y = Math.round(Math.min(Math.max(this.y, strip - h), this.canvas.height - strip));
   }
 
+  /** The picture point in the canvas' middle. */
+  middle() {
+    return { x: (this.canvas.width / 2 - this.x) / this.scale, y: (this.canvas.height / 2 - this.y) / this.scale };
+  }
+
+  /**
+   * Puts a picture point into the canvas' middle.
+   *
+   * @param {number} scale
+   * @param {number} px
+   * @param {number} py
+   */
+  show(scale, px, py) {
+    this.scale = clamp(scale);
+    this.x = Math.round(this.canvas.width / 2 - px * this.scale);
+    this.y = Math.round(this.canvas.height / 2 - py * this.scale);
+    this.fitted = false;
+  }
+
   /**
    * The picture pixel under a canvas point; it may lie outside of the picture.
    *

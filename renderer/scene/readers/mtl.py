@@ -67,7 +67,7 @@ def _material(name: str, lines: dict[str, str], files: SceneFiles, beside: str, 
         if not values:
             return default
         r, g, b = (values * 3)[:3] if len(values) < 3 else values[:3]
-        return max(r, 0.0), max(g, 0.0), max(b, 0.0)
+        return min(max(r, 0.0), 1e9), min(max(g, 0.0), 1e9), min(max(b, 0.0), 1e9)
 
     def number(keyword: str, default: float) -> float:
         values = numbers(keyword)

@@ -17,6 +17,8 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
 
+MAX_BYTES = 400 << 20  # its text takes some ten times as much memory while it is read
+
 Corner = tuple[int, int, int]  # position, uv, normal; -1 for none
 
 
@@ -84,8 +86,13 @@ class _Lines:
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     """Adds the file's meshes and materials to the description. Raises SceneError."""
+    data = files.read(main)
+    if len(data) > MAX_BYTES:
+        raise SceneError(
+            f"{main}: has {len(data) >> 20} MiB; an OBJ has at most {MAX_BYTES >> 20}. Export it as .glb or binary .ply"
+        )
     lines = _Lines(main)
-    lines.read(files.read(main).decode("utf-8", errors="replace"))
+    lines.read(data.decode("utf-8", errors="replace"))
     positions = _table(lines.positions, 3, main, "v")
     uvs = _table(lines.uvs, 2, main, "vt")
     uvs[:, 1] = 1 - uvs[:, 1]  # OBJ counts v from the image's lower edge

@@ -75,5 +75,6 @@ def lathe(name: str, profile: list[tuple[float, float]], segments: int = 96) -> 
     below, right, above = corner, corner + 1, corner + row
     triangles = np.concatenate([np.stack([below, right, above + 1], 1), np.stack([below, above + 1, above], 1)])
     positions = ring.reshape(-1, 3).astype(np.float32)
-    solid = [i for i, (a, b, c) in enumerate(positions[triangles]) if not ((a == b).all() or (b == c).all() or (a == c).all())]
+    corners = positions[triangles]
+    solid = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)  # at the poles one edge has no length
     return smoothed(Mesh(name, positions, triangles[solid].astype(np.int32), None, uvs.reshape(-1, 2).astype(np.float32)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -12,8 +13,9 @@ import numpy as np
 
 from renderer.errors import SettingsError
 from renderer.formats import SCENE_SUFFIXES
-from renderer.scene.description import Camera, Environment, Image, Instance, Material, SceneDescription, Sphere, Texture, Vec3
+from renderer.scene.description import Camera, Environment, Image, Instance, Material, SceneDescription, Sphere, Vec3
 from renderer.scene.files import SceneFiles
+from renderer.scene.geometry import MAX_TRIANGLES
 from renderer.scene.merge import merge
 from renderer.scene.readers import shapes, transforms
 from renderer.scene.readers.yaml_lines import Path, Yaml, parse
@@ -61,6 +63,8 @@ class _Reader:
         self._textures: dict[str, int | None] = {}
         self._materials: dict[str, int] = {}
         self._plain: int | None = None
+        self._parts: dict[tuple[str, int | None], list[Instance]] = {}  # of mesh files that were read before
+        self._triangles = 0
 
     def read(self) -> None:
         self._description.name = self._data.get("name", self._description.name)
@@ -117,9 +121,8 @@ class _Reader:
         even, odd = (np.array(_srgb_bytes(_color(c)), np.uint8) for c in checker["colors"])
         i = np.arange(squares * _CHECKER_PIXELS) // _CHECKER_PIXELS
         pixels = np.where(((i[:, None] + i) % 2 == 0)[..., None], even, odd).astype(np.uint8)
-        self._description.images.append(Image(str(path[-1]), np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])))
-        self._description.textures.append(Texture(len(self._description.images) - 1, wrap, wrap))
-        return len(self._description.textures) - 1
+        opaque = np.full((*pixels.shape[:2], 1), 255, np.uint8)
+        return self._shelf.texture(self._shelf.add(Image(str(path[-1]), np.concatenate([pixels, opaque], axis=2))), wrap, wrap)
 
     def _material(self, name: str, source: dict[str, Any], path: Path) -> Material:
         def texture(key: str) -> int | None:
@@ -165,6 +168,9 @@ class _Reader:
             mesh = shapes.disk(name, source.get("segments", 256))
         else:
             mesh = shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
+        self._triangles += len(mesh.triangles)
+        if self._triangles > MAX_TRIANGLES:
+            raise self._document.error(path, f"with it the scene has more than {MAX_TRIANGLES} triangles; use fewer segments")
         mesh.material = self._plain_material() if material is None else material
         self._description.meshes.append(mesh)
         self._description.instances += [Instance(len(self._description.meshes) - 1, m) for m in placed]
@@ -188,9 +194,12 @@ class _Reader:
         if suffix in (".yaml", ".yml") or suffix not in SCENE_SUFFIXES:
             others = ", ".join(s for s in SCENE_SUFFIXES if s not in (".yaml", ".yml"))
             raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
-        part = SceneDescription(name=name)
-        read_into(self._files, name, part)
-        merge(part, self._description, placed, material)
+        if (name, material) not in self._parts:
+            part = SceneDescription(name=name)
+            read_into(self._files, name, part)
+            self._parts[name, material] = merge(part, self._description, material)
+        shown = self._parts[name, material]
+        self._description.instances += [replace(s, transform=m @ s.transform) for m in placed for s in shown]
 
     def _material_of(self, source: dict[str, Any], path: Path) -> int | None:
         name = source.get("material")

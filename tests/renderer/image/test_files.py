@@ -100,10 +100,10 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
             read.read(data, name)
 
 
-SAMPLES = [png((RGB * 60).astype(np.uint8)), encode.encode(RGB, "jpg"), encode.encode(RGB, "hdr")]
+SAMPLES = [png((RGB * 60).astype(np.uint8)), *(encode.encode(RGB, kind) for kind in ("jpg", "hdr", "exr"))]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.sampled_from(SAMPLES), st.data())
 def test_damaged_bytes_give_pixels_or_a_sentence(sample, data):
     damaged = bytearray(sample[: data.draw(st.integers(0, len(sample)))])

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from renderer.errors import SceneError
+from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.load import read
 
@@ -215,7 +216,7 @@ def test_images_that_together_are_too_large_are_left_out(scene, png, monkeypatch
     monkeypatch.setattr("renderer.scene.textures.MAX_IMAGE_BYTES", 20)
     text = "textures: {a: {image: a.png}, b: {image: b.png}}\nshapes: [{type: quad}]"
     description = scene("s.yaml", text, {"a.png": png(1, 1, 1), "b.png": png(2, 2, 2)})
-    assert len(description.images) == 1
+    assert [i.name for i in description.images] == ["a.png", "studio"]
     assert any("b.png" in w for w in description.warnings)
 
 
@@ -238,6 +239,17 @@ def mutated(data, sample):
     return bytes(found)
 
 
+def compiled_or_told(description):
+    """What was read compiles into finite numbers, or is told why not."""
+    try:
+        scene = compile_scene(description)
+    except SceneError as error:
+        assert len(str(error)) > 20
+    else:
+        assert all(np.isfinite(array).all() for array in scene[1:])
+        assert summarise(description, scene)["cameras"]
+
+
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize("kind", ["glb", "gltf", "obj", "yaml", "ply"])
@@ -255,8 +267,8 @@ def test_damaged_bytes_give_a_scene_or_a_sentence(tmp_path, png, kind, data):
         description = read(tmp_path, f"a.{kind}")
     except SceneError as error:
         assert f"a.{kind}" in str(error)
-    else:
-        assert description.instances or description.spheres
+        return
+    compiled_or_told(description)
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -276,7 +288,9 @@ def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, pn
         )
     (tmp_path / "a.gltf").write_text(json.dumps(root))
     try:
-        read(tmp_path, "a.gltf")
+        description = read(tmp_path, "a.gltf")
     except SceneError as error:
         assert "a.gltf" in str(error)
         assert "could not be read as" not in str(error), "the backstop spoke: a reader let a value through unchecked"
+        return
+    compiled_or_told(description)

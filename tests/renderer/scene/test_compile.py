@@ -187,6 +187,15 @@ def test_the_choice_between_sky_and_lamps_follows_power_yet_starves_neither():
     assert chances[3] == pytest.approx(0.9)
 
 
+@pytest.mark.parametrize(("emission", "studio"), [(0.02, True), (10.0, False)])
+def test_a_model_with_weak_lights_gets_the_studios_and_says_so(emission, studio):
+    description = described(shapes.quad("panel"), studio_for_accents=True)
+    description.materials = [Material(emission=(emission,) * 3)]
+    scene = compile_scene(description)
+    assert scene.environment.any() == studio
+    assert bool(description.warnings) == studio
+
+
 def test_every_array_is_read_only_and_the_same_twice():
     description = described(ellipsoid(), environment=Environment())
     first, second = compile_scene(description), compile_scene(description)

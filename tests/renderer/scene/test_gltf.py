@@ -177,6 +177,29 @@ def test_clear_transmission_is_glass_and_other_is_said_to_be_opaque(scene, trans
     assert any("transmission" in w for w in description.warnings) == (kind != "glass")
 
 
+def test_texture_transforms_go_into_the_uvs(scene, png):
+    g = Gltf()
+    texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
+    quarter = {"offset": [0.5, 0.25], "scale": [2, 3], "rotation": np.pi / 2, "texCoord": 1}
+    info = {"index": texture, "extensions": {"KHR_texture_transform": quarter}}
+    g.material(pbrMetallicRoughness={"baseColorTexture": info})
+    uvs = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
+    g.mesh(material=0, TEXCOORD_0=np.ones((3, 2), np.float32), TEXCOORD_1=uvs)
+    # (u, v) -> scaled (2u, 3v) -> turned (3v, -2u) -> moved: the matrices of the extension's text
+    expected = [(0.5, 0.25), (0.5, -1.75), (3.5, 0.25)]
+    np.testing.assert_allclose(scene("a.glb", g.glb()).meshes[0].uvs, expected, atol=1e-6)
+
+
+def test_specular_glossiness_becomes_the_nearest_metallic_roughness(scene):
+    g = Gltf()
+    for diffuse, specular in (([0.5, 0.4, 0.3, 1], [0.04] * 3), ([0, 0, 0, 1], [1, 0.8, 0.3])):
+        extension = {"diffuseFactor": diffuse, "specularFactor": specular, "glossinessFactor": 0.75}
+        g.mesh(material=g.material(extensions={"KHR_materials_pbrSpecularGlossiness": extension}))
+    wood, gold = scene("a.glb", g.glb()).materials
+    assert (wood.base_color, wood.metallic, wood.roughness) == ((0.5, 0.4, 0.3), 0, 0.25)
+    assert (gold.base_color, gold.metallic) == ((1, 0.8, 0.3), 1)
+
+
 def test_cameras_look_down_minus_z_of_their_node(scene):
     g = Gltf()
     g.mesh()

@@ -79,6 +79,15 @@ def test_a_mesh_file_keeps_its_own_materials_unless_told(scene):
     assert [description.materials[m.material].base_color for m in description.meshes] == [(1, 0, 0), (0, 0, 1)]
 
 
+def test_a_mesh_file_that_is_shown_often_is_kept_once(scene, png):
+    others = {"a.png": png(1, 2, 3), "m.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n"}
+    shapes = ", ".join(f"{{type: mesh, file: m.obj, transform: [{{translate: [{i}, 0, 0]}}]}}" for i in range(5))
+    description = scene("s.yaml", f"shapes: [{shapes}]", others)
+    assert (len(description.meshes), len(description.materials), len(description.instances)) == (1, 1, 5)
+    assert [i.transform[0, 3] for i in description.instances] == [0, 1, 2, 3, 4]
+    assert description.images[0].name == "a.png"
+
+
 @pytest.mark.parametrize(
     "shape", ["{type: quad}", "{type: disk}", "{type: cube}", "{type: lathe, profile: [[0, -1], [1, 0], [0, 1]]}"]
 )
@@ -145,6 +154,12 @@ def test_aliases_that_stand_for_billions_are_refused(scene):
         bomb += f"{here}: &{here} [{', '.join([f'*{before}'] * 10)}]\n"
     with pytest.raises(SceneError, match="aliases"):
         scene("s.yaml", bomb)
+
+
+@pytest.mark.parametrize("bracket", ["[", "{a: ", "- "])
+def test_nesting_without_end_is_refused(scene, bracket):
+    with pytest.raises(SceneError, match="nested deeper"):
+        scene("s.yaml", bracket * 200_000)
 
 
 def test_an_alias_inside_itself_is_refused(scene):

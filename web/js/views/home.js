@@ -14,13 +14,14 @@ import { sceneCard } from "./scene-card.js";
 
 /** @typedef {import("../types.js").Example} Example */
 
-const RECENT_JOBS = 5;
+const RECENT_JOBS = 4;
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function homeView() {
   setTitle();
   const life = new Disposer();
-  const notice = h("div", null);
+  const notice = h("div", { class: "notice-slot" });
+  const zone = dropZone();
   const sceneGrid = h("ul", { class: "cards" });
   const sceneSection = section("Scenes", sceneGrid);
   const exampleGrid = h("ul", { class: "cards" });
@@ -37,6 +38,7 @@ export function homeView() {
     const seenJobs = (jobs.value ?? []).filter(({ id }) => !hidden.value.has(id)).slice(0, RECENT_JOBS);
     showScenes(seenScenes);
     showJobs(seenJobs);
+    zone.classList.toggle("compact", seenScenes.length > 0);
     sceneSection.hidden = seenScenes.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
@@ -55,7 +57,7 @@ export function homeView() {
     "div",
     { class: "page home" },
     h("h1", { class: "visually-hidden" }, "Rayfarm"),
-    dropZone(),
+    zone,
     notice,
     jobSection,
     sceneSection,
@@ -96,7 +98,7 @@ function exampleCard(example) {
     h(
       "div",
       { class: "body" },
-      h("button", { class: "name text-button", type: "button", onclick: open }, example.title),
+      h("button", { class: "name", type: "button", onclick: open }, example.title),
       h("p", { class: "quiet small" }, example.description),
     ),
   );

@@ -51,7 +51,7 @@ export function jobRow(job, life) {
       latest = next;
       setText(name, next.name);
       remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
-      setText(size, `${next.width}×${next.height} · ${count(next.spp)} samples`);
+      setText(size, next.width && next.height && next.spp ? `${next.width}×${next.height} · ${count(next.spp)} spp` : "");
       chip.update(next.state);
       bar.update(next.progress, next.state);
       setText(far, progressLine(next));
@@ -61,7 +61,7 @@ export function jobRow(job, life) {
       if (next.samples > 0 && due) {
         picturedAt = now;
         picturedState = next.state;
-        image.src = imageUrl(next.id, next.first_frame, "jpg", { width: 160, v: next.samples });
+        image.src = imageUrl(next.id, next.frames[0]?.number ?? 0, "jpg", { width: 320, v: next.samples });
       }
     },
   };
@@ -70,7 +70,8 @@ export function jobRow(job, life) {
 /** @param {Job} job */
 function progressLine(job) {
   if (job.state === "failed") return job.error ?? "";
-  if (job.state === "finished") return `in ${clock(job.elapsed_s)}`;
+  if (job.message) return job.message;
+  if (job.state === "finished") return `in ${clock(job.active_s)}`;
   const done = `${Math.floor(job.progress * 100)} %`;
   return job.state === "running" && job.eta_s != null ? `${done}, ${clock(job.eta_s)} left` : done;
 }

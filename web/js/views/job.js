@@ -4,7 +4,7 @@ import { getJob } from "../api.js";
 import { AovImage } from "../aov-image.js";
 import { EXPOSURE_STEP, clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
 import { fill, h, setText } from "../dom.js";
-import { jobs, link, putJob, workers } from "../farm.js";
+import { jobs, putJob, setLink, workers } from "../farm.js";
 import { field } from "../fields.js";
 import { CannotShow } from "../film-canvas.js";
 import { FilmView } from "../film-view.js";
@@ -13,12 +13,14 @@ import { icon } from "../icons.js";
 import { actionsPanel, moreSamples, pauseOrResume, progressPanel, savePanel } from "../job-panel.js";
 import { Live } from "../live.js";
 import { PixelReadout } from "../pixel-readout.js";
-import { linkTo, setTitle } from "../router.js";
+import { go, linkTo, setTitle } from "../router.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
 import { outlinesOf } from "../tile-outlines.js";
 import { announce, showError } from "../tray.js";
+import { rememberPlace } from "../view-place.js";
+import { removeJob } from "./job-row.js";
 
 /** @typedef {import("../types.js").Job} Job */
 
@@ -36,7 +38,9 @@ export function jobView(id) {
   life.add(
     jobs.subscribe((all) => {
       const job = all?.find((candidate) => candidate.id === id);
-      if (job) {
+      if (job && !(job.width && job.height)) {
+        fill(element, h("div", { class: "page" }, emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? "Waits for its scene"))));
+      } else if (job) {
         update ??= open(element, job, life);
         update(job);
       } else if (all && !asked) {
@@ -56,12 +60,17 @@ export function jobView(id) {
  */
 function open(page, job, life) {
   let latest = job;
-  let frame = job.first_frame;
+  const firstFrame = job.frames[0]?.number ?? 0;
+  const lastFrame = job.frames.at(-1)?.number ?? 0;
+  const width = job.width ?? 1;
+  const height = job.height ?? 1;
+  let frame = firstFrame;
   const display = displayFromUrl();
   const actions = actionsPanel();
   const progress = progressPanel();
   const chip = stateChip(job.state);
   const line = progressBar("Progress");
+  line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
   const notice = h("div", { class: "stage-notice" });
 
   // The picture
@@ -70,22 +79,30 @@ function open(page, job, life) {
   let view = null;
   /** @type {PixelReadout | null} */
   let readout = null;
+  let remember = () => {};
   /** @type {Element} */
   let stage;
   try {
-    const shown = new FilmView(job.width, job.height, {
+    const shown = new FilmView(width, height, {
       cursor: (at) => readout?.point(at),
-      moved: () => setText(zoom, zoomLabel(shown?.viewport.scale ?? 1)),
+      moved: () => {
+        setText(zoom, zoomLabel(shown?.viewport.scale ?? 1));
+        remember();
+      },
     });
     view = shown;
     stage = shown.element;
     readout = new PixelReadout(job.id, shown.film);
     life.add(() => (readout?.dispose(), shown.dispose()));
     life.add(display.subscribe((look) => shown.setLook(look)));
+    remember = rememberPlace(shown.viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
     stage = h("div", { class: "stage" }, emptyState("image", "The live picture cannot be shown here", h("p", null, error.message)));
   }
+
+  const stageBox = h("div", { class: "stage-box" }, stage, notice);
+  stageBox.style.setProperty("--aspect", `${width} / ${height}`);
 
   const aov = new AovImage(
     job.id,
@@ -107,11 +124,11 @@ function open(page, job, life) {
       message(message) {
         if (message.type === "state") putJob(message.job);
       },
-      link: (up) => link.set(up),
-      refused: (sentence) => showError("The live picture ended", sentence, "Reload the page to try again."),
+      link: (up) => setLink("live", up),
+      refused: (sentence) => showError("The live picture ended", sentence, { action: { label: "Reload the page", run: () => location.reload() } }),
     });
   }
-  life.add(() => live.close());
+  life.add(() => (live.close(), setLink("live", true)));
 
   const outline = () => {
     const on = display.value.outlines && latest.state === "running";
@@ -146,7 +163,8 @@ function open(page, job, life) {
       ...[["ArrowLeft", -1, 0], ["ArrowRight", 1, 0], ["ArrowUp", 0, -1], ["ArrowDown", 0, 1]].flatMap(([key, dx, dy]) =>
         [1, 10].map((by) => ({
           keys: `${by > 1 ? "Shift+" : ""}${key}`,
-          does: `Read the pixel ${by > 1 ? "ten further" : "next to it"}`,
+          does: "Read pixels by keys; with Shift ten at a time",
+          shown: key === "ArrowLeft" && by === 1 ? "Arrows" : null,
           run: () => view?.moveCursor(Number(dx) * by, Number(dy) * by),
         })),
       ),
@@ -163,15 +181,20 @@ function open(page, job, life) {
       chip.element,
       h("span", { class: "grow" }),
       actions.element,
+      h(
+        "button",
+        { class: "icon-button danger", type: "button", "aria-label": "Delete this picture", title: "Delete this picture", onclick: () => (removeJob(latest), go("jobs")) },
+        icon("trash"),
+      ),
     ),
     h("div", { class: "job-line" }, line.element),
-    h("div", { class: "stage-box" }, stage, notice),
+    stageBox,
     h(
       "footer",
       { class: "status-bar" },
       readout?.element,
       h("span", { class: "grow" }),
-      h("span", { class: "quiet number size" }, `${job.width}×${job.height}`),
+      h("span", { class: "quiet number size" }, `${width}×${height}`),
       h(
         "span",
         { class: "zoom-controls" },
@@ -185,7 +208,7 @@ function open(page, job, life) {
       "aside",
       { class: "side", "aria-label": "Picture" },
       progress.element,
-      job.last_frame > job.first_frame && frameSlider(),
+      lastFrame > firstFrame && frameSlider(),
       displayPanel(display, { normalise }),
       savePanel(job, () => frame, display),
       details(job),
@@ -194,7 +217,7 @@ function open(page, job, life) {
 
   function frameSlider() {
     const number = h("output", { class: "mono" }, frame);
-    const slider = h("input", { type: "range", min: job.first_frame, max: job.last_frame, step: 1, value: String(frame) });
+    const slider = h("input", { type: "range", min: firstFrame, max: lastFrame, step: 1, value: String(frame) });
     slider.addEventListener("input", () => {
       frame = slider.valueAsNumber;
       setText(number, frame);
@@ -232,10 +255,10 @@ function details(job) {
   /** @type {[string, import("../dom.js").Child][]} */
   const rows = [
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
-    ["Camera", job.camera],
     ["Size", `${job.width}×${job.height}`],
-    ["Max depth", job.max_depth],
-    ["Seed", job.seed],
+    ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
+    ["Max depth", job.settings?.max_depth],
+    ["Seed", job.settings?.seed],
     ["Job", h("code", null, job.id)],
   ];
   return h(

@@ -22,7 +22,7 @@ export function jobsView() {
   setTitle("Jobs");
   const life = new Disposer();
   let filter = here().params.get("show") ?? "all";
-  const notice = h("div", null);
+  const notice = h("div", { class: "notice-slot" });
   const list = h("ul", { class: "rows" });
   const empty = h("div", null);
   const show = keyedList(list, (job) => job.id, (job) => jobRow(job, life));

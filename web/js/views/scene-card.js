@@ -58,7 +58,7 @@ export function thumbnail() {
     element,
     /** @param {Scene} scene */
     update(scene) {
-      const url = scene.has_thumbnail ? thumbnailUrl(scene.id) : "";
+      const url = scene.thumbnail ? thumbnailUrl(scene.id) : "";
       if (url === shown) return;
       shown = url;
       element.replaceChildren(url ? h("img", { src: url, alt: "", loading: "lazy" }) : icon("cube"));

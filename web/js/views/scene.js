@@ -1,8 +1,8 @@
 /** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
 
 import { createJob, getScene } from "../api.js";
-import { fill, h, setText } from "../dom.js";
-import { jobs, putJob, scenes, workers } from "../farm.js";
+import { fill, h, keyedList, setText } from "../dom.js";
+import { hidden, jobs, putJob, scenes, workers } from "../farm.js";
 import { bytes, count } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
@@ -13,6 +13,7 @@ import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer, Store } from "../store.js";
 import { announce, showError } from "../tray.js";
 import { choose } from "../uploads.js";
+import { jobRow } from "./job-row.js";
 import { removeScene, thumbnail } from "./scene-card.js";
 
 /** @typedef {import("../types.js").Scene} Scene */
@@ -88,13 +89,13 @@ function preparing(page, scene, life) {
   const chip = stateChip("preparing");
   const step = h("p", { class: "quiet", "aria-live": "polite" });
   const bar = progressBar("Preparing");
-  const notice = h("div", null);
+  const notice = h("div", { class: "notice-slot" });
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(
     page,
     heading(scene),
     notice,
-    h("section", { class: "preparing panel" }, chip.element, bar.element, step),
+    h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step),
   );
   return (next) => {
     setText(step, next.step ?? "Waiting for a worker");
@@ -130,7 +131,15 @@ function failed(page, scene) {
  */
 function ready(page, scene, life) {
   const picture = thumbnail();
-  const notice = h("div", null);
+  const notice = h("div", { class: "notice-slot" });
+  const list = h("ul", { class: "rows" });
+  const pictures = h("section", { class: "pictures", "aria-label": "Pictures of this scene" }, h("h2", null, "Pictures of this scene"), list);
+  const showJobs = keyedList(list, (job) => job.id, (job) => jobRow(job, life));
+  const listJobs = () => {
+    const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id));
+    showJobs(own);
+    pictures.hidden = own.length === 0;
+  };
   const form = settingsForm(scene, async (request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
@@ -142,7 +151,8 @@ function ready(page, scene, life) {
     }
   });
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
-  life.add(jobs.subscribe(form.update));
+  life.add(jobs.subscribe(() => (form.update(), listJobs())));
+  life.add(hidden.subscribe(listJobs));
   life.add(addShortcuts([{ keys: "R", does: "Render", run: () => form.element.requestSubmit() }, { keys: "Enter", does: "Render", run: () => form.element.requestSubmit() }]));
   fill(
     page,
@@ -151,7 +161,7 @@ function ready(page, scene, life) {
     h(
       "div",
       { class: "scene-columns" },
-      h("div", { class: "scene-about" }, picture.element, warnings(scene), facts(scene)),
+      h("div", { class: "scene-about" }, picture.element, warnings(scene), facts(scene), pictures),
       h("section", { class: "panel", "aria-label": "Render" }, form.element),
     ),
   );
@@ -172,10 +182,10 @@ function warnings({ warnings: sentences }) {
 /** @param {Scene} scene */
 function facts(scene) {
   /** @type {[string, string][]} */
-  const rows = Object.entries(scene.counts).map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
-  rows.push(["Cameras", scene.cameras.map(({ name }) => name).join(", ")]);
+  const rows = Object.entries(scene.counts).filter(([, n]) => n > 0).map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
+  if (scene.cameras.length > 1) rows.push(["Cameras", count(scene.cameras.length - 1)]); // the automatic one left out
   const [lo, hi] = scene.bounds ?? [];
   if (lo && hi) rows.push(["Extent", hi.map((v, i) => Number((v - (lo[i] ?? 0)).toPrecision(3))).join(" × ")]);
   rows.push(["Files", bytes(scene.bytes)]);
-  return h("dl", { class: "facts number" }, rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
+  return h("dl", { class: "facts tiles number" }, rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
 }

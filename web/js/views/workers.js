@@ -14,7 +14,7 @@ import { Disposer } from "../store.js";
 export function workersView() {
   setTitle("Workers");
   const life = new Disposer();
-  const summary = h("p", { class: "quiet number" });
+  const summary = h("p", { class: "quiet number summary" });
   const list = h("ul", { class: "rows" });
   const empty = h("div", null);
   const show = keyedList(list, (worker) => worker.name, workerRow);
@@ -27,7 +27,7 @@ export function workersView() {
       const speed = all.reduce((sum, w) => sum + w.slots * w.samples_per_s, 0);
       setText(summary, all.length ? `${plural(slots, "slot")} on ${plural(all.length, "worker")}${speed ? `, ${compact(speed)} samples/s together` : ""}` : "");
       if (all.length) fill(empty);
-      else fill(empty, emptyState("worker", "No worker is connected", h("p", null, "Workers do the rendering. `rayfarm up` starts one beside the service; any machine that reaches it can join.")));
+      else fill(empty, emptyState("worker", "No worker is connected", h("p", null, "Workers do the rendering. ", h("code", null, "rayfarm up"), " starts one beside the service; any machine that reaches it can join.")));
     }),
   );
   const element = h(

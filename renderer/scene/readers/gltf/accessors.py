@@ -14,6 +14,7 @@ from renderer.scene.readers.gltf.container import Json
 __all__ = ["Accessors"]
 
 MAX_ELEMENTS = 1 << 26
+MAX_VALUES = 1 << 29  # of all arrays together: an accessor without data costs a hostile file nothing
 
 _COMPONENT = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -30,6 +31,7 @@ class Accessors:
         self._views = root.objects("bufferViews")
         self.accessors = root.objects("accessors")
         self._loaded: dict[int, memoryview] = {}
+        self._values_given = 0
 
     def floats(self, index: int, width: int) -> npt.NDArray[np.float32]:
         """(count, width) float32; integers are scaled to 0..1 or -1..1 where the accessor says `normalized`.
@@ -103,6 +105,9 @@ class Accessors:
                 "type", f"is {kind[:10]} of component type {accessor.value.get('componentType')}, which does not fit here"
             )
         count = accessor.integer("count", low=1, high=MAX_ELEMENTS + 1)
+        self._values_given += count * width
+        if self._values_given > MAX_VALUES:
+            raise SceneError(f"{self._file}: its arrays hold more than {MAX_VALUES >> 20} million values; simplify its meshes")
         view = accessor.index("bufferView", self._views)
         if view is None:
             values = np.zeros((count, width), component)

@@ -10,6 +10,7 @@ from renderer.scene.description import F32, I32, Mesh
 from renderer.scene.readers.gltf import draco
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.materials import UvUse
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_primitive"]
@@ -17,7 +18,7 @@ __all__ = ["read_primitive"]
 _LIST, _STRIP, _FAN = 4, 5, 6
 
 
-def read_primitive(source: Json, name: str, uv_set: int, accessors: Accessors, shelf: TextureShelf) -> Mesh | None:
+def read_primitive(source: Json, name: str, use: UvUse, accessors: Accessors, shelf: TextureShelf) -> Mesh | None:
     """The mesh of a primitive, its material not yet set; None, with a warning, for points and lines."""
     mode = source.integer("mode", _LIST, high=7)
     if mode < _LIST:
@@ -57,9 +58,12 @@ def read_primitive(source: Json, name: str, uv_set: int, accessors: Accessors, s
             f"{source.file}: {source.where} has the index {int(indices.max())} where there are {len(positions)} vertices; "
             "export the file again"
         )
-    uvs = attribute(f"TEXCOORD_{uv_set}", 2)
+    uvs = attribute(f"TEXCOORD_{use.uv_set}", 2)
     if uvs is None:
         uvs = attribute("TEXCOORD_0", 2)
+    if uvs is not None and use.transform != UvUse().transform:
+        matrix = np.array(use.transform, np.float32).reshape(2, 3)
+        uvs = uvs @ matrix[:, :2].T + matrix[:, 2]
     normals = attribute("NORMAL", 3)
     for key, values in (("NORMAL", normals), ("TEXCOORD", uvs)):
         if values is not None and len(values) != len(positions):

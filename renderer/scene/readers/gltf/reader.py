@@ -13,7 +13,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.gltf import draco
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json, parse
-from renderer.scene.readers.gltf.materials import Materials
+from renderer.scene.readers.gltf.materials import Materials, UvUse
 from renderer.scene.readers.gltf.primitives import read_primitive
 from renderer.scene.textures import TextureShelf
 from renderer.settings import View
@@ -30,6 +30,7 @@ _KNOWN = {
     "EXT_texture_webp",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_transmission",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -82,9 +83,9 @@ class _Meshes:
             name = source.text("name", "") or f"mesh {index}"
             self._read[index] = []
             for primitive in source.objects("primitives"):
-                material = primitive.index("material", self._materials.uv_sets)
-                uv_set = 0 if material is None else self._materials.uv_sets[material]
-                mesh = read_primitive(primitive, name, uv_set, self._accessors, self._shelf)
+                material = primitive.index("material", self._materials.uv_uses)
+                use = UvUse() if material is None else self._materials.uv_uses[material]
+                mesh = read_primitive(primitive, name, use, self._accessors, self._shelf)
                 if mesh is not None:
                     mesh.material = self._default_material() if material is None else material
                     self._description.meshes.append(mesh)

@@ -1,0 +1,41 @@
+"""The light that a scene without any gets: a photographer's studio, soft and neutral.
+
+A key light from the left front, a rim light from behind on the right, and walls that are brighter above than below: forms
+are seen as forms, which in the even light of a white sky they are not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.description import F32, Environment, Image, SceneDescription
+
+__all__ = ["light_studio", "studio_image"]
+
+_HEIGHT = 64
+
+# Towards the light, its radiance, and the cosine lobe's exponent. +Z is the front, where automatic cameras stand.
+_LAMPS = (
+    ((-0.65, 0.75, 0.6), 4.2, 12.0),
+    ((0.8, 0.4, -0.75), 3.0, 24.0),
+)
+_GROUND, _HORIZON, _ZENITH = 0.2, 0.5, 0.65
+
+
+def studio_image() -> F32:
+    """Equirectangular radiance, (64, 128, 3) float32, grey. Its mean over all directions is near 0.6."""
+    theta = (np.arange(_HEIGHT) + 0.5) * np.pi / _HEIGHT
+    phi = (np.arange(2 * _HEIGHT) + 0.5) * np.pi / _HEIGHT - np.pi  # 0 in the middle column, which looks along -Z
+    y = np.broadcast_to(np.cos(theta)[:, None], (_HEIGHT, 2 * _HEIGHT))
+    x, z = np.sin(theta)[:, None] * np.sin(phi), -np.sin(theta)[:, None] * np.cos(phi)
+    walls = np.where(y > 0, _HORIZON + (_ZENITH - _HORIZON) * y, _GROUND + (_HORIZON - _GROUND) * np.exp(4 * np.minimum(y, 0)))
+    for direction, radiance, exponent in _LAMPS:
+        towards = np.array(direction) / np.linalg.norm(direction)
+        walls = walls + radiance * np.maximum(x * towards[0] + y * towards[1] + z * towards[2], 0) ** exponent
+    return np.repeat(walls[..., None], 3, axis=2).astype(np.float32)
+
+
+def light_studio(description: SceneDescription) -> None:
+    """Puts the scene into the studio."""
+    description.images.append(Image("studio", studio_image(), srgb=False))
+    description.environment = Environment(image=len(description.images) - 1)

@@ -1,0 +1,66 @@
+"""/api/examples: the scenes that Rayfarm ships, so that a newcomer has a picture in two clicks."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from fastapi import APIRouter, Response
+from pydantic import BaseModel
+
+from service.api.scenes import record
+from service.farm import Farm, FarmDependency
+from service.multipart import Form
+from service.problem import Problem
+from service.schemas import SceneOut
+from service.uploads import keep
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/examples", tags=["examples"])
+
+# A scene file's own words: its first comment says what is to be seen, its field `name` what it is called.
+DESCRIPTION = re.compile(r"\A# *(.+)")
+TITLE = re.compile(r"^name: *[\"']?(.*?)[\"']? *$", re.MULTILINE)
+
+
+class ExampleOut(BaseModel):
+    """A scene that can be opened without an upload."""
+
+    name: str
+    title: str
+    description: str
+
+
+@router.get("", response_model=list[ExampleOut])
+def list_examples(farm: FarmDependency) -> list[ExampleOut]:
+    """The examples, by name."""
+    return [_described(path) for path in _files(farm)]
+
+
+@router.post("/{name}", status_code=201, response_model=SceneOut)
+def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOut:
+    """Make a scene of an example, as if its file had been uploaded. Opened again, it is the same scene."""
+    path = next((path for path in _files(farm) if path.stem == name), None)
+    if path is None:
+        raise Problem(404, f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
+    writer = farm.blobs.writer()
+    writer.write(path.read_bytes())
+    form = Form({"name": _described(path).title}, [(path.name, writer)])
+    scene = record(keep(form, farm.blobs, farm.settings, lambda size: None), farm)
+    response.headers["Location"] = f"/api/scenes/{scene.id}"
+    return scene
+
+
+def _files(farm: Farm) -> list[Path]:
+    return sorted(farm.settings.examples.glob("*.yaml"))
+
+
+def _described(path: Path) -> ExampleOut:
+    text = path.read_text(encoding="utf-8")
+    title, description = TITLE.search(text), DESCRIPTION.search(text)
+    return ExampleOut(
+        name=path.stem,
+        title=title.group(1) if title else path.stem,
+        description=description.group(1) if description else "",
+    )

@@ -1,0 +1,162 @@
+"""The whole way in a browser: a file dropped on the page becomes a picture whose pixels are the film's."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+import time
+from pathlib import Path
+
+import httpx
+import numpy as np
+import OpenImageIO
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from renderer.image import rgbe9995, tonemap
+from tests.e2e.conftest import Watched
+from tests.e2e.small_glb import small_glb
+from tests.helpers import Farm
+
+pytestmark = [pytest.mark.browser, pytest.mark.farm]
+
+WIDTH, HEIGHT, SPP = 192, 120, 192
+
+
+def drop(page: Page, name: str, content: bytes) -> None:
+    """Drop a file on the page, as a mouse would."""
+    page.evaluate(
+        """([name, base64]) => {
+            const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+            const dataTransfer = new DataTransfer();
+            dataTransfer.items.add(new File([bytes], name));
+            for (const type of ["dragenter", "dragover", "drop"])
+                document.body.dispatchEvent(new DragEvent(type, { dataTransfer, bubbles: true, cancelable: true }));
+        }""",
+        [name, base64.b64encode(content).decode()],
+    )
+
+
+def samples_shown(page: Page) -> int:
+    """The number of samples per pixel that the progress panel says."""
+    return int(page.get_by_label("Progress", exact=True).locator(".big").inner_text().replace(",", ""))
+
+
+def picture_on_screen(page: Page) -> np.ndarray:
+    """The picture's pixels on the screen at one to one, (HEIGHT, WIDTH, 3) uint8. WebGL's own readPixels may be empty."""
+    box = page.locator("canvas.film").bounding_box()
+    scale, x, y = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
+    assert box is not None and scale == 1
+    clip = {"x": box["x"] + x, "y": box["y"] + y, "width": WIDTH, "height": HEIGHT}
+    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB"))
+
+
+def read_exr(data: bytes, path: Path) -> np.ndarray:
+    """The colour of an EXR, (h, w, 3) float32."""
+    path.write_bytes(data)
+    picture = OpenImageIO.ImageInput.open(str(path))
+    assert picture, OpenImageIO.geterror()
+    return picture.read_image(0, 0, 0, 3, OpenImageIO.FLOAT)
+
+
+def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
+    """The screen shows the film, as RGB9E5 carries it, through exposure and curve; to a last bit of 8. Gives the screen.
+
+    The software renderer draws a frame in some tens of milliseconds: it has a second.
+    """
+    wanted = tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve).astype(int)
+    deadline = time.monotonic() + 1
+    while True:
+        screen = picture_on_screen(page)
+        difference = np.abs(screen.astype(int) - wanted).max()
+        if difference <= 1 or time.monotonic() > deadline:
+            break
+    assert difference <= 1, f"{curve} at {exposure:+} EV differs by {difference}/255"
+    return screen
+
+
+def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
+
+    drop(page, "small.glb", small_glb())
+    render = page.get_by_role("button", name="Render")
+    expect(render).to_be_visible()
+    page.get_by_text("Custom").nth(1).click()
+    page.get_by_label("Keep the aspect").uncheck()
+    page.get_by_label("Width").fill(str(WIDTH))
+    page.get_by_label("Height").fill(str(HEIGHT))
+    page.get_by_text("Custom").nth(2).click()
+    page.get_by_label("Samples per pixel").fill(str(SPP))
+    render.click()
+
+    # Samples arrive while it renders: more than one number is seen before the last.
+    seen: set[int] = set()
+    deadline = time.monotonic() + 60
+    while SPP not in seen and time.monotonic() < deadline:
+        if page.locator(".big").count():
+            seen.add(samples_shown(page))
+        page.wait_for_timeout(50)
+    assert len(seen - {0, SPP}) >= 2, f"the page showed only {sorted(seen)} samples"
+    expect(page.locator(".job-head")).to_contain_text("Finished")
+
+    job = page.url.split("/jobs/")[1].split("?")[0]
+    image = f"{farm.url}/api/jobs/{job}/frames/0/image"
+    film = read_exr(httpx.get(f"{image}.exr").raise_for_status().content, tmp_path / "film.exr")
+    assert film.shape == (HEIGHT, WIDTH, 3) and film.max() > 1 > film.min()
+
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    before = assert_shows(page, film, 0, "neutral")
+
+    # The exposure key acts on the picture at once.
+    page.keyboard.press("Shift+E")
+    darker = assert_shows(page, film, -0.5, "neutral")
+    assert darker.mean() < before.mean() - 2
+    for curve in tonemap.CURVES:
+        page.get_by_label("Tone curve").select_option(curve)
+        assert_shows(page, film, -0.5, curve)
+
+    # The value under the cursor is the film's.
+    stage = page.locator(".stage")
+    _, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
+    stage.hover(position={"x": left + WIDTH / 2 + 0.5, "y": top + HEIGHT / 2 + 0.5})
+    readout = page.get_by_label("Pixel under the cursor")
+    expect(readout.locator(".values.exact")).to_be_visible()
+    expect(readout.locator(".place")).to_have_text(f"{WIDTH // 2}, {HEIGHT // 2}")
+    shown = [float(v) for v in readout.locator(".value").all_inner_texts()]
+    np.testing.assert_allclose(shown, film[HEIGHT // 2, WIDTH // 2], rtol=1e-3, atol=1e-4)
+    expect(readout).to_contain_text(f"{SPP} spp")
+
+    # The PNG looks as the page does.
+    page.get_by_label("Tone curve").select_option("neutral")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="PNG").click()
+    png = np.asarray(Image.open(download.value.path()).convert("RGB"))
+    np.testing.assert_array_equal(png, tonemap.apply(film, -0.5, "neutral"))
+
+    assert re.search(r"ev=-0\.5", page.url), "the view's state is in the address"
+    assert watched.errors == []
+    assert watched.origins == {farm.url.removeprefix("http://")}
+
+
+def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    chooser.value.set_files([{"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no scene"}])
+    alert = page.get_by_role("alert")
+    expect(alert).to_contain_text("No scene file among what was given (notes.txt)")
+    alert.get_by_role("button", name="Dismiss").click()
+    expect(alert).to_have_count(0)
+
+    drop(page, "broken.glb", b"glTF, but not really")
+    problem = page.get_by_role("alert")
+    expect(problem).to_contain_text("broken.glb")
+    expect(problem).to_contain_text("This cannot be rendered")
+    # The browser itself reports the refused request; nothing else may be on the console.
+    assert [error for error in watched.errors if "422" not in error] == []

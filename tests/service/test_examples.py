@@ -1,0 +1,25 @@
+"""/api/examples: what is shipped can be opened like an upload."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.service.conftest import Service
+
+
+def test_an_example_becomes_the_scene_that_its_upload_is(service: Service) -> None:
+    examples = {example["name"]: example for example in service.http.get("/api/examples").json()}
+    box = examples["cornell-box"]
+    assert box["title"] == "Cornell box" and box["description"].endswith(".")
+
+    opened = service.http.post("/api/examples/cornell-box")
+    assert opened.status_code == 201 and opened.json()["name"] == box["title"]
+    path: Path = service.farm.settings.examples / "cornell-box.yaml"
+    uploaded = service.http.post("/api/scenes", files={"files": (path.name, path.read_bytes())})
+    assert uploaded.json()["id"] == opened.json()["id"]
+
+
+def test_an_unknown_example_gets_a_sentence(service: Service) -> None:
+    answer = service.http.post("/api/examples/teapot")
+    assert answer.status_code == 404
+    assert answer.json()["detail"].startswith("There is no example 'teapot'.")

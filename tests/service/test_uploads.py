@@ -1,0 +1,263 @@
+"""What strangers upload: taken whole, or refused with a sentence and nothing left behind."""
+
+from __future__ import annotations
+
+import io
+import json
+import socket
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from service.settings import Settings
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, Service
+
+LIMIT = 200_000
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    limits = {"max_upload_bytes": LIMIT, "max_upload_files": 20, "max_unzipped_bytes": 40 << 20, "max_unzip_ratio": 50.0}
+    service = Service(tmp_path_factory.mktemp("uploads") / "data", redis_server.url, **limits)
+    yield service
+    service.stop()
+
+
+def stored(service: Service) -> set[Path]:
+    data: Path = service.options["data"]
+    return {path for name in ("blobs", "tmp") for path in (data / name).rglob("*") if path.is_file()}
+
+
+def post(service: Service, files: list[tuple[str, bytes]], **fields: str) -> httpx.Response:
+    return service.http.post("/api/scenes", files=[("files", file) for file in files], data=fields)
+
+
+def zipped(files: dict[str, bytes], **options: Any) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(zipfile.ZipInfo(name) if options else name, content, **options)
+    return out.getvalue()
+
+
+def refused(service: Service, status: int, files: list[tuple[str, bytes]], **fields: str) -> str:
+    """Post, and check that it is refused as a problem and that nothing of it stays."""
+    before = stored(service)
+    answer = post(service, files, **fields)
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert stored(service) == before
+    detail = str(answer.json()["detail"])
+    assert detail[0].isupper() or detail.startswith(("main", "environment"))
+    assert detail.endswith(".")
+    return detail
+
+
+def files_of(service: Service, answer: httpx.Response) -> dict[str, bytes]:
+    assert answer.status_code == 201, answer.text
+    farm = service.farm
+    return {file["path"]: farm.blobs.path(file["sha256"]).read_bytes() for file in answer.json()["files"]}
+
+
+def test_files_with_folders_in_their_names(service: Service) -> None:
+    answer = post(service, [("model/cube.obj", OBJ), ("model/textures/wood.png", b"wood")], name="A cube")
+    assert files_of(service, answer) == {"cube.obj": OBJ, "textures/wood.png": b"wood"}
+    body = answer.json()
+    assert (body["name"], body["main"], body["status"]) == ("A cube", "cube.obj", "preparing")
+    assert answer.headers["location"] == f"/api/scenes/{body['id']}"
+
+
+def test_a_zip_is_the_scene_that_its_files_are(service: Service) -> None:
+    files = {"cube.obj": OBJ, "wood.png": b"wood"}
+    plain = post(service, list(files.items()))
+    archive = zipped({**{f"cube/{k}": v for k, v in files.items()}, "__MACOSX/cube/._cube.obj": b"x", "cube/.DS_Store": b"x"})
+    packed = post(service, [("cube.zip", archive)])
+    assert files_of(service, packed) == files
+    assert packed.json()["id"] == plain.json()["id"]
+
+
+def test_the_same_again_is_the_same_scene_and_is_stored_once(service: Service) -> None:
+    first = post(service, [("same.obj", OBJ + b"# same")])
+    before = stored(service)
+    again = post(service, [("same.obj", OBJ + b"# same")])
+    assert again.json()["id"] == first.json()["id"]
+    assert stored(service) == before
+
+
+def test_an_environment_and_a_chosen_main(service: Service) -> None:
+    files = [("a.obj", OBJ), ("b.obj", OBJ + b"#"), ("sky.exr", b"sky")]
+    answer = post(service, files, main="b.obj", environment="sky.exr")
+    assert answer.json()["main"] == "b.obj"
+    assert answer.json()["warnings"] == []
+    guessed = post(service, files)
+    assert guessed.json()["main"] == "a.obj"
+    assert "b.obj" in guessed.json()["warnings"][0]
+    assert answer.json()["id"] != guessed.json()["id"]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("../evil.obj", "climbs out"),
+        ("a/../../evil.obj", "climbs out"),
+        ("/etc/evil.obj", "absolute"),
+        ("C:/evil.obj", "absolute"),
+        ("a\\evil.obj", "backslash"),
+        ("a\nevil.obj", "control"),
+        ("x" * 300 + ".obj", "too long"),
+    ],
+)
+def test_names_that_could_leave_the_folder(service: Service, name: str, says: str) -> None:
+    assert says in refused(service, 422, [("scene.obj", OBJ), (name, OBJ)])
+    assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, name: OBJ}))])
+
+
+def test_no_scene_among_the_files(service: Service) -> None:
+    assert "No scene file" in refused(service, 422, [("letter.txt", b"hello")])
+    assert "No scene file" in refused(service, 422, [("letters.zip", zipped({"letter.txt": b"hello"}))])
+
+
+def test_nothing_at_all(service: Service) -> None:
+    assert "empty" in refused(service, 422, [("scene.obj", b"")])
+    assert "empty" in refused(service, 422, [("pack.zip", zipped({}))])
+    empty = service.http.post("/api/scenes", content=b"--x--\r\n", headers={"content-type": "multipart/form-data; boundary=x"})
+    assert empty.status_code == 422
+    assert "empty" in empty.json()["detail"]
+    assert service.http.post("/api/scenes").status_code == 415
+    assert service.http.post("/api/scenes", json={}).status_code == 415
+
+
+def test_a_file_that_comes_twice(service: Service) -> None:
+    assert "twice" in refused(service, 422, [("scene.obj", OBJ), ("./scene.obj", OBJ)])
+    with pytest.warns(UserWarning, match="Duplicate"):
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w") as archive:
+            archive.writestr("scene.obj", OBJ)
+            archive.writestr("scene.obj", OBJ)
+    assert "twice" in refused(service, 422, [("pack.zip", out.getvalue())])
+
+
+def test_a_main_or_environment_that_is_not_there(service: Service) -> None:
+    assert "main" in refused(service, 422, [("scene.obj", OBJ)], main="other.obj")
+    assert "environment" in refused(service, 422, [("scene.obj", OBJ)], environment="sky.exr")
+
+
+def test_too_many_files(service: Service) -> None:
+    many = {f"{i}.obj": OBJ for i in range(21)}
+    assert "20 files" in refused(service, 413, list(many.items()))
+    assert "20 are taken" in refused(service, 413, [("pack.zip", zipped(many))])
+
+
+def test_too_many_bytes_by_the_header_and_by_what_comes(service: Service) -> None:
+    assert str(LIMIT) in refused(service, 413, [("scene.obj", b"v" * (LIMIT + 1))])
+    before = stored(service)
+
+    def lying() -> Iterator[bytes]:
+        yield b'--x\r\nContent-Disposition: form-data; name="files"; filename="scene.obj"\r\n\r\n'
+        for _ in range(30):
+            yield b"v" * 10_000
+
+    answer = service.http.post("/api/scenes", content=lying(), headers={"content-type": "multipart/form-data; boundary=x"})
+    assert answer.status_code == 413
+    assert stored(service) == before
+
+
+def test_two_gigabytes_are_refused_before_they_are_sent(service: Service) -> None:
+    head = "POST /api/scenes HTTP/1.1\r\nHost: localhost\r\nContent-Type: multipart/form-data; boundary=x\r\n"
+    with socket.create_connection(("127.0.0.1", service.port), timeout=5) as connection:
+        connection.sendall(f"{head}Content-Length: {2 << 30}\r\nExpect: 100-continue\r\n\r\n".encode())
+        answer = connection.recv(65536)
+    assert answer.startswith(b"HTTP/1.1 413")
+
+
+def test_an_upload_that_breaks_off(service: Service) -> None:
+    before = stored(service)
+    body = b'--x\r\nContent-Disposition: form-data; name="files"; filename="scene.obj"\r\n\r\nv 0 0 0'
+    answer = service.http.post("/api/scenes", content=body, headers={"content-type": "multipart/form-data; boundary=x"})
+    assert answer.status_code == 422
+    assert "middle" in answer.json()["detail"]
+    head = b"POST /api/scenes HTTP/1.1\r\nHost: localhost\r\nContent-Type: multipart/form-data; boundary=x\r\n"
+    with socket.create_connection(("127.0.0.1", service.port), timeout=5) as connection:
+        connection.sendall(head + b"Content-Length: 9999\r\n\r\n" + body)
+    assert stored(service) == before
+
+
+def test_zip_bombs(service: Service) -> None:
+    bomb = zipped({"scene.obj": b"\0" * (30 << 20)})
+    assert len(bomb) < LIMIT
+    assert "bomb" in refused(service, 413, [("bomb.zip", bomb)])
+    assert "at most" in refused(service, 413, [("bomb.zip", zipped({f"{i}.obj": b"\0" * (15 << 20) for i in range(3)}))])
+
+
+def test_a_bomb_whose_directory_lies(service: Service) -> None:
+    size = 30 << 20
+    bomb = zipped({"scene.obj": b"\0" * size})
+    lying = bomb.replace(size.to_bytes(4, "little"), (1000).to_bytes(4, "little"))
+    assert lying != bomb
+    before = stored(service)
+    answer = post(service, [("bomb.zip", lying)])
+    assert answer.status_code in (413, 422)
+    assert stored(service) == before
+
+
+def test_archives_of_other_kinds(service: Service) -> None:
+    link = zipfile.ZipInfo("scene.obj")
+    link.external_attr = 0o120777 << 16
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr(link, "/etc/passwd")
+    assert "symbolic link" in refused(service, 422, [("link.zip", out.getvalue())])
+    plain = zipped({"scene.obj": OBJ})
+    locked = bytearray(plain)
+    locked[6] |= 1
+    locked[plain.index(b"PK\x01\x02") + 8] |= 1
+    assert "encrypted" in refused(service, 422, [("locked.zip", bytes(locked))])
+    assert "damaged" in refused(service, 422, [("half.zip", plain[: len(plain) // 2])])
+    assert "damaged" in refused(service, 422, [("text.zip", b"this is no archive")])
+
+
+def test_a_full_disk(tmp_path: Path, redis_server: running_redis) -> None:
+    service = Service(tmp_path / "data", redis_server.url, min_free_bytes=1 << 60)
+    assert "disk is full" in refused(service, 507, [("scene.obj", OBJ)])
+    service.stop()
+
+
+def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_server: running_redis) -> None:
+    settings = Settings(data=tmp_path / "data")
+    settings.make_folders()
+    (settings.data / "tmp" / "blob-abc").write_bytes(b"half")
+    service = Service(tmp_path / "data", redis_server.url)
+    assert stored(service) == set()
+    service.stop()
+
+
+def test_workers_need_the_token_and_right_hashes(service: Service) -> None:
+    sha256 = "2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824"  # of "hello"
+    path = f"/api/farm/blobs/{sha256}"
+    assert service.http.put(path, content=b"hello").status_code == 401
+    assert service.http.get("/api/farm/join").json()["title"] == "Unauthorized"
+    headers = {"Authorization": f"Bearer {service.options['token']}"}
+    assert service.http.put(path, content=b"other", headers=headers).status_code == 422
+    assert service.http.get(path, headers=headers).status_code == 404
+    assert service.http.put(path, content=b"hello", headers=headers).status_code == 204
+    assert service.http.get(path, headers=headers).content == b"hello"
+    assert service.http.get("/api/farm/blobs/..%2f..%2fetc", headers=headers).status_code == 404
+    joined = service.http.get("/api/farm/join", headers=headers).json()
+    assert (Path(joined["data_dir"]) / "instance").read_text().strip() == joined["instance"]
+    assert (Path(joined["data_dir"]) / "blobs" / "2c" / sha256).read_bytes() == b"hello"
+
+
+def test_deleting_a_scene_deletes_what_only_it_has(service: Service) -> None:
+    one = post(service, [("one.obj", OBJ + b"# one"), ("shared.png", b"shared")]).json()
+    two = post(service, [("two.obj", OBJ + b"# two"), ("shared.png", b"shared")]).json()
+    hashes = {file["path"]: file["sha256"] for file in one["files"]}
+    assert service.http.delete(f"/api/scenes/{one['id']}").status_code == 204
+    assert not service.farm.blobs.path(hashes["one.obj"]).exists()
+    assert service.farm.blobs.path(hashes["shared.png"]).exists()
+    assert service.http.get(f"/api/scenes/{one['id']}").status_code == 404
+    assert two["id"] in json.dumps(service.http.get("/api/scenes").json())

@@ -1,0 +1,54 @@
+"""The one file that a stranger starts, and the versions it installs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from tests.helpers import ROOT
+
+
+def pins() -> dict[str, str]:
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.!+_-]+", line) for line in lines), "names and versions only"
+    return {normal(name): version for name, _, version in (line.partition("==") for line in lines)}
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_every_dependency_is_pinned() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + [
+        d for extra in ("worker", "local", "test") for d in project["optional-dependencies"][extra]
+    ]
+    names = {normal(re.match(r"[A-Za-z0-9._-]+", dependency).group()) for dependency in wanted}  # type: ignore[union-attr]
+    assert names <= pins().keys(), names - pins().keys()
+
+
+def test_without_a_command_it_says_what_there_is() -> None:
+    done = subprocess.run([sys.executable, ROOT / "farm.py"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "python3 farm.py up" in done.stdout
+
+
+def test_a_python_too_old_gets_a_sentence() -> None:
+    old = next((found for minor in range(6, 11) if (found := shutil.which(f"python3.{minor}")) and runs(found)), None)
+    if old is None:
+        pytest.skip("no older Python is here")
+    done = subprocess.run(
+        [old, ROOT / "farm.py", "up"], capture_output=True, text=True, env={"PATH": "/nonexistent"}, check=False
+    )
+    assert done.returncode == 1
+    assert "Rayfarm needs Python 3.11 or 3.12" in done.stderr
+
+
+def runs(python: str) -> bool:
+    """Whether it is an interpreter, and not a version manager's shim for one."""
+    return subprocess.run([python, "-c", ""], capture_output=True, check=False).returncode == 0
