@@ -24,6 +24,7 @@ _ONE = np.float32(1.0)
 _FAR = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
+_CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _NO_SAMPLE_W = (_ZERO, _ZERO, _ONE)
 
@@ -71,12 +72,13 @@ def _cone(square, radius):
 
 @device
 def _sample_sphere(scene, number, p, u):
-    """A point of a sphere, uniform in the solid angle seen from p (by area from inside): as `_sample_triangle`."""
+    """A point of a sphere, uniform in the solid angle seen from p (from inside or close by, by area): as `_sample_triangle`."""
     center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
     radius = scene.sphere[number, 3]
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
-    if square > radius * radius:
+    cone = square > _CLOSE * radius * radius
+    if cone:
         one_minus_cos = _cone(square, radius)
         local = square_to_cone(u, one_minus_cos)
         axis = vec.scale(to_center, _ONE / math.sqrt(square))
@@ -90,23 +92,21 @@ def _sample_sphere(scene, number, p, u):
         stretch = sin_alpha / math.sqrt(sine2) if sine2 > _ZERO else _ZERO
         normal = vec.to_world(s, t, axis, (local[0] * stretch, local[1] * stretch, -cos_alpha))
         pdf = square_to_cone_pdf(one_minus_cos)
-        outside = True
     else:
         normal = square_to_sphere(u)
         pdf = _ZERO
-        outside = False
     q = vec.add(center, vec.scale(normal, radius))
     d = vec.sub(q, p)
     far2 = vec.dot(d, d)
     if not far2 > _ZERO:
         return _nothing()
     w = vec.scale(d, _ONE / math.sqrt(far2))
-    if not outside:
-        cosine = abs(vec.dot(normal, w))
+    cosine = -vec.dot(normal, w)
+    if not cone:
         if cosine == _ZERO:
             return _nothing()
-        pdf = far2 * _INV_4PI / (cosine * radius * radius)
-    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), outside)
+        pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
+    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf)
 
@@ -155,6 +155,6 @@ def primitive_light_pdf(scene, light, p, hit, cosine):
     radius = scene.sphere[number, 3]
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)
-    if center2 > radius * radius:
+    if center2 > _CLOSE * radius * radius:
         return chance * square_to_cone_pdf(_cone(center2, radius))
     return chance * square * _INV_4PI / max(cosine * radius * radius, np.float32(1e-30))

@@ -32,7 +32,9 @@ SCENES = Path(__file__).parents[2] / "scenes"
 
 def _find_llvm() -> None:
     """Points Dr.Jit at the newest LLVM library of the system, unless the caller has."""
-    found = sorted(glob.glob("/usr/lib/*/libLLVM*.so*"), key=lambda p: [int(n) for n in p.replace("-", ".").split(".") if n.isdigit()])
+    found = sorted(
+        glob.glob("/usr/lib/*/libLLVM*.so*"), key=lambda p: [int(n) for n in p.replace("-", ".").split(".") if n.isdigit()]
+    )
     if found:
         os.environ.setdefault("DRJIT_LIBLLVM_PATH", found[-1])
 
@@ -43,7 +45,13 @@ def _mitsuba(variant: str, spp: int) -> tuple[Any, Any]:
 
     mi.set_variant(variant)
     scene = mi.cornell_box()
-    scene["sensor"]["film"] = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    scene["sensor"]["film"] = {
+        "type": "hdrfilm",
+        "width": SIZE,
+        "height": SIZE,
+        "rfilter": {"type": "box"},
+        "pixel_format": "rgb",
+    }
     scene["sensor"]["sampler"] = {"type": "independent", "sample_count": spp}
     scene["integrator"] = {"type": "path", "max_depth": DEPTH}
     return mi, mi.load_dict(scene)
