@@ -71,6 +71,7 @@ class Dispatcher:
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str) -> None:
         try:
-            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, ignore_result=True, retry=False)
+            options = {"ignore_result": True, "retry": False, "argsrepr": "", "kwargsrepr": ""}  # nobody reads the reprs
+            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, **options)
         except (OperationalError, redis.RedisError, OSError) as error:
             raise QueueError(str(error)) from error

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -57,6 +58,7 @@ class Engine:
         self.scheduler = Scheduler(settings, self._dispatcher, self.workers, self._start)
         self._changes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._purged = False
+        self._looked_around = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed, lost
@@ -109,7 +111,9 @@ class Engine:
             self._purged = True
         while not self._changes.empty():
             self._apply(*self._changes.get())
-        if self.workers.look():
+        self.workers.look()
+        if time.monotonic() - self._looked_around >= 1.0:
+            self._looked_around = time.monotonic()
             self._each_second()
         self.preparing.fill()
         self.scheduler.fill()
@@ -151,7 +155,9 @@ class Engine:
         row = self.records.job(id)
         scene = self.records.scene(row.scene) if row else None
         if row is None or scene is None or scene.status == "failed":
-            self.records.over(id, "failed", scene.error if scene else "The scene of this job was deleted. Upload it again.")
+            self.records.failed(
+                id, scene.error or "The scene failed." if scene else "The scene of this job was deleted. Upload it again."
+            )
             return
         if scene.status != "ready":
             return
@@ -241,7 +247,7 @@ class Engine:
         for id in self.records.jobs_of(scene):
             job = self.scheduler.jobs.get(id)
             if job is None or row is None or row.status == "failed":
-                self.records.over(id, "failed", error)
+                self.records.failed(id, error)
             elif job.kind == kind and kind not in job.compiled:
                 self._fail(job, error, None)
             self._tell("job", id)
@@ -267,17 +273,18 @@ class Engine:
         if job.state in ("queued", "running") and job.done:
             job.tick(job.started)
             self.records.progress(job)
-            self.records.over(job.id, "finished")
-            self._drop(job)
-            self._tell("job", job.id)
+            if self.records.finished(job):
+                self._drop(job)
+                self._tell("job", job.id)
 
     def _fail(self, job: ActiveJob, error: str, reproduce: str | None) -> None:
         self.records.progress(job)
-        self.records.over(job.id, "failed", error, reproduce)
+        self.records.failed(job.id, error, reproduce)
         self._drop(job)
         self._tell("job", job.id)
 
     def _drop(self, job: ActiveJob) -> None:
         self.scheduler.withdraw(job)
         self.scheduler.jobs.pop(job.id, None)
+        job.film.settle()
         self.films.unpin(job.id)

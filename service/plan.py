@@ -126,7 +126,12 @@ class FramePlan:
 
     def wants(self, batch: Range) -> bool:
         """Whether these samples belong to the frame: a tile that is complete takes no more, so that its end stays exact."""
-        return batch.tile in self._open and batch.count > 0 and batch.first + batch.count <= self._limit[batch.tile]
+        return (
+            batch.tile in self._open
+            and batch.count > 0
+            and batch.first >= 0
+            and batch.first + batch.count <= self._limit[batch.tile]
+        )
 
     def lose(self, lost: Range) -> None:
         """A batch did not come back: it is the first to be handed out again."""

@@ -64,7 +64,7 @@ class Records:
     def resolve(self, id: str, scene: Scene) -> Job | None:
         """Fix a job's settings by its scene, once; a request that the scene cannot fulfil fails the job."""
         with self._sessions.begin() as session:
-            job = session.get(Job, id)
+            job = session.get(Job, id, with_for_update=True)
             if job is not None and job.settings is None:
                 try:
                     resolve(job, scene, self._max_pixels)
@@ -75,7 +75,7 @@ class Records:
     def started(self, id: str, kind: str) -> bool:
         """The job's first batch is about to go to workers of a kind. False where the job is no longer to be rendered."""
         with self._sessions.begin() as session:
-            job = session.get(Job, id)
+            job = session.get(Job, id, with_for_update=True)
             if job is None or job.state not in ("queued", "running"):
                 return False
             job.state = "running"
@@ -92,13 +92,23 @@ class Records:
                 frame.samples, frame.target = job.plan.samples, job.plan.target_samples
                 frame.bad_samples, frame.progress = job.bad_samples, job.progress
 
-    def over(self, id: str, state: str, error: str | None = None, reproduce: str | None = None) -> bool:
-        """A job is finished or failed. False where it was over or gone already."""
+    def finished(self, job: ActiveJob) -> bool:
+        """A job has all that was asked for. False where it was over already, or more was asked for in the meantime."""
+        with self._sessions.begin() as session:
+            changed = session.execute(
+                update(Job)
+                .where(Job.id == job.id, Job.state.in_(ACTIVE), Job.spp == job.plan.spp)
+                .values(state="finished", finished=time.time(), active_s=job.active_s)
+            )
+            return bool(changed.rowcount)  # type: ignore[attr-defined]
+
+    def failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
+        """A job cannot go on. False where it was over or gone already."""
         with self._sessions.begin() as session:
             changed = session.execute(
                 update(Job)
                 .where(Job.id == id, Job.state.in_(ACTIVE))
-                .values(state=state, error=error, reproduce=reproduce, finished=time.time())
+                .values(state="failed", error=error, reproduce=reproduce, finished=time.time())
             )
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 

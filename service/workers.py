@@ -10,9 +10,10 @@ import redis
 
 from worker.contract import WORKER_KEYS, WorkerReport
 
-__all__ = ["LOOK_EVERY_S", "Workers"]
+__all__ = ["Workers"]
 
 LOOK_EVERY_S = 1.0
+LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
 
 
 class Workers:
@@ -24,11 +25,11 @@ class Workers:
         self._looked = 0.0
         self.reports: dict[str, WorkerReport] = {}
 
-    def look(self) -> bool:
-        """Renew the reports where they are older than a second; True where that was done. Raises redis.RedisError."""
+    def look(self) -> None:
+        """Renew the reports where they are older than a second. Raises redis.RedisError."""
         now = time.monotonic()
-        if now - self._looked < LOOK_EVERY_S:
-            return False
+        if now - self._looked < (LOOK_EVERY_S if self.ready() else LOOK_WHILE_IDLE_S):
+            return
         self._looked = now
         reports = {}
         keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
@@ -43,7 +44,6 @@ class Workers:
         for name in old.keys() | reports.keys():
             if old.get(name) != reports.get(name):
                 self._on_change(name)
-        return True
 
     def ready(self) -> list[WorkerReport]:
         """The workers that take work."""

@@ -27,7 +27,7 @@ from worker import app
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
-from worker.heartbeat import StartingBeat, free_name
+from worker.joining import Joining
 from worker.link import Link, RefusedError
 from worker.status import SlotBoard
 
@@ -45,39 +45,34 @@ def main() -> int:
     signal.signal(signal.SIGINT, lambda number, _: stopping.append(number))
 
     link = Link(options.service, options.token)
-    try:
-        farm = link.join_patiently(log.info, stop=lambda: bool(stopping))
-    except RefusedError as error:
-        print(f"rayfarm worker: {error}", file=sys.stderr)
-        return EXIT_REFUSED
-    if farm is None:
-        return 0
-    redis_url = options.redis or farm.redis_url
     host = socket.gethostname()
-    name = free_name(options.name or host, redis_url, host)
     kind = jit.kind()
     started = time.time()
 
-    def starting() -> WorkerReport:
+    def starting(name: str) -> WorkerReport:
         return WorkerReport(name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started)
 
-    with StartingBeat(starting, redis_url):
-        begun = time.monotonic()
-        warm_up()
-        log.info("kernels ready after %.1f s (%s)", time.monotonic() - begun, kind)
-    if stopping:
+    joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
+    try:
+        joining.begin()
+        log.info("kernels ready after %.1f s (%s)", warm_up(), kind)
+        joined = joining.finish(lambda: bool(stopping))
+    except RefusedError as error:
+        print(f"rayfarm worker: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+    if joined is None or stopping:
         return 0
     worker = WorkerContext(
-        name=name,
+        name=joined.name,
         slots=options.slots,
         kind=kind,
-        redis_url=redis_url,
+        redis_url=joined.redis_url,
         link=link,
-        cache=BlobCache(link, farm, options.cache, options.cache_bytes),
+        cache=BlobCache(link, joined.farm, options.cache, options.cache_bytes),
         board=SlotBoard(options.slots),
         started=started,
     )
-    log.info("%s: %d slots for %s", name, options.slots, options.service)
+    log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
 
 

@@ -158,7 +158,7 @@ class RenderBatch:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""
-        return {**asdict(self), "tile": list(self.tile), "settings": self.settings.to_json()}
+        return {**vars(self), "tile": list(self.tile), "settings": self.settings.to_json()}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> RenderBatch:

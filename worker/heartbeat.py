@@ -11,9 +11,7 @@ import contextlib
 import logging
 import os
 import signal
-import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 import redis
@@ -29,7 +27,7 @@ from worker.contract import (
     worker_key,
 )
 
-__all__ = ["Heartbeat", "Reporter", "StartingBeat", "free_name"]
+__all__ = ["Heartbeat", "Reporter"]
 
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
@@ -62,31 +60,6 @@ class Reporter:
             return sum(int(self.redis.llen(queue)) for queue in (prepare_queue(kind), render_queue(kind)))
         except redis.RedisError:
             return 0
-
-
-class StartingBeat:
-    """Reports `starting` from a thread while the main thread compiles kernels; ended before Celery forks."""
-
-    def __init__(self, report: Callable[[], WorkerReport], redis_url: str) -> None:
-        self._report = report
-        self._reporter = Reporter(redis_url)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="starting-beat", daemon=True)
-
-    def __enter__(self) -> StartingBeat:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._reporter.redis.close()
-
-    def _run(self) -> None:
-        while True:
-            self._reporter.beat(self._report())
-            if self._stop.wait(HEARTBEAT_EVERY_S):
-                return
 
 
 class Heartbeat(bootsteps.StartStopStep):
@@ -126,27 +99,3 @@ class Heartbeat(bootsteps.StartStopStep):
             log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
-
-
-def free_name(wanted: str, redis_url: str, host: str) -> str:
-    """`wanted`, or with -2, -3 ... behind it where a living worker has that name."""
-    store = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
-    with contextlib.suppress(redis.RedisError):
-        for name in (wanted, *(f"{wanted}-{n}" for n in range(2, 1000))):
-            data = store.get(worker_key(name))
-            if not isinstance(data, bytes) or _is_dead(WorkerReport.from_bytes(data), host):
-                return name
-    return wanted
-
-
-def _is_dead(report: WorkerReport, host: str) -> bool:
-    """Whether a report was left by a process of this host that has ended."""
-    if report.host != host:
-        return False
-    try:
-        os.kill(report.pid, 0)
-    except ProcessLookupError:
-        return True
-    except PermissionError:
-        return False
-    return report.pid == os.getpid()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import functools
 import os
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, unquote_to_bytes
@@ -113,17 +114,22 @@ class SceneFiles:
         return None
 
     def _search(self, name: str) -> str | None:
+        found = self._by_name.get(name.lower())
+        return found if found and self._is_file(found) else None
+
+    @functools.cached_property
+    def _by_name(self) -> dict[str, str]:
+        """The first file of each bare name, in lower case, among the first MAX_SEARCHED."""
+        found: dict[str, str] = {}
         seen = 0
         for folder, folders, files in os.walk(self._root):
             folders[:] = sorted(d for d in folders if not d.startswith("."))
-            for file in sorted(files):
-                seen += 1
-                if seen > MAX_SEARCHED:
-                    return None
-                if file.lower() == name.lower():
-                    found = (Path(folder) / file).relative_to(self._root).as_posix()
-                    return found if self._is_file(found) else None
-        return None
+            for file in sorted(files)[: MAX_SEARCHED - seen]:
+                found.setdefault(file.lower(), (Path(folder) / file).relative_to(self._root).as_posix())
+            seen += len(files)
+            if seen >= MAX_SEARCHED:
+                break
+        return found
 
     def _is_file(self, name: str) -> bool:
         path = self._inside(name)

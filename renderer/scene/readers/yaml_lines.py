@@ -14,8 +14,11 @@ __all__ = ["Path", "Yaml", "parse"]
 
 Path = tuple[str | int, ...]
 
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
 MAX_BYTES = 32 << 20
-MAX_VALUES = 2_000_000  # after aliases are resolved: a file of a few lines can otherwise stand for billions
+MAX_VALUES = 2_000_000
+MAX_ALIASED = 100_000  # values that stand for others: by aliases, a file of a few lines could stand for billions
 MAX_DEPTH = 40
 
 # YAML 1.1, which PyYAML reads, takes 1e3 for a string; YAML 1.2, JSON and everybody else for a number.
@@ -30,6 +33,8 @@ class Yaml:
         self.data: Any = None
         self._lines: dict[Path, int] = {}
         self._count = 0
+        self._aliased = 0
+        self._taken: set[int] = set()
 
     def error(self, path: Path, what: str) -> SceneError:
         """The error to raise for the value at a path: names the file, the line and the field."""
@@ -42,7 +47,11 @@ class Yaml:
         """The plain data of a node, its lines noted."""
         self._count += 1
         if self._count > MAX_VALUES:
-            raise SceneError(f"{self.file}: holds more than {MAX_VALUES} values, its aliases resolved; make it smaller")
+            raise SceneError(f"{self.file}: holds more than {MAX_VALUES} values; keep meshes in files beside it")
+        self._aliased += id(node) in self._taken
+        self._taken.add(id(node))
+        if self._aliased > MAX_ALIASED:
+            raise SceneError(f"{self.file}: its aliases stand for more than {MAX_ALIASED} values; write out what is meant")
         if len(path) > MAX_DEPTH:
             raise SceneError(
                 f"{self.file}, line {node.start_mark.line + 1}: is nested deeper than any scene is; take an alias out"
@@ -95,7 +104,8 @@ def parse(data: bytes, file: str) -> Yaml:
         )
     try:
         text = data.decode("utf-8-sig")
-        node = yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        _check_depth(text, file)
+        node = yaml.compose(text, Loader=_LOADER)
     except UnicodeDecodeError as error:
         raise SceneError(f"{file}: is not UTF-8 text; save it as that") from error
     except yaml.MarkedYAMLError as error:
@@ -108,6 +118,22 @@ def parse(data: bytes, file: str) -> Yaml:
         raise SceneError(f"{file}: is empty; see docs/scene-format.md for what a scene holds")
     result.data = result.take(node, ())
     return result
+
+
+def _line(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 1
+
+
+def _check_depth(text: str, file: str) -> None:
+    # The composer calls itself for every level, in C: a few kilobytes of brackets would end the process.
+    depth = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > MAX_DEPTH:
+                raise SceneError(f"{file}, line {_line(event)}: is nested deeper than any scene is; take levels out")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
 
 
 def _field(path: Path) -> str:

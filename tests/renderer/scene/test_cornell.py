@@ -5,7 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from renderer.film import mean
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
+from renderer.settings import RenderSettings
 
 SCENES = Path(__file__).parents[3] / "scenes"
 
@@ -54,3 +58,15 @@ def test_the_camera_is_mitsubas(ours, theirs):
 def test_nothing_is_left_to_warn_of(ours):
     assert ours.warnings == []
     assert ours.environment is None
+
+
+def test_its_mean_is_mitsubas(ours):
+    """0.1471 is the mean of R, G and B that Mitsuba gives at depth 8."""
+    scene = compile_scene(ours)
+    means = []
+    for seed in range(8):
+        settings = RenderSettings(96, 96, ours.cameras[0].view, max_depth=8, seed=seed)
+        means.append(mean(render_frame(scene, settings, 16), settings.film_exponent).mean(dtype=np.float64))
+    standard_error = np.std(means, ddof=1) / np.sqrt(len(means))
+    assert standard_error < 0.0025 * 0.1471  # so that the next line judges one per cent by four standard errors
+    assert np.mean(means) == pytest.approx(0.1471, rel=0.01)

@@ -156,6 +156,12 @@ def test_aliases_that_stand_for_billions_are_refused(scene):
         scene("s.yaml", bomb)
 
 
+@pytest.mark.parametrize("bracket", ["[", "{a: ", "- "])
+def test_nesting_without_end_is_refused(scene, bracket):
+    with pytest.raises(SceneError, match="nested deeper"):
+        scene("s.yaml", bracket * 200_000)
+
+
 def test_an_alias_inside_itself_is_refused(scene):
     with pytest.raises(SceneError, match="nested deeper"):
         scene("s.yaml", "a: &a [*a]\n")
