@@ -7,17 +7,16 @@ const EVERY_MS = 3000;
 export class AovImage {
   /**
    * @param {string} job
-   * @param {(image: ImageBitmap | null) => void} show
-   * @param {(error: unknown) => void} failed
+   * @param {{show: (image: ImageBitmap | null) => void, waiting: (yes: boolean) => void, failed: (error: unknown) => void}} handlers
    */
-  constructor(job, show, failed) {
+  constructor(job, handlers) {
     this.job = job;
-    this.show = show;
-    this.failed = failed;
+    this.handlers = handlers;
     this.channel = "";
     this.frame = 0;
     this.fetching = new AbortController();
-    this.timer = setInterval(() => this.stale && void this.load(), EVERY_MS);
+    this.timer = setInterval(() => this.stale && !this.busy && void this.load(), EVERY_MS);
+    this.busy = false;
     /** The film changed since the picture was fetched. */
     this.stale = false;
   }
@@ -31,8 +30,9 @@ export class AovImage {
     this.channel = channel;
     this.frame = frame;
     this.fetching.abort();
+    this.handlers.waiting(channel !== "");
     if (channel) void this.load();
-    else this.show(null);
+    else this.handlers.show(null);
   }
 
   async load() {
@@ -40,14 +40,20 @@ export class AovImage {
     this.stale = false;
     this.fetching.abort();
     const fetching = (this.fetching = new AbortController());
+    this.busy = true;
     try {
       const response = await fetch(imageUrl(this.job, this.frame, "png", { aov: this.channel }), { signal: fetching.signal });
       if (!response.ok) throw new Error(`The service gave no picture of it (status ${response.status}).`);
       const image = await createImageBitmap(await response.blob(), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
       if (fetching.signal.aborted) image.close();
-      else this.show(image);
+      else this.handlers.show(image);
     } catch (error) {
-      if (!fetching.signal.aborted) this.failed(error);
+      if (!fetching.signal.aborted) this.handlers.failed(error);
+    } finally {
+      if (!fetching.signal.aborted) {
+        this.busy = false;
+        this.handlers.waiting(false);
+      }
     }
   }
 

@@ -104,8 +104,8 @@ export function displayPanel(display, { normalise }) {
   return h(
     "section",
     { class: "side-section stack", "aria-label": "Display" },
-    colourOnly,
     field("Channel", channel),
+    colourOnly,
     h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
   );
 }

@@ -110,11 +110,14 @@ export function actionsPanel() {
     element,
     update(job) {
       latest = job;
+      const focused = [pause, resume, cancel].find((button) => button === document.activeElement);
       const open = ["queued", "running", "paused"].includes(job.state);
       pause.hidden = !open || job.state === "paused";
       resume.hidden = job.state !== "paused";
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
+      // The button that was pressed may be the one that goes: the focus must not go with it.
+      if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();
     },
   };
 }

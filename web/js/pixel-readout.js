@@ -10,6 +10,7 @@ import { radiance } from "./format.js";
 /** @typedef {import("./film.js").Film} Film */
 
 const REST_MS = 200;
+const NAMES = /** @type {Record<string, string>} */ ({ normal: "XYZ", depth: "Z" });
 
 export class PixelReadout {
   /**
@@ -19,6 +20,8 @@ export class PixelReadout {
   constructor(job, film) {
     this.job = job;
     this.frame = 0;
+    /** "" for the colour, or an AOV. */
+    this.channel = "";
     this.film = film;
     /** @type {{x: number, y: number} | null} */
     this.at = null;
@@ -26,14 +29,14 @@ export class PixelReadout {
     this.timer = undefined;
     this.asking = new AbortController();
     this.place = h("span", { class: "place" });
-    this.channels = ["R", "G", "B"].map((name) => ({ name, value: h("span", { class: "value" }) }));
+    this.channels = [0, 1, 2].map(() => ({ name: h("span", { class: "quiet" }), value: h("span", { class: "value" }) }));
     this.samples = h("span", { class: "samples" });
     this.hint = h("span", { class: "quiet" }, "Point at the picture to read its values");
     this.values = h(
       "span",
       { class: "values", hidden: true },
       this.place,
-      this.channels.map(({ name, value }) => h("span", { class: `channel ${name.toLowerCase()}` }, h("span", { class: "quiet" }, name), value)),
+      this.channels.map(({ name, value }) => h("span", { class: "channel" }, name, value)),
       this.samples,
     );
     this.element = h("div", { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" }, this.hint, this.values);
@@ -42,6 +45,12 @@ export class PixelReadout {
   /** @param {{x: number, y: number} | null} at */
   point(at) {
     this.at = at;
+    this.refresh();
+  }
+
+  /** @param {string} channel "" for the colour, or an AOV */
+  choose(channel) {
+    this.channel = channel;
     this.refresh();
   }
 
@@ -54,7 +63,7 @@ export class PixelReadout {
     this.values.hidden = at === null;
     if (!at) return;
     const { rgb, samples } = this.film.at(at.x, at.y);
-    this.show(rgb, samples, false);
+    this.show(this.channel ? [] : rgb, samples, false);
     if (samples) this.timer = setTimeout(() => this.ask(at), REST_MS);
   }
 
@@ -62,21 +71,26 @@ export class PixelReadout {
   async ask(at) {
     this.asking = new AbortController();
     try {
-      const { color, samples } = await getPixel(this.job, this.frame, at.x, at.y, this.asking.signal);
-      this.show(color, samples, true);
+      const pixel = await getPixel(this.job, this.frame, at.x, at.y, this.asking.signal);
+      this.show([/** @type {any} */ (pixel)[this.channel || "color"]].flat(), pixel.samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.
     }
   }
 
   /**
-   * @param {[number, number, number]} rgb
+   * @param {number[]} values
    * @param {number} samples
    * @param {boolean} exact
    */
-  show(rgb, samples, exact) {
+  show(values, samples, exact) {
+    const names = NAMES[this.channel] ?? "RGB";
     setText(this.place, `${this.at?.x}, ${this.at?.y}`);
-    this.channels.forEach(({ value }, i) => setText(value, radiance(rgb[i] ?? 0)));
+    this.channels.forEach(({ name, value }, i) => {
+      const number = values[i];
+      setText(name, names[i] ?? "");
+      setText(value, number === undefined ? "" : radiance(number));
+    });
     setText(this.samples, `${samples} spp`);
     this.values.classList.toggle("exact", exact);
     this.values.title = exact ? "Exact values of the film, linear Rec.709" : "Values of the live picture, true to 0.2 %";

@@ -71,7 +71,7 @@
  *
  * @typedef {{name: string, title: string, description: string}} Example
  *
- * @typedef {{color: Vec3, samples: number}} PixelValue
+ * @typedef {{color: Vec3, albedo: Vec3, normal: Vec3, depth: number, samples: number}} PixelValue
  */
 
 export {};

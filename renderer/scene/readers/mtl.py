@@ -7,7 +7,6 @@ specification, and the PBR additions Pr, Pm and map_Ke that Blender and others w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from renderer.scene.description import Material, Vec3
 from renderer.scene.files import SceneFiles
@@ -32,65 +31,70 @@ _GLASS_MODELS = (4, 6, 7, 9)
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
-    """The materials of a file by name. Lines that cannot be understood give a warning each."""
+    """The materials of a file by name. Statements that cannot be understood give a warning each."""
     text = files.read(name).decode("utf-8", errors="replace")
-    found: dict[str, dict[str, str]] = {}
-    current: dict[str, str] | None = None
+    found: dict[str, _Statements] = {}
+    current: _Statements | None = None
     for line in text.replace("\\\n", " ").splitlines():
-        keyword, _, rest = (
-            line.strip().partition(" ") if "\t" not in line.strip() else line.strip().replace("\t", " ").partition(" ")
-        )
-        keyword, rest = keyword.lower(), rest.strip()
-        if not keyword or keyword.startswith("#"):
-            continue
-        if keyword == "newmtl":
-            current = found.setdefault(rest, {})
-        elif current is not None:
-            current[keyword] = rest
-    return {material: _material(material, lines, files, name, shelf) for material, lines in found.items()}
+        keyword, *rest = line.split(None, 1) or [""]
+        value = rest[0].strip() if rest else ""
+        if keyword.lower() == "newmtl":
+            current = found.setdefault(value, _Statements(value, name, shelf))
+        elif current is not None and keyword and not keyword.startswith("#"):
+            current.values[keyword.lower()] = value
+    return {material: _material(statements, files) for material, statements in found.items()}
 
 
-def _material(name: str, lines: dict[str, str], files: SceneFiles, beside: str, shelf: TextureShelf) -> Material:
-    def warn(keyword: str) -> None:
-        shelf.warn(f"{beside}: material {name}: {keyword} {lines[keyword][:40]} is not understood and left out.")
+class _Statements:
+    """What a file says of one material: keywords, in lower case, and the rest of their lines."""
 
-    def numbers(keyword: str) -> list[float]:
+    def __init__(self, name: str, file: str, shelf: TextureShelf) -> None:
+        self.name, self.file, self.shelf = name, file, shelf
+        self.values: dict[str, str] = {}
+
+    def numbers(self, keyword: str) -> list[float]:
+        """The finite numbers of a statement; none, with a warning, where there are others or none is one."""
+        words = self.values.get(keyword, "").split()
         try:
-            values = [float(v) for v in lines.get(keyword, "").split()]
+            values = [float(w) for w in words]
         except ValueError:
-            warn(keyword)
-            return []
-        return values if all(math.isfinite(v) for v in values) else []
+            values = [math.nan]
+        if all(math.isfinite(v) for v in values):
+            return values
+        self.shelf.warn(f"{self.file}: material {self.name}: {keyword} {' '.join(words)[:40]} is not understood and left out.")
+        return []
 
-    def color(keyword: str, default: Vec3) -> Vec3:
-        values = numbers(keyword)
+    def number(self, keyword: str, default: float) -> float:
+        return next(iter(self.numbers(keyword)), default)
+
+    def color(self, keyword: str, default: Vec3, high: float = 1.0) -> Vec3:
+        """Three numbers, or one for grey, within 0..high."""
+        values = self.numbers(keyword)
         if not values:
             return default
-        r, g, b = (values * 3)[:3] if len(values) < 3 else values[:3]
-        return min(max(r, 0.0), 1e9), min(max(g, 0.0), 1e9), min(max(b, 0.0), 1e9)
+        r, g, b = (min(max(v, 0.0), high) for v in (values[:3] if len(values) >= 3 else values[:1] * 3))
+        return r, g, b
 
-    def number(keyword: str, default: float) -> float:
-        values = numbers(keyword)
-        return values[0] if values else default
 
-    diffuse = _clamped(color("kd", (0.8, 0.8, 0.8)))
-    specular = _clamped(color("ks", (0.0, 0.0, 0.0)))
-    shininess = max(number("ns", 0.0), 0.0)
-    model = int(number("illum", 2))
-    material = Material(name, base_color=diffuse, emission=color("ke", (0.0, 0.0, 0.0)))
-    material.base_color_texture = _map(lines, ("map_kd",), name, files, beside, shelf)
+def _material(said: _Statements, files: SceneFiles) -> Material:
+    name = said.name
+    diffuse, specular = said.color("kd", (0.8, 0.8, 0.8)), said.color("ks", (0.0, 0.0, 0.0))
+    shininess = max(said.number("ns", 0.0), 0.0)
+    model = int(said.number("illum", 2))
+    material = Material(name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
+    material.base_color_texture = _map(said, ("map_kd",), files)
     if material.base_color_texture is not None and max(diffuse) == 0:
         material.base_color = (1.0, 1.0, 1.0)  # written by exporters that let the map replace the colour
-    material.emission_texture = _map(lines, ("map_ke", "map_emissive"), name, files, beside, shelf)
+    material.emission_texture = _map(said, ("map_ke", "map_emissive"), files)
     if material.emission_texture is not None and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
-    material.roughness = min(max(number("pr", (2 / (shininess + 2)) ** 0.25), 0.0), 1.0)
-    material.metallic = min(max(number("pm", 0.0), 0.0), 1.0)
-    material.ior = min(max(number("ni", 1.5), 1.0), 5.0)
-    _choose_kind(material, model, specular, shininess, "pr" in lines or "pm" in lines)
-    if material.kind not in ("glass", "mirror") and ("map_d" in lines or 0 < number("d", 1.0) < 1):
-        shelf.warn(f"Material {name}: its transparency is not rendered yet; it is opaque.")
+    material.roughness = min(max(said.number("pr", (2 / (shininess + 2)) ** 0.25), 0.0), 1.0)
+    material.metallic = min(max(said.number("pm", 0.0), 0.0), 1.0)
+    material.ior = min(max(said.number("ni", 1.5), 1.0), 5.0)
+    _choose_kind(material, model, specular, shininess, "pr" in said.values or "pm" in said.values)
+    if material.kind not in ("glass", "mirror") and ("map_d" in said.values or 0 < said.number("d", 1.0) < 1):
+        said.shelf.warn(f"Material {name}: its transparency is not rendered yet; it is opaque.")
     return material
 
 
@@ -108,30 +112,31 @@ def _choose_kind(material: Material, model: int, specular: Vec3, shininess: floa
         material.kind = "metallic_roughness"
 
 
-def _map(
-    lines: dict[str, str], keywords: tuple[str, ...], user: str, files: SceneFiles, beside: str, shelf: TextureShelf
-) -> int | None:
+def _map(said: _Statements, keywords: tuple[str, ...], files: SceneFiles) -> int | None:
     for keyword in keywords:
-        reference = _file_of(
-            lines.get(keyword, ""), lambda: shelf.warn(f"Material {user}: the scale of its texture is left out.")
-        )
+        reference, scaled = _file_of(said.values.get(keyword, ""))
+        if scaled:
+            said.shelf.warn(f"Material {said.name}: the scale of its texture is left out.")
         if reference:
-            return shelf.find(reference, beside, f"Material {user}")
+            return said.shelf.find(reference, said.file, f"Material {said.name}")
     return None
 
 
-def _file_of(rest: str, scaled: Callable[[], None]) -> str:
-    words = rest.split()
-    while words and words[0].lower() in (*_OPTIONS, "-o", "-s", "-t"):
-        option = words.pop(0).lower()
-        taken = _OPTIONS.get(option)
-        if taken is None:  # one to three numbers
-            scaled()
-            while words and _is_number(words[0]):
-                words.pop(0)
-        else:
-            del words[:taken]
-    return rest[rest.index(words[0]) :].strip() if words and words[0] in rest else ""
+def _file_of(value: str) -> tuple[str, bool]:
+    """The file that a map statement names, and whether its options move or scale the texture."""
+    words = value.split()
+    at, scaled = 0, False
+    while at < len(words) and words[at].lower() in (*_OPTIONS, "-o", "-s", "-t"):
+        option = words[at].lower()
+        at += 1
+        if option in _OPTIONS:
+            at += _OPTIONS[option]
+            continue
+        last = at + 3  # one to three numbers
+        while at < min(last, len(words)) and _is_number(words[at]):
+            scaled |= float(words[at]) != (1 if option == "-s" else 0)
+            at += 1
+    return (value.split(None, at)[at].strip() if at < len(words) else ""), scaled
 
 
 def _is_number(word: str) -> bool:
@@ -140,7 +145,3 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _clamped(color: Vec3) -> Vec3:
-    return min(color[0], 1.0), min(color[1], 1.0), min(color[2], 1.0)

@@ -2,7 +2,7 @@
 
 import { getJob } from "../api.js";
 import { AovImage } from "../aov-image.js";
-import { EXPOSURE_STEP, clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
+import { CHANNELS, EXPOSURE_STEP, clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
 import { fill, h, setText } from "../dom.js";
 import { jobs, putJob, setLink, workers } from "../farm.js";
 import { field } from "../fields.js";
@@ -74,7 +74,7 @@ function open(page, job, life) {
   const notice = h("div", { class: "stage-notice" });
 
   // The picture
-  const zoom = h("span", { class: "zoom mono", "aria-label": "Zoom" });
+  const zoom = h("span", { class: "mono" });
   /** @type {FilmView | null} */
   let view = null;
   /** @type {PixelReadout | null} */
@@ -101,14 +101,18 @@ function open(page, job, life) {
     stage = h("div", { class: "stage" }, emptyState("image", "The live picture cannot be shown here", h("p", null, error.message)));
   }
 
-  const stageBox = h("div", { class: "stage-box" }, stage, notice);
+  const channelTag = h("div", { class: "channel-tag", role: "status", hidden: true });
+  const stageBox = h("div", { class: "stage-box" }, stage, channelTag, notice);
   stageBox.style.setProperty("--aspect", `${width} / ${height}`);
 
-  const aov = new AovImage(
-    job.id,
-    (image) => view?.setOverlay(image),
-    (error) => showError("The channel could not be shown", error),
-  );
+  const aov = new AovImage(job.id, {
+    show: (image) => view?.setOverlay(image),
+    waiting: (yes) => {
+      const label = CHANNELS.find(({ name }) => name === display.value.channel)?.label ?? "";
+      setText(channelTag, yes ? `${label} …` : label);
+    },
+    failed: (error) => showError("The channel could not be shown", error),
+  });
   life.add(() => aov.dispose());
   const live = followLive();
 
@@ -135,7 +139,7 @@ function open(page, job, life) {
     view?.setOutlines(on ? outlinesOf(workers.value ?? [], job.id, frame) : []);
   };
   life.add(workers.subscribe((all) => (outline(), fill(notice, all?.length === 0 && latest.state !== "finished" && noWorkerNotice()))));
-  life.add(display.subscribe(({ channel }) => (outline(), aov.choose(channel, frame))));
+  life.add(display.subscribe(({ channel }) => (outline(), (channelTag.hidden = channel === ""), readout?.choose(channel), aov.choose(channel, frame))));
   life.every(1000, progress.tick);
 
   const normalise = () => {
@@ -199,7 +203,7 @@ function open(page, job, life) {
         "span",
         { class: "zoom-controls" },
         h("button", { class: "icon-button", type: "button", "aria-label": "Zoom out", title: "Zoom out (−)", onclick: () => view?.zoom(-1) }, "−"),
-        h("button", { class: "icon-button zoom-button", type: "button", title: "One to one (1)", "aria-label": "Show one to one", onclick: () => view?.actualSize() }, zoom),
+        h("button", { class: "icon-button zoom-button", type: "button", title: "Zoom; press for one to one (1)", onclick: () => view?.actualSize() }, zoom),
         h("button", { class: "icon-button", type: "button", "aria-label": "Zoom in", title: "Zoom in (+)", onclick: () => view?.zoom(1) }, "+"),
         h("button", { class: "icon-button", type: "button", "aria-label": "Fit the picture", title: "Fit (F)", onclick: () => view?.fit() }, icon("fit")),
       ),

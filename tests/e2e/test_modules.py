@@ -1,0 +1,184 @@
+"""The page's modules by themselves, in the browser, against what Python says; no farm."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import uvicorn
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from fastapi.responses import HTMLResponse
+from fastapi.staticfiles import StaticFiles
+from PIL import Image
+from playwright.sync_api import Page
+
+from rayfarm.local.farm import free_port
+from renderer.image import rgbe9995, tonemap
+from service.tile_packet import HEADER
+from tests.e2e.conftest import Watched
+
+pytestmark = pytest.mark.browser
+
+WEB = Path(__file__).resolve().parents[2] / "web"
+WIDTH, HEIGHT = 64, 48
+
+
+def radiances() -> np.ndarray:
+    """Colours from black to far beyond white, (HEIGHT, WIDTH, 3) float32."""
+    random = np.random.default_rng(7)
+    film = np.exp2(random.uniform(-12, 9, (HEIGHT, WIDTH, 1))) * random.uniform(0, 1, (HEIGHT, WIDTH, 3))
+    film[0, 0] = 0
+    return film.astype(np.float32)
+
+
+def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
+    """A whole film as one live tile."""
+    return HEADER.pack(1, 1, 0, seq, 0, 0, WIDTH, HEIGHT, spp) + rgbe9995.pack(film).astype("<u4").tobytes()
+
+
+class Site:
+    """The page's files, and a live picture that drops its first watcher. Keeps what the watchers said."""
+
+    def __init__(self) -> None:
+        self.watchers = 0
+        self.acks: list[int] = []
+        app = FastAPI()
+        app.add_api_websocket_route("/api/jobs/{id}/live", self.live)
+        app.add_api_route("/blank", lambda: HTMLResponse("<!doctype html><title>Blank</title>"))
+        app.mount("/", StaticFiles(directory=WEB))
+        self.port = free_port("127.0.0.1")
+        self.server = uvicorn.Server(uvicorn.Config(app, port=self.port, log_level="error"))
+        self.thread = threading.Thread(target=self.server.run, daemon=True)
+        self.thread.start()
+        while not self.server.started:
+            time.sleep(0.01)
+        self.url = f"http://127.0.0.1:{self.port}"
+
+    async def live(self, socket: WebSocket, id: str) -> None:
+        await socket.accept()
+        self.watchers += 1
+        first = self.watchers == 1
+        await socket.send_text(json.dumps({"type": "state", "job": {"id": id}}))
+        await socket.send_bytes(packet(self.watchers, radiances(), 10 * self.watchers))
+        try:
+            self.acks.append(json.loads(await asyncio.wait_for(socket.receive_text(), 10))["ack"])
+            if first:
+                await socket.close(1012)
+            else:
+                await socket.receive_text()
+        except WebSocketDisconnect:
+            return
+
+
+@pytest.fixture(scope="module")
+def site() -> Iterator[Site]:
+    site = Site()
+    yield site
+    site.server.should_exit = True
+    site.thread.join(5)
+
+
+@pytest.fixture
+def page(watched: Watched, site: Site) -> Page:
+    watched.page.goto(f"{site.url}/blank")
+    return watched.page
+
+
+def call(page: Page, module: str, body: str, argument: Any = None) -> Any:
+    """Run a function body with a module `m` of the page and an argument `a`."""
+    return page.evaluate(f"async (a) => {{ const m = await import('/js/{module}.js'); {body} }}", argument)
+
+
+def test_words_decode_as_python_packs_them(page: Page) -> None:
+    words = np.random.default_rng(1).integers(0, 1 << 32, 500, dtype=np.uint32)
+    decoded = call(page, "rgb9e5", "return a.map((word) => m.decode(word));", words.tolist())
+    np.testing.assert_array_equal(decoded, rgbe9995.unpack(words))
+    peaks = call(page, "rgb9e5", "return a.map((word) => m.peak(word));", words.tolist())
+    np.testing.assert_array_equal(peaks, rgbe9995.unpack(words).max(axis=1))
+
+
+def test_a_damaged_packet_is_refused(page: Page) -> None:
+    whole = list(packet(5, radiances(), 3))
+    body = "const tile = m.decodeTile(new Uint8Array(a).buffer); return [tile.seq, tile.w, tile.h, tile.spp];"
+    assert call(page, "tile-packet", body, whole) == [5, WIDTH, HEIGHT, 3]
+    refused = "try { m.decodeTile(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
+    assert "came with" in call(page, "tile-packet", refused, whole[:-4])
+    assert "version 9" in call(page, "tile-packet", refused, [9, *whole[1:]])
+
+
+def test_zooming_keeps_the_pixel_under_the_cursor(page: Page) -> None:
+    body = """
+        const view = new m.Viewport();
+        view.setPicture(1280, 720);
+        view.resizeCanvas(1000, 800);
+        const found = [];
+        for (const factor of a) {
+            const before = (300 - view.x) / view.scale;
+            view.zoomTo(view.scale * factor, 300, 400);
+            found.push([before, (300 - view.x) / view.scale, view.scale]);
+        }
+        return found;"""
+    for before, after, scale in call(page, "viewport", body, [1.7, 3, 2.2, 0.4, 5, 0.1, 1.01]):
+        assert abs(before - after) <= 0.5 / scale + 1e-9, "the origin is rounded to a whole pixel of the screen, no more"
+
+
+@pytest.mark.parametrize("exposure", [-3.0, 0.0, 2.5])
+def test_the_shader_is_the_tone_mapping_of_python(page: Page, exposure: float) -> None:
+    """Every curve over 21 stops, on the screen: to a last bit of 8."""
+    film = radiances()
+    mount = """
+        const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
+        document.body.replaceChildren(view.element);
+        Object.assign(document.body.style, { margin: 0, whiteSpace: "normal" });
+        Object.assign(view.element.style, { position: "fixed", inset: 0 });
+        for (const canvas of view.element.children) canvas.style.position = "absolute";
+        const { decodeTile } = await import("/js/tile-packet.js");
+        view.putTile(decodeTile(new Uint8Array(a.packet).buffer));
+        view.canvas.resize();
+        view.actualSize();
+        window.view = view;"""
+    call(page, "film-view", mount, {"width": WIDTH, "height": HEIGHT, "packet": list(packet(1, film, 1))})
+    for curve in tonemap.CURVES:
+        origin = page.evaluate(
+            """async (look) => {
+                view.setLook(look);
+                await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+                return [view.viewport.x, view.viewport.y];
+            }""",
+            {"exposure": exposure, "curve": curve},
+        )
+        page.wait_for_timeout(100)
+        clip = {"x": origin[0], "y": origin[1], "width": WIDTH, "height": HEIGHT}
+        screen = np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")).astype(int)
+        wanted = tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve)
+        assert np.abs(screen - wanted).max() <= 1, curve
+
+
+def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Page, site: Site) -> None:
+    body = """
+        const news = [];
+        await new Promise((done) => {
+            setTimeout(done, 15000);
+            new m.Live("abc", 0, {
+                tile(tile) { news.push(["tile", tile.spp]); if (tile.spp === 20) done(); },
+                message(message) { news.push(["state", message.job.id]); },
+                link(up) { news.push(["link", up]); },
+                refused(sentence) { news.push(["refused", sentence]); },
+            });
+        });
+        return news;"""
+    news = call(page, "live", body)
+    once = [["link", True], ["state", "abc"]]
+    assert news == [*once, ["tile", 10], ["link", False], *once, ["tile", 20]]
+    deadline = time.monotonic() + 5
+    while len(site.acks) < 2 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert site.acks == [1, 2]
