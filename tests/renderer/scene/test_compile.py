@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from builders import rotation_y
 
 from renderer.errors import SceneError
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
@@ -21,6 +20,7 @@ from renderer.scene.framing import ASPECT, frame
 from renderer.scene.geometry import flatten
 from renderer.scene.readers import shapes
 from renderer.settings import View
+from tests.renderer.scene.builders import rotation_y
 
 ANGLED = np.array([(0, 0, 0), (2, 0, 0), (0, 3, 1)], np.float32)
 ONE = np.array([(0, 1, 2)], np.int32)
@@ -224,6 +224,13 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     assert summary["counts"]["triangles"] == 12
     assert summary["counts"]["spheres"] == 1
     assert (summary["animations"], summary["warnings"], summary["defaults"]) == (["spin"], ["w"], {"spp": 4})
+
+
+def test_a_files_own_camera_may_be_called_auto():
+    description = described(shapes.cube("a"))
+    description.cameras = [Camera(AUTO_CAMERA, View((0, 0, 9), (0, 0, 0)))]
+    names = [c["name"] for c in summarise(description, compile_scene(description))["cameras"]]
+    assert names == ["auto (of the file)", AUTO_CAMERA]
 
 
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
