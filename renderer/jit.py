@@ -18,7 +18,7 @@ from typing import Any
 
 from renderer import __version__
 
-__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "inlined", "kind"]
+__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "kind", "out_of_line", "subroutine"]
 
 _X86 = ("x86_64", "amd64")
 _ARM = ("aarch64", "arm64")
@@ -76,7 +76,8 @@ def _configure() -> None:
 _configure()
 
 import llvmlite.binding as llvm  # noqa: E402
-from numba import njit  # noqa: E402
+from numba import njit, types  # noqa: E402
+from numba.extending import intrinsic  # noqa: E402
 
 if TARGET == "x86-64-v3":
     _has = llvm.get_host_cpu_features()
@@ -89,33 +90,49 @@ if TARGET == "x86-64-v3":
 # No nnan/ninf: they delete the NaN checks that the film relies on. No arcp/afn: they let LLVM use rcpps and rsqrtps, whose
 # low bits differ between Intel and AMD. `contract` forms fused multiply-adds, which every target of ours has.
 _FASTMATH = {"contract", "nsz"}
-_COMMON: dict[str, Any] = {"fastmath": _FASTMATH, "error_model": "numpy", "nogil": True}
-
-# Without Numba's runtime, arrays are not counted and cannot be made: a kernel that allocates does not compile, and handing
-# a scene's two dozen arrays to a function costs nothing (with it, five sixths of a path tracer's time: measured).
-_NO_HEAP: dict[str, Any] = {"_nrt": False}
 
 Function = Callable[..., Any]
 
 
+@intrinsic
+def out_of_line(typingctx: Any) -> Any:
+    """Called in a subroutine's body: it is never merged into its callers, however small, so that its registers are its own."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.void(), codegen
+
+
+def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:
+    # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
+    return njit(cache=True, nogil=True, fastmath=_FASTMATH, error_model="numpy", _nrt=heap, forceinline=inline)(function)
+
+
 def entry(function: Function) -> Function:
-    """A kernel that Python calls: compiled once per signature, kept on disk, run without the GIL."""
-    return njit(cache=True, **_COMMON, **_NO_HEAP)(function)
+    """A kernel that Python calls: compiled once per signature, kept on disk, run without the GIL.
+
+    Kernels have no heap: what allocates does not compile, and arrays are not counted, which would take two thirds of a
+    path tracer's time (measured).
+    """
+    return _compiled(function, heap=False, inline=False)
 
 
 def builder(function: Function) -> Function:
     """As `entry`, for code that prepares scenes: it may allocate its scratch space."""
-    return njit(cache=True, **_COMMON)(function)
+    return _compiled(function, heap=True, inline=False)
 
 
 def device(function: Function) -> Function:
-    """A function for kernels to call. Kept on disk too, so that every further kernel finds it typed and optimised."""
-    return njit(cache=True, **_COMMON, **_NO_HEAP)(function)
+    """A function for kernels to call, always merged into its caller.
 
-
-def inlined(function: Function) -> Function:
-    """A device function that is always merged into its caller: for those that are handed the whole scene.
-
-    Called out of line, each of the scene's arrays would be pushed on the stack field by field, two hundred words a call.
+    Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Kept on disk
+    too, so that every further kernel finds it typed and optimised.
     """
-    return njit(cache=True, forceinline=True, **_COMMON, **_NO_HEAP)(function)
+    return _compiled(function, heap=False, inline=True)
+
+
+def subroutine(function: Function) -> Function:
+    """A device function that stays one, if it is large: for code that is seldom run, or called in many places."""
+    return _compiled(function, heap=False, inline=False)

@@ -4,71 +4,85 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.layout import PACKET_SIZE, WIDTH
-from renderer.bvh.simd import fma, less, less_equal, load, not_equal, select, splat, sqrt, to_double, to_single
-from renderer.jit import device
+from renderer.bvh.layout import WIDTH
+from renderer.bvh.simd import (
+    bits,
+    flip,
+    fma,
+    less,
+    less_equal,
+    load_from,
+    minimum,
+    product,
+    select,
+    splat,
+    sqrt,
+    to_double,
+    to_single,
+)
+from renderer.jit import device, out_of_line, subroutine
 
 __all__ = ["meet_spheres", "meet_triangles"]
 
 _ZERO = np.float32(0.0)
 _W = np.uintp(WIDTH)
 _CORNER = np.uintp(3 * WIDTH)
-_SIZE = np.uintp(PACKET_SIZE)
+_CORNER_BYTES = np.uintp(3 * WIDTH * 4)
 
 
 @device
-def meet_triangles(packet, number, axes, shear, origin, t_max):
-    """Where the ray meets the triangles of a packet: (mask8, f32x8 distance, f32x8 barycentric of b, f32x8 of c).
+def meet_triangles(base, axes, shear, origin, t_max):
+    """The triangles of a packet that the ray meets: (mask8, and, still to be divided by the f32x8 determinant that comes
+    last, f32x8 distance, barycentric of b, of c).
 
     Watertight: Woop, Benthin & Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Two triangles compute the
     same edge function of a shared edge, but for its exact sign, so a ray cannot pass between them; edges belong to both.
     The products must be rounded before the difference (no fma), or the sign would not be exact.
 
     axes: row offsets (kx, ky, kz), kz of the direction's largest component; shear: (d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]);
-    origin: f32x8 each, permuted alike.
+    origin: permuted alike; base: the packet's address.
     """
     kx, ky, kz = axes
-    ox, oy, oz = origin
-    base = number * _SIZE
+    ox, oy, oz = splat(origin[0]), splat(origin[1]), splat(origin[2])
     sx = splat(-shear[0])
     sy = splat(-shear[1])
-    az = load(packet, base + kz) - oz
-    ax = fma(sx, az, load(packet, base + kx) - ox)
-    ay = fma(sy, az, load(packet, base + ky) - oy)
-    base += _CORNER
-    bz = load(packet, base + kz) - oz
-    bx = fma(sx, bz, load(packet, base + kx) - ox)
-    by = fma(sy, bz, load(packet, base + ky) - oy)
-    base += _CORNER
-    cz = load(packet, base + kz) - oz
-    cx = fma(sx, cz, load(packet, base + kx) - ox)
-    cy = fma(sy, cz, load(packet, base + ky) - oy)
+    az = load_from(base, kz) - oz
+    ax = fma(sx, az, load_from(base, kx) - ox)
+    ay = fma(sy, az, load_from(base, ky) - oy)
+    base += _CORNER_BYTES
+    bz = load_from(base, kz) - oz
+    bx = fma(sx, bz, load_from(base, kx) - ox)
+    by = fma(sy, bz, load_from(base, ky) - oy)
+    base += _CORNER_BYTES
+    cz = load_from(base, kz) - oz
+    cx = fma(sx, cz, load_from(base, kx) - ox)
+    cy = fma(sy, cz, load_from(base, ky) - oy)
 
-    u = cx * by - cy * bx
-    v = ax * cy - ay * cx
-    w = bx * ay - by * ax
-    zero = splat(_ZERO)
-    front = less_equal(zero, u) & less_equal(zero, v) & less_equal(zero, w)
-    back = less_equal(u, zero) & less_equal(v, zero) & less_equal(w, zero)
+    u = product(cx, by) - product(cy, bx)
+    v = product(ax, cy) - product(ay, cx)
+    w = product(bx, ay) - product(by, ax)
+    # All three of one sign (0 goes with both) is: none against their sum's. A determinant of 0 fails at the distance.
     determinant = u + v + w
-    inverse = splat(np.float32(1.0)) / determinant
-    t = fma(u, az, fma(v, bz, w * cz)) * splat(shear[2]) * inverse
-    hit = (front | back) & not_equal(determinant, zero) & less(zero, t) & less(t, splat(t_max))
-    return hit, t, v * inverse, w * inverse
+    t = fma(u, az, fma(v, bz, w * cz)) * splat(shear[2])
+    inside = minimum(flip(u, determinant), minimum(flip(v, determinant), flip(w, determinant)))
+    ahead = flip(t, determinant)
+    zero = splat(_ZERO)
+    hit = less_equal(zero, inside) & less(zero, ahead) & less(ahead, flip(determinant, determinant) * splat(t_max))
+    return bits(hit), t, v, w, determinant
 
 
-@device
-def meet_spheres(packet, number, origin, direction, t_max):
+@subroutine
+def meet_spheres(base, origin, direction, t_max):
     """Where the ray first meets the spheres of a packet ahead of its origin: (mask8, f32x8 distance).
 
     In double precision: in single, the distance to a sphere of radius 1e5 would be wrong by its third decimal, and the
     sphere would shadow itself in rings.
     """
-    base = number * _SIZE
-    fx = to_double(splat(origin[0])) - to_double(load(packet, base))
-    fy = to_double(splat(origin[1])) - to_double(load(packet, base + _W))
-    fz = to_double(splat(origin[2])) - to_double(load(packet, base + _W + _W))
-    radius = to_double(load(packet, base + _CORNER))
+    out_of_line()
+    fx = to_double(splat(origin[0])) - to_double(load_from(base, np.uintp(0)))
+    fy = to_double(splat(origin[1])) - to_double(load_from(base, _W))
+    fz = to_double(splat(origin[2])) - to_double(load_from(base, _W + _W))
+    radius = to_double(load_from(base, _CORNER))
     dx = to_double(splat(direction[0]))
     dy = to_double(splat(direction[1]))
     dz = to_double(splat(direction[2]))
@@ -80,4 +94,4 @@ def meet_spheres(packet, number, origin, direction, t_max):
     near = (b - root) / a
     far = (b + root) / a
     t = to_single(select(less(zero, near), near, far))
-    return less(splat(_ZERO), t) & less(t, splat(t_max)), t
+    return bits(less(splat(_ZERO), t) & less(t, splat(t_max))), t

@@ -2,7 +2,7 @@
 
 LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are spelled out
 here as LLVM IR. The operators + - * / work on vectors of one type; comparisons give a mask8, which & and | combine.
-None of the operations here may be contracted or reordered by the compiler: the triangle test relies on that.
+The compiler keeps their order, but may fuse a * b + c; where it must not, `product` prevents it.
 """
 
 from __future__ import annotations
@@ -21,18 +21,20 @@ from numba.extending import intrinsic
 
 __all__ = [
     "LANES",
-    "any_lane",
+    "address",
     "bits",
     "extract",
+    "flip",
     "fma",
     "less",
     "less_equal",
     "load",
+    "load_from",
     "load_int",
     "lowest_bit",
     "maximum",
     "minimum",
-    "not_equal",
+    "product",
     "select",
     "splat",
     "sqrt",
@@ -91,6 +93,30 @@ def _row(context: Any, builder: Any, array_type: Any, array: Any, index: Any, el
     """A pointer to the array's element at a flat index, as one to `element`."""
     data = context.make_array(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
+
+
+@intrinsic
+def address(typingctx, array, index):
+    """Where a float32 array keeps its flat element `index`. What follows it is read with `load_from`. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        return builder.ptrtoint(builder.gep(data, [args[1]]), args[1].type)
+
+    return types.uintp(array, types.uintp), codegen
+
+
+@intrinsic
+def load_from(typingctx, address, offset):
+    """Eight float32, from `offset` float32 after the address on."""
+
+    def codegen(context, builder, sig, args):
+        first = builder.gep(builder.inttoptr(args[0], _FLOAT.as_pointer()), [args[1]])
+        value = builder.load(builder.bitcast(first, ir.VectorType(_FLOAT, LANES).as_pointer()))
+        value.align = 4
+        return value
+
+    return f32x8(types.uintp, types.uintp), codegen
 
 
 @intrinsic
@@ -169,6 +195,16 @@ def fma(typingctx, a, b, c):
 
 
 @intrinsic
+def product(typingctx, a, b):
+    """a * b, rounded before anything else is done with it: the compiler may not fuse it into a fused multiply-add."""
+
+    def codegen(context, builder, sig, args):
+        return _call(builder, "arithmetic.fence", [builder.fmul(*args)])
+
+    return a(a, b), codegen
+
+
+@intrinsic
 def sqrt(typingctx, a):
     """The square root, correctly rounded; NaN of negative numbers."""
     return a(a), lambda context, builder, sig, args: _call(builder, "sqrt", args)
@@ -207,9 +243,15 @@ def less_equal(typingctx, a, b):
 
 
 @intrinsic
-def not_equal(typingctx, a, b):
-    """Where a != b; False with NaN."""
-    return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("!=", *args)
+def flip(typingctx, a, b):
+    """f32x8: a with its sign turned where b is negative (or -0)."""
+
+    def codegen(context, builder, sig, args):
+        integers = ir.VectorType(_I32, LANES)
+        signs = builder.and_(builder.bitcast(args[1], integers), ir.Constant(integers, [-(2**31)] * LANES))
+        return builder.bitcast(builder.xor(builder.bitcast(args[0], integers), signs), args[0].type)
+
+    return f32x8(f32x8, f32x8), codegen
 
 
 @intrinsic
@@ -226,16 +268,6 @@ def bits(typingctx, mask):
         return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), _I32)
 
     return types.uint32(mask), codegen
-
-
-@intrinsic
-def any_lane(typingctx, mask):
-    """Whether the mask has a lane set."""
-
-    def codegen(context, builder, sig, args):
-        return builder.icmp_unsigned("!=", builder.bitcast(args[0], ir.IntType(LANES)), ir.Constant(ir.IntType(LANES), 0))
-
-    return types.boolean(mask), codegen
 
 
 @intrinsic

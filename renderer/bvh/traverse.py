@@ -13,7 +13,20 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
 from renderer.bvh.packet import meet_spheres, meet_triangles
-from renderer.bvh.simd import bits, extract, fma, less_equal, load, load_int, lowest_bit, maximum, minimum, splat, store_int
+from renderer.bvh.simd import (
+    address,
+    bits,
+    extract,
+    fma,
+    less_equal,
+    load,
+    load_int,
+    lowest_bit,
+    maximum,
+    minimum,
+    splat,
+    store_int,
+)
 from renderer.jit import device
 
 __all__ = ["NO_PRIMITIVE", "any_hit", "closest_hit", "new_stack"]
@@ -83,18 +96,26 @@ def _push(stack, base, top, distance, child):
 
 @device
 def _axes(o, d):
-    """The watertight test's frame: row offsets, shear, and the permuted origin."""
+    """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin.
+
+    Choices of values, not branches: which axis it is cannot be predicted.
+    """
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
+    first = (ax > ay) & (ax > az)
+    second = (ay > az) & (not first)
+    dx = d[1] if first else (d[2] if second else d[0])
+    dy = d[2] if first else (d[0] if second else d[1])
+    dz = d[0] if first else (d[1] if second else d[2])
+    ox = o[1] if first else (o[2] if second else o[0])
+    oy = o[2] if first else (o[0] if second else o[1])
+    oz = o[0] if first else (o[1] if second else o[2])
     zero = np.uintp(0)
     two = _W + _W
-    if ax > ay and ax > az:
-        inverse = _ONE / d[0]
-        return (_W, two, zero), (d[1] * inverse, d[2] * inverse, inverse), (splat(o[1]), splat(o[2]), splat(o[0]))
-    if ay > az:
-        inverse = _ONE / d[1]
-        return (two, zero, _W), (d[2] * inverse, d[0] * inverse, inverse), (splat(o[2]), splat(o[0]), splat(o[1]))
-    inverse = _ONE / d[2]
-    return (zero, _W, two), (d[0] * inverse, d[1] * inverse, inverse), (splat(o[0]), splat(o[1]), splat(o[2]))
+    kx = _W if first else (two if second else zero)
+    ky = two if first else (zero if second else _W)
+    kz = zero if first else (_W if second else two)
+    inverse = _ONE / dz
+    return (kx, ky, kz), (dx * inverse, dy * inverse, inverse), (ox, oy, oz)
 
 
 @device
@@ -145,23 +166,24 @@ def closest_hit(bvh, stack, o, d, t_max):
         if child == _NOWHERE:
             continue
         leaf = ~child
-        number = np.uintp(leaf >> 1)
+        number = np.uintp(leaf >> 1) * _PACKET
+        leaf_base = address(packet, number)
         if leaf & 1:
-            hit, t = meet_spheres(packet, number, o, d, best)
-            u = splat(_ZERO)
-            v = u
+            met, t = meet_spheres(leaf_base, o, d, best)
+            v = w = splat(_ZERO)
+            determinant = splat(_ONE)
         else:
-            hit, t, u, v = meet_triangles(packet, number, axes, shear, permuted, best)
-        met = bits(hit)
+            met, t, v, w, determinant = meet_triangles(leaf_base, axes, shear, permuted, best)
         while met != np.uint32(0):
             lane = lowest_bit(met)
             met = np.uint32(met & np.uint32(met - _BIT))
-            distance = extract(t, lane)
+            inverse = _ONE / extract(determinant, lane)
+            distance = extract(t, lane) * inverse
             if distance < best:
                 best = distance
-                best_u = extract(u, lane)
-                best_v = extract(v, lane)
-                primitive = load_int(packet, number * _PACKET + _PRIMITIVES + np.uintp(lane))
+                best_u = extract(v, lane) * inverse
+                best_v = extract(w, lane) * inverse
+                primitive = load_int(packet, number + _PRIMITIVES + np.uintp(lane))
     return best, primitive, best_u, best_v
 
 
@@ -188,11 +210,12 @@ def any_hit(bvh, stack, o, d, t_max):
                 met = np.uint32(met & np.uint32(met - _BIT))
             continue
         leaf = ~child
-        number = np.uintp(leaf >> 1)
+        number = np.uintp(leaf >> 1) * _PACKET
+        leaf_base = address(packet, number)
         if leaf & 1:
-            hit, _ = meet_spheres(packet, number, o, d, t_max)
+            met, _ = meet_spheres(leaf_base, o, d, t_max)
         else:
-            hit, _, _, _ = meet_triangles(packet, number, axes, shear, permuted, t_max)
-        if bits(hit) != np.uint32(0):
+            met, _, _, _, _ = meet_triangles(leaf_base, axes, shear, permuted, t_max)
+        if met != np.uint32(0):
             return True
     return False

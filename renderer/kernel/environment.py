@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import device
+from renderer.jit import device, subroutine
 from renderer.kernel.polynomial import acos, atan2, floor, sincos_turns
 
 __all__ = ["choose", "environment_pdf", "environment_radiance", "sample_environment"]
@@ -40,7 +40,7 @@ def choose(cdf, u):
     return low, min(rest, np.float32(1.0 - 2.0**-24)), width
 
 
-@device
+@subroutine
 def _uv(frame, d):
     """The image's coordinates of a world direction, both in [0, 1]. The middle column looks along -z, the top row along +y."""
     x = d[0] * frame[0] - d[2] * frame[1]

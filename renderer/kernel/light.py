@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, inlined
+from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.kernel.material import emission
@@ -24,6 +24,7 @@ _ONE = np.float32(1.0)
 _FAR = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
+_CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _NO_SAMPLE_W = (_ZERO, _ZERO, _ONE)
 
@@ -42,7 +43,7 @@ def _nothing():
     return LightSample(_NO_SAMPLE_W, _BLACK, _BLACK, _ZERO)
 
 
-@inlined
+@device
 def _sample_triangle(scene, number, area, p, u):
     """A point of a triangle, uniformly: a LightSample, its pdf without the choice of the light."""
     b, c = square_to_triangle(u)
@@ -69,14 +70,15 @@ def _cone(square, radius):
     return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
 
 
-@inlined
+@device
 def _sample_sphere(scene, number, p, u):
-    """A point of a sphere, uniform in the solid angle seen from p (by area from inside): as `_sample_triangle`."""
+    """A point of a sphere, uniform in the solid angle seen from p (from inside or close by, by area): as `_sample_triangle`."""
     center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
     radius = scene.sphere[number, 3]
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
-    if square > radius * radius:
+    cone = square > _CLOSE * radius * radius
+    if cone:
         one_minus_cos = _cone(square, radius)
         local = square_to_cone(u, one_minus_cos)
         axis = vec.scale(to_center, _ONE / math.sqrt(square))
@@ -90,28 +92,26 @@ def _sample_sphere(scene, number, p, u):
         stretch = sin_alpha / math.sqrt(sine2) if sine2 > _ZERO else _ZERO
         normal = vec.to_world(s, t, axis, (local[0] * stretch, local[1] * stretch, -cos_alpha))
         pdf = square_to_cone_pdf(one_minus_cos)
-        outside = True
     else:
         normal = square_to_sphere(u)
         pdf = _ZERO
-        outside = False
     q = vec.add(center, vec.scale(normal, radius))
     d = vec.sub(q, p)
     far2 = vec.dot(d, d)
     if not far2 > _ZERO:
         return _nothing()
     w = vec.scale(d, _ONE / math.sqrt(far2))
-    if not outside:
-        cosine = abs(vec.dot(normal, w))
+    cosine = -vec.dot(normal, w)
+    if not cone:
         if cosine == _ZERO:
             return _nothing()
-        pdf = far2 * _INV_4PI / (cosine * radius * radius)
-    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), outside)
+        pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
+    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf)
 
 
-@inlined
+@device
 def sample_light(scene, p, choice, u):
     """Light towards the point p: a LightSample. `choice` picks the light, u the place on it."""
     environment_chance = scene.environment_frame[3]
@@ -131,7 +131,7 @@ def sample_light(scene, p, choice, u):
     return LightSample(sample.direction, sample.end, sample.radiance, sample.pdf * (_ONE - environment_chance) * chance)
 
 
-@inlined
+@device
 def environment_light_pdf(scene, w):
     """The density with which `sample_light` gives the environment's direction w, per steradian."""
     frame = scene.environment_frame
@@ -140,7 +140,7 @@ def environment_light_pdf(scene, w):
     return frame[3] * environment_pdf(scene.environment_marginal, scene.environment_conditional, frame, w)
 
 
-@inlined
+@device
 def primitive_light_pdf(scene, light, p, hit, cosine):
     """The density with which `sample_light`, at p, gives the point `hit` of a light seen under `cosine`, per steradian."""
     chance = (scene.light_cdf[light + 1] - scene.light_cdf[light]) * (_ONE - scene.environment_frame[3])
@@ -155,6 +155,6 @@ def primitive_light_pdf(scene, light, p, hit, cosine):
     radius = scene.sphere[number, 3]
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)
-    if center2 > radius * radius:
+    if center2 > _CLOSE * radius * radius:
         return chance * square_to_cone_pdf(_cone(center2, radius))
     return chance * square * _INV_4PI / max(cosine * radius * radius, np.float32(1e-30))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, inlined
+from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
 from renderer.kernel.bsdf.glass import sample_glass
@@ -47,7 +47,7 @@ class Material(NamedTuple):
     ior: float
 
 
-@inlined
+@device
 def fetch_material(scene, number, uv):
     """The material `number` at texture coordinates uv."""
     row = scene.material
@@ -64,7 +64,7 @@ def fetch_material(scene, number, uv):
     return Material(scene.material_kind[number], base, metallic, roughness, row[number, 8])
 
 
-@inlined
+@device
 def emission(scene, number, uv, front):
     """The radiance that leaves the given side of material `number` at uv."""
     row = scene.material

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
-from renderer.jit import device, inlined
+from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
@@ -48,7 +48,7 @@ def power_heuristic(a, b):
     return r * r / (_ONE + r * r)
 
 
-@inlined
+@device
 def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
     """The path of one sample of one pixel, from the ray o + t d on; max_depth counts its segments. A PathResult."""
     radiance = _BLACK
@@ -106,7 +106,7 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
         wi, weight, pdf, thinned = sample_material(material, surface.front, wo, r1[0], (r1[1], r1[2]))
         throughput = vec.mul(throughput, weight)
         unscaled *= thinned
-        d = vec.normalize(vec.to_world(s, q, surface.shading, wi))
+        d = vec.to_world(s, q, surface.shading, wi)
         # A bent shading normal may send light through the surface, or back from behind it: neither exists.
         if vec.maximum(throughput) <= _ZERO or (vec.dot(d, surface.geometric) > _ZERO) != (wi[2] > _ZERO):
             break

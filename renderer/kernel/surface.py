@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, inlined
+from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2
 
@@ -70,13 +70,13 @@ def triangle_uv(uv, triangle, number, u, v):
     return w * uv[i, 0] + u * uv[j, 0] + v * uv[k, 0], w * uv[i, 1] + u * uv[j, 1] + v * uv[k, 1]
 
 
-@device
+@subroutine
 def sphere_uv(n):
     """A sphere's texture coordinates by its outward normal, laid out as an environment's: north is +y, the middle is -z."""
     return _HALF + atan2(n[0], -n[2]) * _INV_2PI, acos(n[1]) * _INV_PI
 
 
-@device
+@subroutine
 def sphere_point(sphere, number, o, d, t):
     """The point o + t d put back on the sphere: (point, error, outward unit normal).
 
@@ -107,7 +107,7 @@ def _facing(shading, geometric, wo):
     return shading
 
 
-@inlined
+@device
 def surface_at(scene, o, d, t, primitive, u, v):
     """The surface that the ray o + t d (d unit) meets at a hit of `closest_hit`."""
     wo = vec.neg(d)

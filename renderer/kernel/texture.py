@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import device
+from renderer.jit import device, subroutine
 from renderer.kernel.polynomial import floor
 
 __all__ = ["CLAMP", "MIRROR", "REPEAT", "lookup"]
@@ -46,7 +46,7 @@ def _mix(a, b, t):
     return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])
 
 
-@device
+@subroutine
 def lookup(texture, texel, number, u, v):
     """Linear RGB of texture `number` at (u, v); (0, 0) is the image's upper left corner."""
     first = np.int64(texture[number, 0])

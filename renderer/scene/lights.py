@@ -8,7 +8,15 @@ import numpy as np
 
 from renderer.scene.description import F32, I32, SceneDescription
 
-__all__ = ["Environment", "LightList", "are_accents", "choose_environment", "list_lights", "luminance", "tabulate_environment"]
+__all__ = [
+    "EnvironmentTables",
+    "LightList",
+    "are_accents",
+    "choose_environment",
+    "list_lights",
+    "luminance",
+    "tabulate_environment",
+]
 
 
 _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
@@ -30,7 +38,7 @@ class LightList(NamedTuple):
     power: float
 
 
-class Environment(NamedTuple):
+class EnvironmentTables(NamedTuple):
     """As in CompiledScene, without the probability of choosing it."""
 
     radiance: F32  # (H, W, 3)
@@ -64,14 +72,14 @@ def list_lights(
     return LightList(primitive, _cdf(power), area.astype(np.float32), triangle_light, sphere_light, float(power.sum()))
 
 
-def tabulate_environment(description: SceneDescription) -> Environment:
+def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
     """The environment's radiance and its cdfs: rows by luminance times solid angle, then columns by luminance.
 
     (1, 1, 3) where it is constant, of zeros where there is none. Source: PBRT 4ed, 12.5.
     """
     source = description.environment
     if source is None:
-        return Environment(np.zeros((1, 1, 3), np.float32), _cdf(np.ones(1)), _cdf(np.ones((1, 1))), 0.0, 0.0)
+        return EnvironmentTables(np.zeros((1, 1, 3), np.float32), _cdf(np.ones(1)), _cdf(np.ones((1, 1))), 0.0, 0.0)
     color = np.array(source.color, np.float64) * source.strength
     if source.image is None:
         radiance = np.minimum(color, _MAX_RADIANCE).astype(np.float32).reshape(1, 1, 3)
@@ -79,13 +87,14 @@ def tabulate_environment(description: SceneDescription) -> Environment:
         pixels = description.images[source.image].pixels
         if pixels.dtype == np.uint8:
             pixels = _linear(pixels[..., :3])
-        radiance = np.clip(pixels[..., :3] * color, 0, _MAX_RADIANCE).astype(np.float32)
+        with np.errstate(over="ignore"):
+            radiance = np.clip(pixels[..., :3] * color.astype(np.float32), 0, np.float32(_MAX_RADIANCE))
     bright = luminance(radiance.astype(np.float64))
     height = len(bright)
     solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))  # of a row, over 2 pi
     rows = bright.mean(axis=1) * solid_angle
     mean = float(rows.sum() / 2)
-    return Environment(radiance, _cdf(rows), _cdf(bright), np.radians(source.rotation), mean)
+    return EnvironmentTables(radiance, _cdf(rows), _cdf(bright), np.radians(source.rotation), mean)
 
 
 def choose_environment(environment_mean: float, lights_power: float, bounds: F32) -> float:

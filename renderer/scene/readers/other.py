@@ -32,7 +32,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     """Adds the file's scene to the description. Raises SceneError."""
     suffix = PurePosixPath(main).suffix.lower()
     data = files.read(main)
-    if suffix == ".dae" and re.search(rb"<!(DOCTYPE|ENTITY)", data[:100_000], re.IGNORECASE):
+    if suffix == ".dae" and re.search(rb"<!(DOCTYPE|ENTITY)", data, re.IGNORECASE):
         raise SceneError(f"{main}: declares XML entities, which no scene needs; remove its DOCTYPE")
     shelf = TextureShelf(description, files)
     resolver = _Resolver(files, main, shelf)

@@ -1,6 +1,5 @@
 import io
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +7,6 @@ import pytest
 from PIL import Image
 
 from renderer.scene.load import read
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import struct
 
 import numpy as np
 import pytest
-from builders import Gltf
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.load import read
+from tests.renderer.scene.builders import Gltf
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n"
 SCENE_YAML = """

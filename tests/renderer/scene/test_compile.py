@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from builders import rotation_y
 
 from renderer.errors import SceneError
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
@@ -21,6 +20,7 @@ from renderer.scene.framing import ASPECT, frame
 from renderer.scene.geometry import flatten
 from renderer.scene.readers import shapes
 from renderer.settings import View
+from tests.renderer.scene.builders import rotation_y
 
 ANGLED = np.array([(0, 0, 0), (2, 0, 0), (0, 3, 1)], np.float32)
 ONE = np.array([(0, 1, 2)], np.int32)

@@ -4,9 +4,9 @@ import base64
 
 import numpy as np
 import pytest
-from builders import TRIANGLE, Gltf
 
 from renderer.errors import SceneError
+from tests.renderer.scene.builders import TRIANGLE, Gltf
 
 SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
 

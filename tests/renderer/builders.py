@@ -1,0 +1,63 @@
+"""Small scenes for tests, built as descriptions and compiled as any other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.arrays import CompiledScene
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.settings import RenderSettings, View
+
+
+def gray(value: float) -> tuple[float, float, float]:
+    return (value, value, value)
+
+
+def emitter(radiance: float, albedo: float = 0.0, **more: object) -> Material:
+    return Material(base_color=gray(albedo), emission=gray(radiance), **more)
+
+
+def square(center: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...], material: int) -> Mesh:
+    """The parallelogram center +- u +- v; its front is the side that u x v points to."""
+    c, u_, v_ = (np.array(x, np.float64) for x in (center, u, v))
+    corners = np.array([c - u_ - v_, c + u_ - v_, c + u_ + v_, c - u_ + v_], np.float32)
+    return Mesh("square", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material=material)
+
+
+def disk(radius: float, height: float, segments: int, material: int) -> Mesh:
+    """A horizontal disk about the y axis that faces down, of the circle's area."""
+    turns = np.arange(segments) * (2 * np.pi / segments)
+    radius *= np.sqrt(2 * np.pi / (segments * np.sin(2 * np.pi / segments)))
+    rim = np.stack([np.cos(turns) * radius, np.full(segments, height), np.sin(turns) * radius], 1)
+    positions = np.concatenate([[[0, height, 0]], rim]).astype(np.float32)
+    i = np.arange(segments)
+    triangles = np.stack([np.zeros_like(i), 1 + i, 1 + (i + 1) % segments], 1).astype(np.int32)
+    return Mesh("disk", positions, triangles, material=material)
+
+
+def scene(
+    materials: list[Material],
+    meshes: tuple[Mesh, ...] = (),
+    spheres: tuple[Sphere, ...] = (),
+    environment: float | np.ndarray | None = None,
+) -> CompiledScene:
+    """The compiled scene; environment: a constant radiance, or an image (h, w, 3) float32."""
+    description = SceneDescription(
+        meshes=list(meshes), instances=[Instance(i) for i in range(len(meshes))], spheres=list(spheres), materials=materials
+    )
+    if isinstance(environment, np.ndarray):
+        description.images.append(Image("sky", environment.astype(np.float32), srgb=False))
+        description.environment = Environment(image=0)
+    elif environment is not None:
+        description.environment = Environment(color=gray(environment))
+    return compile_scene(description)
+
+
+def settings(
+    eye: tuple[float, ...], target: tuple[float, ...], fov: float = 1.0, size: int = 24, **more: object
+) -> RenderSettings:
+    """A square picture; `up` is chosen so that any line of sight will do."""
+    sight = np.subtract(target, eye)
+    up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)
+    return RenderSettings(size, size, View(tuple(eye), tuple(target), up, fov), **more)

@@ -1,0 +1,176 @@
+"""Scenes whose light is known in closed form, judged at three standard errors of the film's own variance."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.film import ALBEDO, DEPTH, NORMAL, mean
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere
+from renderer.scene.load import read
+from renderer.settings import RenderSettings
+from tests.renderer.builders import disk, emitter, gray, scene, settings, square
+from tests.renderer.judge import assert_mean, mean_and_error
+
+SCENES = Path(__file__).parents[2] / "scenes"
+WHITE = Material(base_color=gray(1.0))
+FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)  # faces +y
+
+
+def box(material):
+    """The inside and outside of the cube from -1 to 1."""
+    axes = np.eye(3)
+    return tuple(
+        square(tuple(s * axes[k]), tuple(axes[(k + 1) % 3]), tuple(s * axes[(k + 2) % 3]), material)
+        for k in range(3)
+        for s in (-1, 1)
+    )
+
+
+@pytest.mark.parametrize("shape", ["sphere", "box"])
+@pytest.mark.parametrize("segments", [1, 2, 5])
+def test_furnace_by_segments(shape, segments):
+    shapes = {"spheres": (Sphere((0, 0, 0), 1.0),)} if shape == "sphere" else {"meshes": box(0)}
+    furnace = scene([emitter(0.5, 0.5, double_sided=True)], **shapes)
+    sums = render_frame(furnace, settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=segments), 64)
+    assert_mean(sums, 0.5 * sum(0.5**i for i in range(segments)), slack=1e-4)
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.9])
+def test_furnace_forever_so_that_roulette_is_unbiased(albedo):
+    furnace = scene([emitter(1 - albedo, albedo, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
+    sums = render_frame(furnace, settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=400), 128)
+    assert_mean(sums, 1.0, slack=1e-4)
+
+
+@pytest.mark.parametrize("degrees", [0, 50])
+def test_sphere_light(degrees):
+    distance, radius = 3.0, 0.8
+    a = math.radians(degrees)
+    light = Sphere((distance * math.sin(a), distance * math.cos(a), 0.0), radius, 1)
+    lit = scene([WHITE, emitter(2.0)], (FLOOR,), (light,))
+    sums = render_frame(lit, settings((0, 1, -2), (0, 0, 0), 0.01, max_depth=2), 64)
+    assert_mean(sums, 2.0 * (radius / distance) ** 2 * math.cos(a), slack=1e-4)
+
+
+def test_unit_square_light():
+    lit = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
+    sums = render_frame(lit, settings((0, 0.5, -2), (0, 0, 0), 0.01, max_depth=2), 256)
+    assert_mean(sums, 0.752275 / math.pi, slack=1e-4)
+
+
+def test_square_light_shines_from_its_front_only():
+    lit = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, -0.5), 1)))
+    assert mean_and_error(render_frame(lit, settings((0, 0.5, -2), (0, 0, 0), max_depth=3), 4))[0] == 0
+
+
+def test_coaxial_disk():
+    radius, height = 0.7, 1.1
+    lit = scene([WHITE, emitter(1.0)], (FLOOR, disk(radius, height, 512, 1)))
+    sums = render_frame(lit, settings((0, 0.5, -2), (0, 0, 0), 0.01, max_depth=2), 256)
+    assert_mean(sums, radius**2 / (radius**2 + height**2), slack=1e-4)
+
+
+@pytest.mark.parametrize(("arrangement", "factor"), [("parallel", 0.1998249), ("perpendicular", 0.2000438)])
+def test_form_factors(arrangement, factor):
+    receiver = square((0, 0, 0), (0.5, 0, 0), (0, 0, -0.5), 0)
+    light = (
+        square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)
+        if arrangement == "parallel"
+        else square((0, 0.5, 0.5), (0, 0.5, 0), (0.5, 0, 0), 1)
+    )
+    # A plane seen straight on is sampled uniformly by area: the picture's mean is the receiver's.
+    eye = (0.0, 0.9, 0.0)
+    sums = render_frame(
+        scene([WHITE, emitter(1.0)], (receiver, light)),
+        settings(eye, (0, 0, 0), 2 * math.degrees(math.atan(0.5 / 0.9)), max_depth=2),
+        256,
+    )
+    assert_mean(sums, factor, slack=1e-4)
+
+
+def test_convex_lambertian_in_constant_light():
+    lit = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=2.0)
+    sums = render_frame(lit, settings((0, 0, 3), (0, 0, 0), 20), 16)
+    assert_mean(sums, 1.2, slack=1e-4)
+
+
+def test_a_sphere_as_large_as_the_earth_has_no_rings():
+    ground = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, -1e5, 0), 1e5),), environment=1.0)
+    sums = render_frame(ground, settings((0, 1.5, 0), (0, 0.0, -20), 6, size=48), 64)
+    for row in range(0, 48, 4):  # rings of shadow would be rows of the picture
+        assert_mean(sums[:, row : row + 4], 0.5)
+
+
+def test_lossless_glass_is_invisible_in_constant_light():
+    glass = scene([Material(kind="glass", base_color=gray(1.0))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
+    sums = render_frame(glass, settings((0, 0, 3), (0, 0, 0), 30, max_depth=200), 64)
+    assert_mean(sums, 1.0, slack=1e-3)
+
+
+def test_glass_slab():
+    slab = tuple(square((0, 0, z), (s * 9, 0, 0), (0, 9, 0), 0) for z, s in ((0.1, 1), (-0.1, -1)))
+    behind = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
+    lit = scene([Material(kind="glass", base_color=gray(1.0), ior=1.5), emitter(1.0)], (*slab, behind))
+    sums = render_frame(lit, settings((0, 0, 3), (0, 0, 0), 0.5, max_depth=64), 256)
+    assert_mean(sums, 0.923077, slack=1e-4)
+
+
+@pytest.mark.parametrize(("alpha", "albedo"), [(0.25, 0.916), (0.5, 0.688), (0.75, 0.464), (1.0, 1 - math.log(2))])
+def test_white_ggx_scatters_once(alpha, albedo):
+    metal = Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=math.sqrt(alpha))
+    plate = scene([metal], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),), environment=1.0)
+    sums = render_frame(plate, settings((0, 0, 3), (0, 0, 0), 0.01, max_depth=2), 128)
+    assert_mean(sums, albedo, slack=1e-5 if alpha == 1 else 0.0005 / albedo)
+
+
+def test_image_environment_on_lambert_is_its_cosine_integral():
+    rng = np.random.default_rng(5)
+    sky = rng.gamma(0.3, 1.0, (8, 16, 1)).repeat(3, 2).astype(np.float32)
+    up = scene([WHITE], (FLOOR,), environment=sky)
+    sums = render_frame(up, settings((0, 1, -2), (0, 0, 0), 0.01, max_depth=2), 256)
+    v = (np.arange(4096) + 0.5) / 4096
+    rows = v * 8 - 0.5
+    top = np.clip(np.floor(rows).astype(int), 0, 7)
+    below = np.clip(np.floor(rows).astype(int) + 1, 0, 7)
+    t = (rows - np.floor(rows))[:, None]
+    ring = (sky[top, :, 0] * (1 - t) + sky[below, :, 0] * t).mean(1)  # bilinear in u keeps each row's mean
+    theta = v * np.pi
+    expected = (ring * np.clip(np.cos(theta), 0, None) * np.sin(theta)).sum() * np.pi / 4096 * 2
+    assert_mean(sums, expected, slack=1e-3)
+
+
+@pytest.mark.parametrize("rotation", [0, 90])
+def test_environment_looks_where_the_description_says(rotation):
+    sky = np.zeros((4, 8, 3), np.float32)
+    sky[:, 5:7] = 1.0  # the columns about +x
+    small = square((0, -50, 0), (0.1, 0, 0), (0, 0, -0.1), 0)
+    description = SceneDescription(
+        meshes=[small],
+        instances=[Instance(0)],
+        materials=[WHITE],
+        images=[Image("sky", sky, srgb=False)],
+        environment=Environment(image=0, rotation=rotation),
+    )
+    towards = (1, 0, 0) if rotation == 0 else (0, 0, -1)  # +x turned counter-clockwise about +y, seen from above
+    compiled = compile_scene(description)
+    assert mean(render_frame(compiled, settings((0, 0, 0), towards, 10, size=4), 1), 24).min() > 0.99
+    assert mean(render_frame(compiled, settings((0, 0, 0), tuple(-x for x in towards), 10, size=4), 1), 24).max() == 0
+
+
+def test_cornell_box_has_the_mean_of_the_peers():
+    description = read(SCENES, "cornell-box.yaml")
+    view = description.cameras[0].view
+    sums = render_frame(compile_scene(description), RenderSettings(96, 96, view, max_depth=8), 192)
+    assert_mean(sums, 0.1471, slack=0.01 - 3 * 0.003, most_error=0.003)
+
+
+def test_first_hit_channels():
+    plate = scene([Material(base_color=(0.2, 0.4, 0.6))], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),), environment=1.0)
+    sums = render_frame(plate, settings((0, 0, 3), (0, 0, 0), 0.1, size=4), 2)
+    np.testing.assert_allclose(mean(sums, 24, DEPTH), 3.0, rtol=1e-5)
+    np.testing.assert_allclose(mean(sums, 24, NORMAL), np.broadcast_to([0, 0, 1], (4, 4, 3)), atol=1e-6)
+    np.testing.assert_allclose(mean(sums, 24, ALBEDO), np.broadcast_to([0.2, 0.4, 0.6], (4, 4, 3)), rtol=1e-5)
