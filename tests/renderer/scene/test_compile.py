@@ -226,6 +226,13 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     assert (summary["animations"], summary["warnings"], summary["defaults"]) == (["spin"], ["w"], {"spp": 4})
 
 
+def test_a_files_own_camera_may_be_called_auto():
+    description = described(shapes.cube("a"))
+    description.cameras = [Camera(AUTO_CAMERA, View((0, 0, 9), (0, 0, 0)))]
+    names = [c["name"] for c in summarise(description, compile_scene(description))["cameras"]]
+    assert names == ["auto (of the file)", AUTO_CAMERA]
+
+
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
 def test_the_frame_is_tight_and_holds_every_point(up):
     points = np.random.default_rng(9).normal(size=(500, 3)) * [5, 1, 2]
