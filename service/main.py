@@ -57,6 +57,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     problem.install(app)
     app.include_router(api.router)
+    app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.mount("/docs", _Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():
         app.mount("/", _Pages(directory=settings.web, html=True), name="web")

@@ -22,7 +22,7 @@ def default_tile_size(width: int, height: int) -> int:
     A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile.
     """
     pixels = width * height
-    return 32 if pixels <= 128 * 128 else 64 if pixels <= 384 * 384 else 128 if pixels <= 2200 * 1300 else 256
+    return 32 if pixels <= 128 * 128 else 64 if pixels <= 256 * 256 else 128 if pixels <= 2200 * 1300 else 256
 
 
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:

@@ -1,7 +1,13 @@
 """Where a scene is read: files -> description -> compiled scene.
 
-description.py  what every reader gives: meshes, spheres, materials, textures, lights, cameras
+load.py         a folder of untrusted files -> SceneDescription, by the reader of the format
+files.py        the only way by which readers open files; textures.py the same for images
 readers/        one file a format
-compile.py      description -> the flat arrays that the kernel reads, with BVH and light tables
-compiled.py     those arrays, and the one file that keeps them
+description.py  what every reader gives: meshes, spheres, materials, textures, lights, cameras
+studio.py       the light of scenes that have none
+compile.py      description -> compiled scene, by geometry.py, packing.py (materials, texels), lights.py and the BVH
+framing.py      a camera for scenes without one
+arrays.py       the compiled scene: the flat arrays that the kernel reads; compiled.py keeps them in one file
+
+To add a format: a reader with `read(files, main, description)`, its suffix in renderer/formats.py, a branch in load.py.
 """

@@ -47,7 +47,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         light_studio(description)
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)
-    chance = choose_environment(environment.mean, lights.power, bounds)
+    chance = choose_environment(environment, lights.power, bounds)
     rotation = environment.rotation
     say("building the BVH", 0.5)
     bvh = build(geometry.position, geometry.triangle, sphere)
@@ -86,7 +86,10 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
 
     cameras: the file's own, then always one named "auto" that frames the scene.
     """
-    cameras = [Camera(c.name, _aimed(c.view, compiled.bounds)) for c in description.cameras]
+    cameras = [
+        Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
+        for c in description.cameras
+    ]
     cameras.append(Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up)))
     return {
         "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],

@@ -45,7 +45,7 @@ function row(name, schema, required, api, description) {
 }
 
 function table(caption, rows) {
-  const head = el("tr", {}, ...["name", "type", ""].map((text) => el("th", { scope: "col" }, text)));
+  const head = el("tr", {}, ...["name", "type", "about"].map((text) => el("th", { scope: "col" }, text)));
   return rows.length ? el("div", {}, el("h3", {}, caption), el("table", {}, el("thead", {}, head), el("tbody", {}, ...rows))) : null;
 }
 

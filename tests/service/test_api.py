@@ -162,7 +162,8 @@ def test_pages_and_their_headers(service: Service) -> None:
         assert answer.status_code == 200, path
         assert "default-src 'self'" in answer.headers["content-security-policy"]
         assert answer.headers["x-content-type-options"] == "nosniff"
-    page = service.http.get("/docs/")
+    page = service.http.get("/docs", follow_redirects=True)
+    assert page.url.path == "/docs/"
     assert "//" not in page.text.replace("</", ""), "the page loads nothing from elsewhere"
     assert service.http.get("/docs/", headers={"If-None-Match": page.headers["etag"]}).status_code == 304
     assert service.http.get("/docs/docs.js").headers["content-type"].startswith("text/javascript")
