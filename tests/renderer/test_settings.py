@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -75,12 +76,10 @@ def test_json_gives_the_same_settings_to_the_bit(settings):
 
 @given(st.integers(1, 200), st.integers(1, 200), st.integers(1, 64))
 def test_tiles_cover_every_pixel_once(width, height, size):
-    covered = [[0] * width for _ in range(height)]
+    covered = np.zeros((height, width), int)
     for tile in tiles_of(width, height, size):
         assert isinstance(tile, Tile)
         assert 1 <= tile.w <= size
         assert 1 <= tile.h <= size
-        for y in range(tile.y, tile.y + tile.h):
-            for x in range(tile.x, tile.x + tile.w):
-                covered[y][x] += 1
-    assert all(n == 1 for row in covered for n in row)
+        covered[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += 1
+    assert (covered == 1).all()

