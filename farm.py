@@ -23,6 +23,7 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
 FOR_USE = ("worker", "local")
 FOR_TESTS = ("worker", "local", "test")
+FOR_BENCHMARKS = ("worker", "local", "test", "peers")
 TYPESCRIPT = VENV / "typescript"
 
 
@@ -34,9 +35,10 @@ def main():
         print(__doc__)
         return 2
     command, rest = arguments[0], arguments[1:]
-    if command in ("test", "bench"):
-        python = install(FOR_TESTS)
-        return run_tests(python, rest) if command == "test" else run_benchmarks(python, rest)
+    if command == "test":
+        return run_tests(install(FOR_TESTS), rest)
+    if command == "bench":
+        return run_benchmarks(install(FOR_BENCHMARKS), rest)
     install(FOR_USE)
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
