@@ -13,7 +13,6 @@ export class AovImage {
     this.job = job;
     this.handlers = handlers;
     this.channel = "";
-    this.frame = 0;
     this.fetching = new AbortController();
     this.timer = setInterval(() => this.stale && !this.busy && void this.load(), EVERY_MS);
     this.busy = false;
@@ -21,14 +20,10 @@ export class AovImage {
     this.stale = false;
   }
 
-  /**
-   * @param {string} channel "" for none
-   * @param {number} frame
-   */
-  choose(channel, frame) {
-    if (channel === this.channel && frame === this.frame) return;
+  /** @param {string} channel "" for none */
+  choose(channel) {
+    if (channel === this.channel) return;
     this.channel = channel;
-    this.frame = frame;
     this.fetching.abort();
     this.handlers.waiting(channel !== "");
     if (channel) void this.load();
@@ -42,9 +37,14 @@ export class AovImage {
     const fetching = (this.fetching = new AbortController());
     this.busy = true;
     try {
-      const response = await fetch(imageUrl(this.job, this.frame, "png", { aov: this.channel }), { signal: fetching.signal });
+      const response = await fetch(imageUrl(this.job, "png", { aov: this.channel }), {
+        signal: fetching.signal,
+      });
       if (!response.ok) throw new Error(`The service gave no picture of it (status ${response.status}).`);
-      const image = await createImageBitmap(await response.blob(), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+      const image = await createImageBitmap(await response.blob(), {
+        colorSpaceConversion: "none",
+        premultiplyAlpha: "none",
+      });
       if (fetching.signal.aborted) image.close();
       else this.handlers.show(image);
     } catch (error) {

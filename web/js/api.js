@@ -105,24 +105,22 @@ export const openExample = (name) => call("POST", `/examples/${encodeURIComponen
 
 /**
  * @param {string} job
- * @param {number} frame
  * @param {number} x
  * @param {number} y
  * @param {AbortSignal} signal
  * @returns {Promise<PixelValue>}
  */
-export const getPixel = (job, frame, x, y, signal) => call("GET", `/jobs/${job}/frames/${frame}/pixel?x=${x}&y=${y}`, { signal });
+export const getPixel = (job, x, y, signal) => call("GET", `/jobs/${job}/frames/0/pixel?x=${x}&y=${y}`, { signal });
 
 /** @param {string} scene */
 export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
  * @param {string} job
- * @param {number} frame
  * @param {"png" | "exr" | "jpg"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
-export function imageUrl(job, frame, format, query = {}) {
+export function imageUrl(job, format, query = {}) {
   const text = new URLSearchParams(Object.entries(query).map(([k, v]) => [k, String(v)])).toString();
-  return `api/jobs/${job}/frames/${frame}/image.${format}${text ? `?${text}` : ""}`;
+  return `api/jobs/${job}/frames/0/image.${format}${text ? `?${text}` : ""}`;
 }

@@ -84,11 +84,35 @@ export function displayPanel(display, { normalise }) {
     { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
     CHANNELS.map(({ name, label }) => h("option", { value: name }, label)),
   );
-  const outlines = h("input", { type: "checkbox", onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })) });
+  const outlines = h("input", {
+    type: "checkbox",
+    onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
+  });
   const exposure = field("Exposure", slider);
-  const reset = h("button", { class: "text-button small", type: "button", title: "Back to 0 (R)", onclick: () => display.update((d) => ({ ...d, exposure: 0 })) }, "Reset");
+  const reset = h(
+    "button",
+    {
+      class: "text-button small",
+      type: "button",
+      title: "Back to 0 (R)",
+      onclick: () => display.update((d) => ({ ...d, exposure: 0 })),
+    },
+    "Reset",
+  );
   exposure.prepend(
-    h("div", { class: "row" }, exposure.firstElementChild, value, h("span", { class: "grow" }), reset, h("button", { class: "text-button small", type: "button", title: "Bring the brightest below 1 (N)", onclick: normalise }, "Normalise")),
+    h(
+      "div",
+      { class: "row" },
+      exposure.firstElementChild,
+      value,
+      h("span", { class: "grow" }),
+      reset,
+      h(
+        "button",
+        { class: "text-button small", type: "button", title: "Bring the brightest below 1 (N)", onclick: normalise },
+        "Normalise",
+      ),
+    ),
   );
   const colourOnly = h("div", { class: "stack" }, exposure, field("Tone curve", curve));
   display.subscribe((d) => {

@@ -19,7 +19,13 @@ export function field(label, control, hint) {
   control.id ||= freshId("field");
   const hintId = `${control.id}-hint`;
   if (hint) control.setAttribute("aria-describedby", hintId);
-  return h("div", { class: "field" }, h("label", { for: control.id }, label), control, hint && h("p", { class: "hint", id: hintId }, hint));
+  return h(
+    "div",
+    { class: "field" },
+    h("label", { for: control.id }, label),
+    control,
+    hint && h("p", { class: "hint", id: hintId }, hint),
+  );
 }
 
 /**
@@ -41,10 +47,9 @@ export function numberInput({ value = "", min, max, step = 1, placeholder, requi
  *
  * @param {string} label
  * @param {{value: string, label: string}[]} options
- * @param {string} chosen
- * @param {(value: string) => void} changed
+ * @param {(value: string) => void} changed by the user
  */
-export function segments(label, options, chosen, changed) {
+export function segments(label, options, changed) {
   const name = freshId("segments");
   const group = h("div", { class: "segments", role: "radiogroup", "aria-label": label });
   const radios = options.map(({ value, label: text }) => {
@@ -54,10 +59,14 @@ export function segments(label, options, chosen, changed) {
   });
   /** @param {string} value */
   const select = (value) => radios.forEach((option) => (option.radio.checked = option.value === value));
-  select(chosen);
   const aside = h("span", { class: "quiet small number" });
   return {
-    element: h("div", { class: "field" }, h("div", { class: "row spread" }, h("span", { class: "label", "aria-hidden": "true" }, label), aside), group),
+    element: h(
+      "div",
+      { class: "field" },
+      h("div", { class: "row spread" }, h("span", { class: "label", "aria-hidden": "true" }, label), aside),
+      group,
+    ),
     select,
     aside,
   };

@@ -37,7 +37,10 @@ export class FilmCanvas {
     this.pending = 0;
 
     const gl = canvas.getContext("webgl2", { antialias: false, depth: false, powerPreference: "high-performance" });
-    if (!gl) throw new CannotShow("This browser has no WebGL 2, which the live picture needs. The downloads below still work.");
+    if (!gl)
+      throw new CannotShow(
+        "This browser has no WebGL 2, which the live picture needs. The downloads below still work.",
+      );
     this.gl = gl;
     this.maxSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     this.build();
@@ -51,7 +54,10 @@ export class FilmCanvas {
   build() {
     const gl = this.gl;
     const program = gl.createProgram();
-    for (const [type, source] of /** @type {const} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]])) {
+    for (const [type, source] of /** @type {const} */ ([
+      [gl.VERTEX_SHADER, VERTEX],
+      [gl.FRAGMENT_SHADER, FRAGMENT],
+    ])) {
       const shader = /** @type {WebGLShader} */ (gl.createShader(type));
       gl.shaderSource(shader, source);
       gl.compileShader(shader);
@@ -59,7 +65,9 @@ export class FilmCanvas {
     }
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-      throw new CannotShow(`This browser's graphics driver refused the page's shader: ${gl.getProgramInfoLog(program)}`);
+      throw new CannotShow(
+        `This browser's graphics driver refused the page's shader: ${gl.getProgramInfoLog(program)}`,
+      );
     }
     gl.useProgram(program);
     this.uniforms = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]));
@@ -103,7 +111,15 @@ export class FilmCanvas {
       gl.deleteTexture(this.filmTexture ?? null);
       this.filmTexture = this.newTexture(gl.RGB9_E5, film.width, film.height);
       gl.texSubImage2D(
-        gl.TEXTURE_2D, 0, 0, 0, film.width, film.height, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, film.words,
+        gl.TEXTURE_2D,
+        0,
+        0,
+        0,
+        film.width,
+        film.height,
+        gl.RGB,
+        gl.UNSIGNED_INT_5_9_9_9_REV,
+        film.words,
       );
     }
     this.uploadOverlay();
@@ -143,7 +159,12 @@ export class FilmCanvas {
     const width = Math.max(1, Math.floor(box.right * ratio + 1e-3) - left);
     const height = Math.max(1, Math.floor(box.bottom * ratio + 1e-3) - top);
     for (const canvas of [this.canvas, this.over]) {
-      const style = { left: left / ratio - box.left, top: top / ratio - box.top, width: width / ratio, height: height / ratio };
+      const style = {
+        left: left / ratio - box.left,
+        top: top / ratio - box.top,
+        width: width / ratio,
+        height: height / ratio,
+      };
       for (const [name, value] of Object.entries(style)) canvas.style.setProperty(name, `${value}px`);
     }
     if (width !== this.canvas.width || height !== this.canvas.height) {

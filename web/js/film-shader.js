@@ -67,5 +67,8 @@ void main() {
  * @returns {number} the number that the shader knows a curve by
  */
 export function curveIndex(name) {
-  return Math.max(0, CURVES.findIndex((c) => c.name === name));
+  return Math.max(
+    0,
+    CURVES.findIndex((c) => c.name === name),
+  );
 }

@@ -13,12 +13,17 @@ import { Viewport } from "./viewport.js";
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
 /** @typedef {import("./film-canvas.js").Look} Look */
 
+/**
+ * @typedef {object} FilmHandlers
+ * @property {(at: {x: number, y: number} | null) => void} cursor the pixel under it changed; null: none is
+ * @property {() => void} moved the viewport may have changed
+ */
+
 export class FilmView {
   /**
    * @param {number} width of the picture, in pixels
    * @param {number} height
-   * @param {{cursor: (at: {x: number, y: number} | null) => void, moved: () => void}} handlers
-   *   cursor: the pixel under it, or none; moved: the viewport changed
+   * @param {FilmHandlers} handlers
    */
   constructor(width, height, handlers) {
     this.handlers = handlers;
@@ -57,13 +62,6 @@ export class FilmView {
   putTile(tile) {
     this.film.put(tile);
     this.canvas.putTile(tile);
-  }
-
-  /** Another frame of the same size: what is shown until its tiles come is black. */
-  clear() {
-    this.film.words.fill(0);
-    this.film.samples.fill(0);
-    this.canvas.uploadAll();
   }
 
   /** @param {Look} look */

@@ -6,7 +6,12 @@
  * @param {number} value
  */
 export function compact(value) {
-  const prefixes = /** @type {const} */ ([[1e12, " T"], [1e9, " G"], [1e6, " M"], [1e3, " k"]]);
+  const prefixes = /** @type {const} */ ([
+    [1e12, " T"],
+    [1e9, " G"],
+    [1e6, " M"],
+    [1e3, " k"],
+  ]);
   for (const [size, prefix] of prefixes) if (Math.abs(value) >= size) return `${significant(value / size)}${prefix}`;
   return significant(value);
 }

@@ -43,7 +43,9 @@ export function filesOfList(list) {
  */
 async function walk(entry, found) {
   if (entry.isFile) {
-    const file = await new Promise((resolve, reject) => /** @type {FileSystemFileEntry} */ (entry).file(resolve, reject));
+    const file = await new Promise((resolve, reject) =>
+      /** @type {FileSystemFileEntry} */ (entry).file(resolve, reject),
+    );
     if (found.length >= MAX_FILES) throw new TooManyFiles();
     found.push({ file, path: entry.fullPath.replace(/^\//, "") });
     return;

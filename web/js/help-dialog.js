@@ -6,10 +6,19 @@ import { shortcuts } from "./shortcuts.js";
 
 /** Opens the overlay; Escape, its button or a click beside it closes it. */
 export function showHelp() {
-  const close = h("button", { class: "icon-button", type: "button", "aria-label": "Close", onclick: () => dialog.close() }, icon("close"));
+  const close = h(
+    "button",
+    { class: "icon-button", type: "button", "aria-label": "Close", onclick: () => dialog.close() },
+    icon("close"),
+  );
   const dialog = h(
     "dialog",
-    { class: "help", "aria-labelledby": "help-title", onclick: (/** @type {MouseEvent} */ e) => e.target === dialog && dialog.close(), onclose: () => dialog.remove() },
+    {
+      class: "help",
+      "aria-labelledby": "help-title",
+      onclick: (/** @type {MouseEvent} */ e) => e.target === dialog && dialog.close(),
+      onclose: () => dialog.remove(),
+    },
     h(
       "div",
       { class: "help-body" },
@@ -20,7 +29,16 @@ export function showHelp() {
         shortcuts()
           .filter(({ shown }) => shown !== null)
           .map(({ keys, shown, does }) =>
-            h("div", null, h("dt", null, (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, key))), h("dd", null, does)),
+            h(
+              "div",
+              null,
+              h(
+                "dt",
+                null,
+                (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, key)),
+              ),
+              h("dd", null, does),
+            ),
           ),
       ),
       h("p", { class: "quiet" }, "On the picture: drag to pan, wheel or pinch to zoom, double-click to fit."),

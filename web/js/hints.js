@@ -37,7 +37,13 @@ export function noWorkerNotice() {
     "div",
     { class: "notice warning", role: "status" },
     icon("warning"),
-    h("div", { class: "grow" }, h("strong", null, "No worker is connected. "), "What you start waits until there is one. Start one on this or another machine:", command(joinCommand())),
+    h(
+      "div",
+      { class: "grow" },
+      h("strong", null, "No worker is connected. "),
+      "What you start waits until there is one. Start one on this or another machine:",
+      command(joinCommand()),
+    ),
   );
 }
 

@@ -47,7 +47,16 @@ export function progressPanel() {
     if (!latest) return;
     const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
     setText(elapsed, clock(latest.active_s + since));
-    setText(left, latest.state === "running" ? (latest.eta_s == null ? "…" : clock(latest.eta_s - since)) : latest.state === "finished" ? "0:00" : "–");
+    setText(
+      left,
+      latest.state === "running"
+        ? latest.eta_s == null
+          ? "…"
+          : clock(latest.eta_s - since)
+        : latest.state === "finished"
+          ? "0:00"
+          : "–",
+    );
   };
   return {
     element: h(
@@ -55,7 +64,15 @@ export function progressPanel() {
       { class: "side-section stack", "aria-label": "Progress" },
       h("div", { class: "row baseline" }, samples, of),
       bar.element,
-      h("dl", { class: "figures number" }, [["Elapsed", elapsed], ["Left", left], ["Samples/s", speed]].map(([name, value]) => h("div", null, h("dt", null, name), value))),
+      h(
+        "dl",
+        { class: "figures number" },
+        [
+          ["Elapsed", elapsed],
+          ["Left", left],
+          ["Samples/s", speed],
+        ].map(([name, value]) => h("div", null, h("dt", null, name), value)),
+      ),
       message,
       error,
       bad,
@@ -65,7 +82,7 @@ export function progressPanel() {
     update(job) {
       latest = job;
       heard = performance.now();
-      const pixels = (job.width ?? 1) * (job.height ?? 1) * Math.max(1, job.frames.length);
+      const pixels = (job.width ?? 1) * (job.height ?? 1);
       setText(samples, count(Math.floor(job.samples / pixels)));
       setText(of, goal(job));
       bar.update(job.progress, job.state);
@@ -98,10 +115,20 @@ export function actionsPanel() {
   let latest = null;
   /** @param {import("./icons.js").IconName} symbol @param {string} label @param {(job: Job) => void} run @param {string} [style] */
   const button = (symbol, label, run, style = "") =>
-    h("button", { class: `button ${style}`, type: "button", onclick: () => latest && run(latest) }, icon(symbol), label);
+    h(
+      "button",
+      { class: `button ${style}`, type: "button", onclick: () => latest && run(latest) },
+      icon(symbol),
+      label,
+    );
   const pause = button("pause", "Pause", pauseOrResume);
   const resume = button("play", "Resume", pauseOrResume, "primary");
-  const cancel = button("stop", "Cancel", (job) => change(job, { state: "cancelled" }, "The job was not cancelled"), "danger");
+  const cancel = button(
+    "stop",
+    "Cancel",
+    (job) => change(job, { state: "cancelled" }, "The job was not cancelled"),
+    "danger",
+  );
   cancel.title = "Stops rendering; the picture so far stays";
   const more = button("plus", `${MORE_SAMPLES} samples`, moreSamples);
   more.title = "Goes on from here: the same picture as if they had been asked for at once";
@@ -125,30 +152,34 @@ export function actionsPanel() {
 /** @param {Job} job */
 export function pauseOrResume(job) {
   if (job.state === "paused") void change(job, { state: "running" }, "The job was not resumed");
-  else if (job.state === "running" || job.state === "queued") void change(job, { state: "paused" }, "The job was not paused");
+  else if (job.state === "running" || job.state === "queued")
+    void change(job, { state: "paused" }, "The job was not paused");
 }
 
 /** @param {Job} job */
 export function moreSamples(job) {
   const stopped = job.state === "cancelled";
-  void change(job, { spp: (job.spp ?? 0) + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) }, "No samples were added");
+  void change(
+    job,
+    { spp: (job.spp ?? 0) + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
+    "No samples were added",
+  );
 }
 
 /**
  * @param {Job} job
- * @param {() => number} frame that is shown
  * @param {DisplayStore} display
  */
-export function savePanel(job, frame, display) {
+export function savePanel(job, display) {
   /** @param {"png" | "exr" | "jpg"} format @param {string} hint */
   const save = (format, hint) => {
     const anchor = h("a", { class: "button", title: hint }, icon("download"), format.toUpperCase());
-    // The address is made when it is used: exposure, channel and frame are those of that moment.
+    // The address is made when it is used: exposure and channel are those of that moment.
     const aim = () => {
       const { exposure, curve, channel } = display.value;
       /** @type {Record<string, string | number>} */
       const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
-      anchor.href = imageUrl(job.id, frame(), format, query);
+      anchor.href = imageUrl(job.id, format, query);
       anchor.download = `${job.name.replace(/\.[a-z]+$/i, "")}${channel && `-${channel}`}.${format}`;
     };
     for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
@@ -159,6 +190,12 @@ export function savePanel(job, frame, display) {
     "section",
     { class: "side-section stack", "aria-label": "Save" },
     h("h2", null, "Save"),
-    h("div", { class: "triple" }, save("png", "As it looks now, exposure and tone curve included"), save("exr", "Scene-linear floats, untouched by exposure and curve"), save("jpg", "As it looks now, small")),
+    h(
+      "div",
+      { class: "triple" },
+      save("png", "As it looks now, exposure and tone curve included"),
+      save("exr", "Scene-linear floats, untouched by exposure and curve"),
+      save("jpg", "As it looks now, small"),
+    ),
   );
 }

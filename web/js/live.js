@@ -22,13 +22,11 @@ const SILENCE_MS = 20_000;
 export class Live {
   /**
    * @param {string} job
-   * @param {number} frame
    * @param {LiveHandlers} handlers
    */
-  constructor(job, frame, handlers) {
+  constructor(job, handlers) {
     this.handlers = handlers;
     this.job = job;
-    this.frame = frame;
     this.backoff = new Backoff();
     /** @type {WebSocket | null} */
     this.socket = null;
@@ -38,20 +36,10 @@ export class Live {
   }
 
   url() {
-    const url = new URL(`api/jobs/${this.job}/live?frame=${this.frame}`, location.href);
+    const url = new URL(`api/jobs/${this.job}/live`, location.href);
     url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     url.hash = "";
     return url;
-  }
-
-  /** @param {number} frame that is wanted from now on */
-  watch(frame) {
-    this.frame = frame;
-    const socket = this.socket;
-    this.socket = null;
-    socket?.close(1000);
-    this.backoff.cancel();
-    this.connect();
   }
 
   connect() {
@@ -64,7 +52,6 @@ export class Live {
       this.handlers.link(true);
     };
     socket.onmessage = ({ data }) => {
-      if (this.socket !== socket) return;
       this.lastHeard = performance.now();
       if (typeof data === "string") {
         this.handlers.message(JSON.parse(data));
@@ -86,7 +73,8 @@ export class Live {
   }
 
   checkSilence() {
-    if (this.socket?.readyState === WebSocket.OPEN && performance.now() - this.lastHeard > SILENCE_MS) this.socket.close();
+    if (this.socket?.readyState === WebSocket.OPEN && performance.now() - this.lastHeard > SILENCE_MS)
+      this.socket.close();
   }
 
   close() {

@@ -26,7 +26,11 @@ function viewFor([section, id]) {
   if (section === "scenes" && id) return sceneView(id);
   if (section === "jobs") return id ? jobView(id) : jobsView();
   if (section === "workers") return workersView();
-  const element = h("div", { class: "page" }, emptyState("info", "There is nothing at this address", h("a", { href: linkTo() }, "To the front page")));
+  const element = h(
+    "div",
+    { class: "page" },
+    emptyState("info", "There is nothing at this address", h("a", { href: linkTo() }, "To the front page")),
+  );
   return { element, dispose: () => {} };
 }
 
@@ -47,7 +51,8 @@ onNavigate(({ path }) => {
 });
 
 /** @param {unknown} error */
-const fault = (error) => showError("The page has a fault", error, { action: { label: "Reload the page", run: () => location.reload() } });
+const fault = (error) =>
+  showError("The page has a fault", error, { action: { label: "Reload the page", run: () => location.reload() } });
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 

@@ -19,7 +19,8 @@ export function panAndZoom(surface, place, viewport, changed) {
     "wheel",
     (event) => {
       event.preventDefault();
-      const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
+      const unit =
+        event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
       // A mouse's notch is 100 or 120: a quarter octave. A trackpad's pinch comes as small deltas with Ctrl.
       const factor = 2 ** (-event.deltaY * unit * (event.ctrlKey ? 0.01 : 0.0025));
       const { x, y } = place(event);

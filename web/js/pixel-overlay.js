@@ -56,7 +56,13 @@ export class PixelOverlay {
     const ratio = devicePixelRatio;
     context.font = `600 ${10 * ratio}px system-ui, sans-serif`;
     if (w * viewport.scale < context.measureText(label).width + 8 * ratio || h * viewport.scale < 18 * ratio) return;
-    this.text(label, viewport.x + x * viewport.scale + 4 * ratio, viewport.y + y * viewport.scale + 12 * ratio, "#fff", ratio);
+    this.text(
+      label,
+      viewport.x + x * viewport.scale + 4 * ratio,
+      viewport.y + y * viewport.scale + 12 * ratio,
+      "#fff",
+      ratio,
+    );
   }
 
   /**
@@ -76,13 +82,22 @@ export class PixelOverlay {
     const bottom = Math.round(viewport.y + (y + h) * viewport.scale);
     const ratio = devicePixelRatio;
     const arm = corners ? Math.min(10 * ratio, (right - left) / 3, (bottom - top) / 3) : 0;
-    for (const [style, line] of /** @type {const} */ ([["rgb(0 0 0 / 0.75)", 3 * ratio], [corners ? "#ffb648" : "#fff", 1.25 * ratio]])) {
+    for (const [style, line] of /** @type {const} */ ([
+      ["rgb(0 0 0 / 0.75)", 3 * ratio],
+      [corners ? "#ffb648" : "#fff", 1.25 * ratio],
+    ])) {
       context.strokeStyle = style;
       context.lineWidth = line;
       context.beginPath();
       if (corners) {
-        for (const [cx, sx] of /** @type {const} */ ([[left, 1], [right, -1]])) {
-          for (const [cy, sy] of /** @type {const} */ ([[top, 1], [bottom, -1]])) {
+        for (const [cx, sx] of /** @type {const} */ ([
+          [left, 1],
+          [right, -1],
+        ])) {
+          for (const [cy, sy] of /** @type {const} */ ([
+            [top, 1],
+            [bottom, -1],
+          ])) {
             context.moveTo(cx + sx * arm, cy);
             context.lineTo(cx, cy);
             context.lineTo(cx, cy + sy * arm);

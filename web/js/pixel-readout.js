@@ -19,7 +19,6 @@ export class PixelReadout {
    */
   constructor(job, film) {
     this.job = job;
-    this.frame = 0;
     /** "" for the colour, or an AOV. */
     this.channel = "";
     this.film = film;
@@ -29,7 +28,10 @@ export class PixelReadout {
     this.timer = undefined;
     this.asking = new AbortController();
     this.place = h("span", { class: "place" });
-    this.channels = [0, 1, 2].map(() => ({ name: h("span", { class: "quiet" }), value: h("span", { class: "value" }) }));
+    this.channels = [0, 1, 2].map(() => ({
+      name: h("span", { class: "quiet" }),
+      value: h("span", { class: "value" }),
+    }));
     this.samples = h("span", { class: "samples" });
     this.hint = h("span", { class: "quiet" }, "Point at the picture to read its values");
     this.values = h(
@@ -39,7 +41,12 @@ export class PixelReadout {
       this.channels.map(({ name, value }) => h("span", { class: "channel" }, name, value)),
       this.samples,
     );
-    this.element = h("div", { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" }, this.hint, this.values);
+    this.element = h(
+      "div",
+      { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" },
+      this.hint,
+      this.values,
+    );
   }
 
   /** @param {{x: number, y: number} | null} at */
@@ -52,6 +59,12 @@ export class PixelReadout {
   choose(channel) {
     this.channel = channel;
     this.refresh();
+  }
+
+  /** @param {{x: number, y: number, w: number, h: number}} tile of the film that has new samples */
+  tileChanged({ x, y, w, h }) {
+    const { at } = this;
+    if (at && at.x >= x && at.y >= y && at.x < x + w && at.y < y + h) this.refresh();
   }
 
   /** The film changed, or the cursor moved. */
@@ -71,7 +84,7 @@ export class PixelReadout {
   async ask(at) {
     this.asking = new AbortController();
     try {
-      const pixel = await getPixel(this.job, this.frame, at.x, at.y, this.asking.signal);
+      const pixel = await getPixel(this.job, at.x, at.y, this.asking.signal);
       this.show([/** @type {any} */ (pixel)[this.channel || "color"]].flat(), pixel.samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.
@@ -93,7 +106,9 @@ export class PixelReadout {
     });
     setText(this.samples, `${samples} spp`);
     this.values.classList.toggle("exact", exact);
-    this.values.title = exact ? "Exact values of the film, linear Rec.709" : "Values of the live picture, true to 0.2 %";
+    this.values.title = exact
+      ? "Exact values of the film, linear Rec.709"
+      : "Values of the live picture, true to 0.2 %";
   }
 
   dispose() {

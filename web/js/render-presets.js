@@ -16,6 +16,9 @@ export const QUALITIES = [
   { name: "final", label: "Final", spp: 512 },
 ];
 
+/** The choice beside the presets. */
+export const CUSTOM = "custom";
+
 export const DEFAULT_ASPECT = 16 / 9;
 
 /**

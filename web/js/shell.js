@@ -18,23 +18,48 @@ const THEMES = /** @type {const} */ ([
   ["dark", "moon", "Theme: dark"],
 ]);
 
-const NAV = /** @type {const} */ ([["Scenes", ""], ["Jobs", "jobs"], ["Workers", "workers"]]);
+const NAV = /** @type {const} */ ([
+  ["Scenes", ""],
+  ["Jobs", "jobs"],
+  ["Workers", "workers"],
+]);
 
 /** Builds the top bar. @returns {(section: string) => void} marks the section that is open */
 export function buildShell() {
   const bar = /** @type {HTMLElement} */ (document.getElementById("topbar"));
   const main = /** @type {HTMLElement} */ (document.getElementById("main"));
-  const links = NAV.map(([label, path]) => ({ path, tally: h("span", { class: "tally", hidden: true }), label })).map(({ path, tally, label }) => ({
-    path,
-    tally,
-    element: h("a", { href: path ? linkTo(path) : linkTo() }, label, tally),
-  }));
+  const links = NAV.map(([label, path]) => ({ path, tally: h("span", { class: "tally", hidden: true }), label })).map(
+    ({ path, tally, label }) => ({
+      path,
+      tally,
+      element: h("a", { href: path ? linkTo(path) : linkTo() }, label, tally),
+    }),
+  );
   fill(
     bar,
     h("button", { class: "button skip", type: "button", onclick: () => main.focus() }, "Skip to the content"),
-    h("a", { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" }, h("img", { src: "icon.svg", alt: "" }), h("span", null, "Rayfarm")),
-    h("nav", { "aria-label": "Sections" }, links.map(({ element }) => element)),
-    h("button", { class: "icon-button help-button", type: "button", "aria-label": "Keyboard help", title: "Keyboard help (?)", onclick: showHelp }, "?"),
+    h(
+      "a",
+      { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" },
+      h("img", { src: "icon.svg", alt: "" }),
+      h("span", null, "Rayfarm"),
+    ),
+    h(
+      "nav",
+      { "aria-label": "Sections" },
+      links.map(({ element }) => element),
+    ),
+    h(
+      "button",
+      {
+        class: "icon-button help-button",
+        type: "button",
+        "aria-label": "Keyboard help",
+        title: "Keyboard help (?)",
+        onclick: showHelp,
+      },
+      "?",
+    ),
     themeButton(),
   );
 
@@ -51,7 +76,9 @@ export function buildShell() {
     const running = (all ?? []).filter(({ state }) => state === "running" || state === "queued").length;
     setTally("jobs", running, `${running} under way`);
   });
-  workers.subscribe((all) => setTally("workers", all?.length ?? 0, all?.length ? "connected" : "No worker is connected", all?.length === 0));
+  workers.subscribe((all) =>
+    setTally("workers", all?.length ?? 0, all?.length ? "connected" : "No worker is connected", all?.length === 0),
+  );
   buildLostBanner();
   return (section) => {
     for (const { path, element } of links) {
@@ -62,7 +89,12 @@ export function buildShell() {
 }
 
 function buildLostBanner() {
-  const banner = h("div", { class: "lost-banner", role: "status", hidden: true }, icon("warning"), "Connection lost. Trying again …");
+  const banner = h(
+    "div",
+    { class: "lost-banner", role: "status", hidden: true },
+    icon("warning"),
+    "Connection lost. Trying again …",
+  );
   document.body.append(banner);
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;

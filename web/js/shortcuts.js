@@ -40,7 +40,10 @@ function nameOf(event) {
 
 /** @param {EventTarget | null} target */
 function isTyping(target) {
-  return target instanceof HTMLElement && target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, [contenteditable]");
+  return (
+    target instanceof HTMLElement &&
+    target.matches("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, [contenteditable]")
+  );
 }
 
 /** @param {KeyboardEvent} event */
@@ -49,7 +52,12 @@ function dispatch(event) {
   if (document.querySelector("dialog[open]")) return;
   const name = nameOf(event);
   // Enter and Space belong to the button or link that has the focus.
-  if ((name === "Enter" || name === "Space") && event.target instanceof HTMLElement && event.target.matches("button, a, summary, input")) return;
+  if (
+    (name === "Enter" || name === "Space") &&
+    event.target instanceof HTMLElement &&
+    event.target.matches("button, a, summary, input")
+  )
+    return;
   const found = [...active].findLast((shortcut) => shortcut.keys === name);
   if (!found) return;
   event.preventDefault();

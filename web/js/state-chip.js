@@ -42,7 +42,11 @@ export function stateChip(state) {
  */
 export function progressBar(label) {
   const bar = h("div");
-  const element = h("div", { class: "progress", role: "progressbar", "aria-label": label, "aria-valuemin": "0", "aria-valuemax": "100" }, bar);
+  const element = h(
+    "div",
+    { class: "progress", role: "progressbar", "aria-label": label, "aria-valuemin": "0", "aria-valuemax": "100" },
+    bar,
+  );
   return {
     element,
     update(fraction, state = "") {

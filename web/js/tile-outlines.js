@@ -1,4 +1,4 @@
-/** Which tiles of a frame the workers render at this moment, as outlines with their worker's name. */
+/** Which tiles of a job the workers render at this moment, as outlines with their worker's name. */
 
 /** @typedef {import("./types.js").Worker} Worker */
 /** @typedef {import("./pixel-overlay.js").Outline} Outline */
@@ -6,13 +6,12 @@
 /**
  * @param {Worker[]} workers
  * @param {string} job
- * @param {number} frame
  * @returns {Outline[]}
  */
-export function outlinesOf(workers, job, frame) {
+export function outlinesOf(workers, job) {
   return workers.flatMap(({ name, current }) =>
     current.flatMap((slot) => {
-      if (slot.job !== job || (slot.frame ?? 0) !== frame || !slot.tile) return [];
+      if (slot.job !== job || !slot.tile) return [];
       const [x, y, w, h] = slot.tile;
       return [{ x, y, w, h, label: name }];
     }),

@@ -29,9 +29,13 @@ export function decodeTile(buffer) {
   const version = view.getUint8(0);
   const kind = view.getUint8(1);
   if (version !== VERSION || kind !== KIND_TILE) {
-    throw new Error(`A live packet of version ${version} and kind ${kind}; this page reads version ${VERSION}. Reload the page.`);
+    throw new Error(
+      `A live packet of version ${version} and kind ${kind}; this page reads version ${VERSION}. Reload the page.`,
+    );
   }
-  const [x, y, w, h] = /** @type {[number, number, number, number]} */ ([8, 10, 12, 14].map((at) => view.getUint16(at, true)));
+  const [x, y, w, h] = /** @type {[number, number, number, number]} */ (
+    [8, 10, 12, 14].map((at) => view.getUint16(at, true))
+  );
   if (buffer.byteLength !== HEADER_BYTES + 4 * w * h) {
     throw new Error(`A live tile of ${w}×${h} came with ${buffer.byteLength} bytes.`);
   }

@@ -25,13 +25,21 @@ export class Card {
     this.lead = h("span", { hidden: true });
     this.actions = h("span", { class: "row" });
     this.body = h("div", null);
-    this.element = h("section", { "aria-label": title }, h("header", null, this.lead, this.title, this.actions), this.body);
+    this.element = h(
+      "section",
+      { "aria-label": title },
+      h("header", null, this.lead, this.title, this.actions),
+      this.body,
+    );
     tray.append(this.element);
   }
 
   /** @param {() => void} run */
   onClose(run) {
-    fill(this.actions, h("button", { class: "icon-button", type: "button", "aria-label": "Dismiss", onclick: run }, icon("close")));
+    fill(
+      this.actions,
+      h("button", { class: "icon-button", type: "button", "aria-label": "Dismiss", onclick: run }, icon("close")),
+    );
   }
 
   remove() {
@@ -58,7 +66,9 @@ export function showError(title, error, { remedy, action } = {}) {
       card.remove();
       action.run();
     };
-    card.body.append(h("p", { class: "detail" }, h("button", { class: "text-button", type: "button", onclick: act }, action.label)));
+    card.body.append(
+      h("p", { class: "detail" }, h("button", { class: "text-button", type: "button", onclick: act }, action.label)),
+    );
   }
   card.onClose(() => card.remove());
 }

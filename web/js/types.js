@@ -46,7 +46,6 @@
  * @property {number | null} noise
  * @property {number | null} seconds
  * @property {Record<string, any> | null} settings
- * @property {{number: number, samples: number}[]} frames
  *
  * @typedef {object} JobRequest
  * @property {string} scene

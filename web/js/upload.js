@@ -22,7 +22,8 @@ export function upload(files, { progress, signal }) {
       else reject(errorOf(request.status, request.responseText));
     };
     // A service that refuses a large body early may close the connection before its answer is read.
-    request.onerror = () => reject(new ApiError(0, "The upload broke off: the service does not answer, or refused its size."));
+    request.onerror = () =>
+      reject(new ApiError(0, "The upload broke off: the service does not answer, or refused its size."));
     request.onabort = () => reject(signal.reason);
     signal.addEventListener("abort", () => request.abort());
     if (signal.aborted) reject(signal.reason);

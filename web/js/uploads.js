@@ -17,7 +17,10 @@ const SCENE_KINDS = ".glb .gltf .obj .ply .stl .dae .off .yaml";
 /** @param {NamedFile[]} files */
 async function start(files) {
   if (!files.length) {
-    showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${SCENE_KINDS}, or a zip with one.`);
+    showError(
+      "Nothing to upload",
+      `There is no file in what was dropped. A scene is one of ${SCENE_KINDS}, or a zip with one.`,
+    );
     return;
   }
   const title = titleOf(files);
@@ -25,7 +28,17 @@ async function start(files) {
   const card = new Card(title);
   const abort = new AbortController();
   const bar = h("div");
-  const track = h("div", { class: "progress", role: "progressbar", "aria-label": `Uploading ${title}`, "aria-valuemin": "0", "aria-valuemax": "100" }, bar);
+  const track = h(
+    "div",
+    {
+      class: "progress",
+      role: "progressbar",
+      "aria-label": `Uploading ${title}`,
+      "aria-valuemin": "0",
+      "aria-valuemax": "100",
+    },
+    bar,
+  );
   const line = h("p", { class: "detail number" }, `Uploading ${bytes(total)}`);
   card.lead.replaceWith(icon("upload"));
   fill(card.body, track, line);
@@ -48,11 +61,12 @@ async function start(files) {
     putScene(scene);
     go("scenes", scene.id);
   } catch (error) {
-    if (!abort.signal.aborted) showError(`${title} was not taken`, error, {
-      // The service's own sentences say what to do; a lost connection has none.
-      remedy: error instanceof ApiError && error.status === 0 ? "Drop it again once the service is back." : undefined,
-      action: { label: "Choose other files", run: () => choose({ folder: false }) },
-    });
+    if (!abort.signal.aborted)
+      showError(`${title} was not taken`, error, {
+        // The service's own sentences say what to do; a lost connection has none.
+        remedy: error instanceof ApiError && error.status === 0 ? "Drop it again once the service is back." : undefined,
+        action: { label: "Choose other files", run: () => choose({ folder: false }) },
+      });
   } finally {
     card.remove();
   }
@@ -84,7 +98,12 @@ export function choose({ folder }) {
 /** Lets files be dropped anywhere on the page. */
 export function acceptDrops() {
   const veil = /** @type {HTMLElement} */ (document.getElementById("drop-veil"));
-  fill(veil, icon("upload"), h("strong", null, "Drop to upload"), h("span", { class: "quiet" }, "One scene: its file, or its folder, or a zip"));
+  fill(
+    veil,
+    icon("upload"),
+    h("strong", null, "Drop to upload"),
+    h("span", { class: "quiet" }, "One scene: its file, or its folder, or a zip"),
+  );
   let depth = 0; // enter and leave fire for every element that is crossed
   /** @param {DragEvent} event */
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;

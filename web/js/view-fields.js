@@ -26,7 +26,14 @@ export function viewFields(start = START) {
   };
   set(start);
   return {
-    element: h("div", { class: "stack" }, eye.element, target.element, up.element, field("Vertical field of view, degrees", fov)),
+    element: h(
+      "div",
+      { class: "stack" },
+      eye.element,
+      target.element,
+      up.element,
+      field("Vertical field of view, degrees", fov),
+    ),
     get: () => ({ eye: eye.get(), target: target.get(), up: up.get(), fov: numberOf(fov, START.fov) }),
     set,
   };
@@ -36,7 +43,12 @@ export function viewFields(start = START) {
 function vector(label) {
   const inputs = ["x", "y", "z"].map((axis) => numberInput({ step: "any", label: `${label} ${axis}` }));
   return {
-    element: h("div", { class: "field", role: "group", "aria-label": label }, h("span", { class: "label" }, label), h("div", { class: "triple" }, inputs)),
+    element: h(
+      "div",
+      { class: "field", role: "group", "aria-label": label },
+      h("span", { class: "label" }, label),
+      h("div", { class: "triple" }, inputs),
+    ),
     /** @returns {Vec3} */
     get: () => /** @type {Vec3} */ (inputs.map((input) => numberOf(input, 0))),
     /** @param {Vec3} value */

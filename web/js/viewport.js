@@ -7,7 +7,33 @@ export const MIN_SCALE = 1 / 64;
 export const MAX_SCALE = 256;
 
 /** Powers of two and the steps between that zooming by keys stops at. */
-const STOPS = [1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 6, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256];
+const STOPS = [
+  1 / 64,
+  1 / 32,
+  1 / 16,
+  1 / 8,
+  1 / 6,
+  1 / 4,
+  1 / 3,
+  1 / 2,
+  2 / 3,
+  1,
+  2,
+  3,
+  4,
+  6,
+  8,
+  12,
+  16,
+  24,
+  32,
+  48,
+  64,
+  96,
+  128,
+  192,
+  256,
+];
 
 export class Viewport {
   constructor() {

@@ -25,13 +25,21 @@ export function homeView() {
   const sceneGrid = h("ul", { class: "cards" });
   const sceneSection = section("Scenes", sceneGrid);
   const exampleGrid = h("ul", { class: "cards" });
-  const exampleSection = section("Examples", exampleGrid, h("span", { class: "quiet small" }, "No scene at hand? Start with one of these."));
+  const exampleSection = section(
+    "Examples",
+    exampleGrid,
+    h("span", { class: "quiet small" }, "No scene at hand? Start with one of these."),
+  );
   const jobList = h("ul", { class: "rows" });
   const jobSection = section("Latest pictures", jobList, h("a", { class: "small", href: linkTo("jobs") }, "All jobs"));
   for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
 
   const showScenes = keyedList(sceneGrid, (scene) => scene.id, sceneCard);
-  const showJobs = keyedList(jobList, (job) => job.id, (job) => jobRow(job, life));
+  const showJobs = keyedList(
+    jobList,
+    (job) => job.id,
+    (job) => jobRow(job, life),
+  );
 
   const refresh = () => {
     const seenScenes = (scenes.value ?? []).filter(({ id }) => !hidden.value.has(id));
@@ -42,7 +50,8 @@ export function homeView() {
     sceneSection.hidden = seenScenes.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
-  for (const store of [scenes, jobs, hidden]) life.add(/** @type {import("../store.js").Store<any>} */ (store).subscribe(refresh));
+  for (const store of [scenes, jobs, hidden])
+    life.add(/** @type {import("../store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
 
   getExamples().then(
@@ -72,12 +81,26 @@ function dropZone() {
     { class: "drop-zone", "aria-labelledby": "drop-title" },
     icon("upload"),
     h("h2", { id: "drop-title" }, "Drop a scene anywhere on this page"),
-    h("p", { class: "quiet" }, "GLB, glTF, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do."),
+    h(
+      "p",
+      { class: "quiet" },
+      "GLB, glTF, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do.",
+    ),
     h(
       "div",
       { class: "row" },
-      h("button", { class: "button primary", type: "button", onclick: () => choose({ folder: false }) }, icon("image"), "Choose files"),
-      h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), "Choose a folder"),
+      h(
+        "button",
+        { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
+        icon("image"),
+        "Choose files",
+      ),
+      h(
+        "button",
+        { class: "button", type: "button", onclick: () => choose({ folder: true }) },
+        icon("folder"),
+        "Choose a folder",
+      ),
     ),
   );
 }

@@ -29,7 +29,11 @@ export function jobRow(job, life) {
   const image = h("img", { alt: "", hidden: true });
   image.addEventListener("load", () => (image.hidden = false));
   image.addEventListener("error", () => (image.hidden = true));
-  const remove = h("button", { class: "icon-button danger delete", type: "button", onclick: () => removeJob(latest) }, icon("trash"));
+  const remove = h(
+    "button",
+    { class: "icon-button danger delete", type: "button", onclick: () => removeJob(latest) },
+    icon("trash"),
+  );
   let latest = job;
   let picturedAt = -Infinity;
   let picturedState = "";
@@ -51,7 +55,10 @@ export function jobRow(job, life) {
       latest = next;
       setText(name, next.name);
       remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
-      setText(size, next.width && next.height && next.spp ? `${next.width}×${next.height} · ${count(next.spp)} spp` : "");
+      setText(
+        size,
+        next.width && next.height && next.spp ? `${next.width}×${next.height} · ${count(next.spp)} spp` : "",
+      );
       chip.update(next.state);
       bar.update(next.progress, next.state);
       setText(far, progressLine(next));
@@ -61,7 +68,7 @@ export function jobRow(job, life) {
       if (next.samples > 0 && due) {
         picturedAt = now;
         picturedState = next.state;
-        image.src = imageUrl(next.id, next.frames[0]?.number ?? 0, "jpg", { width: 320, v: next.samples });
+        image.src = imageUrl(next.id, "jpg", { width: 320, v: next.samples });
       }
     },
   };

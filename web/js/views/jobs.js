@@ -25,7 +25,11 @@ export function jobsView() {
   const notice = h("div", { class: "notice-slot" });
   const list = h("ul", { class: "rows" });
   const empty = h("div", null);
-  const show = keyedList(list, (job) => job.id, (job) => jobRow(job, life));
+  const show = keyedList(
+    list,
+    (job) => job.id,
+    (job) => jobRow(job, life),
+  );
 
   const tabs = FILTERS.map(([key, label]) => {
     const tally = h("span", { class: "number" });
@@ -53,7 +57,20 @@ export function jobsView() {
     list.hidden = chosen.length === 0;
     if (chosen.length) fill(empty);
     else if (seen.length) fill(empty, emptyState("image", "No job is in this state"));
-    else fill(empty, emptyState("image", "No pictures yet", h("p", null, "Open a scene, press Render, and its picture appears here. ", h("a", { href: linkTo() }, "To the scenes"))));
+    else
+      fill(
+        empty,
+        emptyState(
+          "image",
+          "No pictures yet",
+          h(
+            "p",
+            null,
+            "Open a scene, press Render, and its picture appears here. ",
+            h("a", { href: linkTo() }, "To the scenes"),
+          ),
+        ),
+      );
   };
   life.add(jobs.subscribe(refresh));
   life.add(hidden.subscribe(refresh));
@@ -63,7 +80,11 @@ export function jobsView() {
     "div",
     { class: "page" },
     h("h1", { class: "page-title" }, "Jobs"),
-    h("div", { class: "tabs", role: "group", "aria-label": "Show" }, tabs.map(({ button }) => button)),
+    h(
+      "div",
+      { class: "tabs", role: "group", "aria-label": "Show" },
+      tabs.map(({ button }) => button),
+    ),
     notice,
     list,
     empty,

@@ -27,7 +27,13 @@ export function sceneCard(scene) {
     icon("trash"),
   );
   return {
-    element: h("li", { class: "card" }, picture.element, h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)), remove),
+    element: h(
+      "li",
+      { class: "card" },
+      picture.element,
+      h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
+      remove,
+    ),
     update(next) {
       latest = next;
       setText(name, next.name);

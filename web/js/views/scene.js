@@ -44,7 +44,16 @@ export function sceneView(id) {
     asked = true;
     getScene(id).then(
       (found) => scene.set(found),
-      (error) => fill(element, emptyState("cube", "This scene is not here", h("p", null, error.message), h("a", { href: linkTo() }, "To the scenes"))),
+      (error) =>
+        fill(
+          element,
+          emptyState(
+            "cube",
+            "This scene is not here",
+            h("p", null, error.message),
+            h("a", { href: linkTo() }, "To the scenes"),
+          ),
+        ),
     );
   };
 
@@ -73,7 +82,12 @@ function heading(scene) {
     h("h1", { title: scene.name }, scene.name),
     h(
       "button",
-      { class: "icon-button danger", type: "button", "aria-label": "Delete this scene", onclick: () => (removeScene(scene), go()) },
+      {
+        class: "icon-button danger",
+        type: "button",
+        "aria-label": "Delete this scene",
+        onclick: () => (removeScene(scene), go()),
+      },
       icon("trash"),
     ),
   );
@@ -91,12 +105,7 @@ function preparing(page, scene, life) {
   const bar = progressBar("Preparing");
   const notice = h("div", { class: "notice-slot" });
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
-  fill(
-    page,
-    heading(scene),
-    notice,
-    h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step),
-  );
+  fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
   return (next) => {
     setText(step, next.step ?? "Waiting for a worker");
     bar.update(next.progress);
@@ -112,12 +121,27 @@ function failed(page, scene) {
   fill(
     page,
     heading(scene),
-    h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, "This cannot be rendered. "), scene.error ?? "")),
+    h(
+      "div",
+      { class: "notice error", role: "alert" },
+      icon("warning"),
+      h("div", null, h("strong", null, "This cannot be rendered. "), scene.error ?? ""),
+    ),
     h(
       "section",
       { class: "section row" },
-      h("button", { class: "button primary", type: "button", onclick: () => choose({ folder: false }) }, icon("upload"), "Upload it again"),
-      h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), "Upload a folder"),
+      h(
+        "button",
+        { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
+        icon("upload"),
+        "Upload it again",
+      ),
+      h(
+        "button",
+        { class: "button", type: "button", onclick: () => choose({ folder: true }) },
+        icon("folder"),
+        "Upload a folder",
+      ),
     ),
   );
   return () => {};
@@ -133,8 +157,17 @@ function ready(page, scene, life) {
   const picture = thumbnail();
   const notice = h("div", { class: "notice-slot" });
   const list = h("ul", { class: "rows" });
-  const pictures = h("section", { class: "pictures", "aria-label": "Pictures of this scene" }, h("h2", null, "Pictures of this scene"), list);
-  const showJobs = keyedList(list, (job) => job.id, (job) => jobRow(job, life));
+  const pictures = h(
+    "section",
+    { class: "pictures", "aria-label": "Pictures of this scene" },
+    h("h2", null, "Pictures of this scene"),
+    list,
+  );
+  const showJobs = keyedList(
+    list,
+    (job) => job.id,
+    (job) => jobRow(job, life),
+  );
   const listJobs = () => {
     const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id));
     showJobs(own);
@@ -153,7 +186,12 @@ function ready(page, scene, life) {
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
   life.add(hidden.subscribe(listJobs));
-  life.add(addShortcuts([{ keys: "R", does: "Render", run: () => form.element.requestSubmit() }, { keys: "Enter", does: "Render", run: () => form.element.requestSubmit() }]));
+  life.add(
+    addShortcuts([
+      { keys: "R", does: "Render", run: () => form.element.requestSubmit() },
+      { keys: "Enter", does: "Render", run: () => form.element.requestSubmit() },
+    ]),
+  );
   fill(
     page,
     heading(scene),
@@ -175,17 +213,27 @@ function warnings({ warnings: sentences }) {
     "div",
     { class: "notice warning" },
     icon("warning"),
-    h("ul", { "aria-label": "Warnings" }, sentences.map((sentence) => h("li", null, sentence))),
+    h(
+      "ul",
+      { "aria-label": "Warnings" },
+      sentences.map((sentence) => h("li", null, sentence)),
+    ),
   );
 }
 
 /** @param {Scene} scene */
 function facts(scene) {
   /** @type {[string, string][]} */
-  const rows = Object.entries(scene.counts).filter(([, n]) => n > 0).map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
+  const rows = Object.entries(scene.counts)
+    .filter(([, n]) => n > 0)
+    .map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
   if (scene.cameras.length > 1) rows.push(["Cameras", count(scene.cameras.length - 1)]); // the automatic one left out
   const [lo, hi] = scene.bounds ?? [];
   if (lo && hi) rows.push(["Extent", hi.map((v, i) => Number((v - (lo[i] ?? 0)).toPrecision(3))).join(" × ")]);
   rows.push(["Files", bytes(scene.bytes)]);
-  return h("dl", { class: "facts tiles number" }, rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
+  return h(
+    "dl",
+    { class: "facts tiles number" },
+    rows.map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
+  );
 }

@@ -25,9 +25,28 @@ export function workersView() {
       list.hidden = all.length === 0;
       const slots = all.reduce((sum, w) => sum + w.slots, 0);
       const speed = all.reduce((sum, w) => sum + w.slots * w.samples_per_s, 0);
-      setText(summary, all.length ? `${plural(slots, "slot")} on ${plural(all.length, "worker")}${speed ? `, ${compact(speed)} samples/s together` : ""}` : "");
+      setText(
+        summary,
+        all.length
+          ? `${plural(slots, "slot")} on ${plural(all.length, "worker")}${speed ? `, ${compact(speed)} samples/s together` : ""}`
+          : "",
+      );
       if (all.length) fill(empty);
-      else fill(empty, emptyState("worker", "No worker is connected", h("p", null, "Workers do the rendering. ", h("code", null, "rayfarm up"), " starts one beside the service; any machine that reaches it can join.")));
+      else
+        fill(
+          empty,
+          emptyState(
+            "worker",
+            "No worker is connected",
+            h(
+              "p",
+              null,
+              "Workers do the rendering. ",
+              h("code", null, "rayfarm up"),
+              " starts one beside the service; any machine that reaches it can join.",
+            ),
+          ),
+        );
     }),
   );
   const element = h(
@@ -41,7 +60,11 @@ export function workersView() {
       "section",
       { class: "section" },
       h("header", null, h("h2", null, "Add a machine")),
-      h("p", { class: "quiet" }, "Install Rayfarm there and run this. It fetches scenes from here by itself and needs no shared folder; the farm's token was printed when the farm started."),
+      h(
+        "p",
+        { class: "quiet" },
+        "Install Rayfarm there and run this. It fetches scenes from here by itself and needs no shared folder; the farm's token was printed when the farm started.",
+      ),
       command(`${joinCommand()} --token TOKEN`),
     ),
   );
@@ -74,7 +97,12 @@ function slotLine(slot) {
   if (slot.job) {
     const job = jobs.value?.find(({ id }) => id === slot.job);
     const [x, y] = slot.tile ?? [0, 0];
-    return h("li", null, h("a", { href: linkTo("jobs", slot.job) }, job?.name ?? slot.job), h("span", { class: "quiet" }, ` tile ${x}, ${y}`));
+    return h(
+      "li",
+      null,
+      h("a", { href: linkTo("jobs", slot.job) }, job?.name ?? slot.job),
+      h("span", { class: "quiet" }, ` tile ${x}, ${y}`),
+    );
   }
   if (slot.scene) return h("li", null, "prepares ", h("a", { href: linkTo("scenes", slot.scene) }, "a scene"));
   return h("li", { class: "quiet" }, "idle");
