@@ -1,0 +1,95 @@
+"""Many rays through a tree at once, and what numpy finds without one."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.bvh.build import build
+from renderer.bvh.layout import Bvh
+from renderer.bvh.traverse import any_hit, closest_hit, new_stack
+from renderer.jit import entry
+
+NO_SPHERES = np.zeros((0, 4), np.float32)
+
+
+class Hits(NamedTuple):
+    t: np.ndarray  # (n,) f32; t_max where nothing is hit
+    primitive: np.ndarray  # (n,) i32; -1 where nothing is hit
+    uv: np.ndarray  # (n, 2) f32
+    shadow: np.ndarray  # (n,) bool: any_hit
+
+
+@entry
+def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow):
+    for i in range(len(o)):
+        origin = (o[i, 0], o[i, 1], o[i, 2])
+        direction = (d[i, 0], d[i, 1], d[i, 2])
+        t[i], primitive[i], uv[i, 0], uv[i, 1] = closest_hit(bvh, stack, origin, direction, t_max[i])
+        shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i])
+
+
+def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
+    """Rays (n, 3) from o (n, 3) or (3,); d need not be unit."""
+    d = np.ascontiguousarray(d, np.float32).reshape(-1, 3)
+    n = len(d)
+    o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (n, 3)))
+    limit = np.ascontiguousarray(np.broadcast_to(np.float32(t_max), (n,)))
+    hits = Hits(np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_))
+    _trace(bvh, new_stack(), o, d, limit, *hits)
+    return hits
+
+
+def without_a_tree(position: np.ndarray, triangle: np.ndarray, sphere: np.ndarray, o: object, d: object) -> Hits:
+    """The same primitives' tests with no tree above them: a leaf of its own for every eight."""
+    nearest: Hits | None = None
+    for first in range(0, len(triangle), 8):
+        hits = trace(build(position, triangle[first : first + 8], NO_SPHERES), o, d)
+        nearest = _nearer(nearest, hits, first)
+    for first in range(0, len(sphere), 8):
+        hits = trace(build(position, triangle[:0], sphere[first : first + 8]), o, d)
+        nearest = _nearer(nearest, hits, len(triangle) + first)
+    assert nearest is not None
+    return nearest
+
+
+def _nearer(a: Hits | None, b: Hits, first: int) -> Hits:
+    b = b._replace(primitive=np.where(b.primitive >= 0, b.primitive + first, -1))
+    if a is None:
+        return b
+    take = b.t < a.t
+    return Hits(
+        np.where(take, b.t, a.t),
+        np.where(take, b.primitive, a.primitive),
+        np.where(take[:, None], b.uv, a.uv),
+        a.shadow | b.shadow,
+    )
+
+
+def triangles_by_numpy(position: np.ndarray, triangle: np.ndarray, o: np.ndarray, d: np.ndarray, slack: float) -> np.ndarray:
+    """Distances (rays, triangles) in double precision, inf for a miss; edges widened by `slack` in barycentric terms."""
+    a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))
+    o, d = np.asarray(o, np.float64).reshape(-1, 1, 3), np.asarray(d, np.float64)[:, None]
+    e1, e2 = b - a, c - a
+    p = np.cross(d, e2)
+    with np.errstate(all="ignore"):
+        inverse = 1 / (e1 * p).sum(-1)
+        s = o - a
+        u = (s * p).sum(-1) * inverse
+        q = np.cross(s, e1)
+        v = (d * q).sum(-1) * inverse
+        t = (e2 * q).sum(-1) * inverse
+        hit = (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack) & (t > 0) & np.isfinite(inverse)
+    return np.where(hit, t, np.inf)
+
+
+def spheres_by_numpy(sphere: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Distances (rays, spheres) in double precision, inf for a miss."""
+    f = np.asarray(o, np.float64).reshape(-1, 1, 3) - sphere[:, :3].astype(np.float64)
+    d = np.asarray(d, np.float64)[:, None]
+    a, b = (d * d).sum(-1), -(f * d).sum(-1)
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b * b - a * ((f * f).sum(-1) - sphere[:, 3].astype(np.float64) ** 2))
+        near, far = (b - root) / a, (b + root) / a
+        return np.where(near > 0, near, np.where(far > 0, far, np.inf))

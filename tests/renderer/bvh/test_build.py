@@ -1,0 +1,141 @@
+"""The tree as it is built: everything in it once, every box around what it holds, and no input that breaks it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from renderer.bvh.build import build
+from renderer.bvh.layout import ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
+from tests.renderer.bvh.rays import NO_SPHERES, trace, without_a_tree
+
+NONE = np.zeros((0, 3), np.float32)
+NO_TRIANGLES = np.zeros((0, 3), np.int32)
+
+
+def leaves(bvh):
+    """(primitive, its triangle's corners or sphere, list of boxes around it), and checks that the tree is one."""
+    child = bvh.node[:, ROW_CHILD].view(np.int32)
+    number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
+    nodes, packets, deepest = set(), set(), 0
+    pending = [(0, [])]
+    while pending:
+        node, boxes = pending.pop()
+        assert node not in nodes
+        nodes.add(node)
+        deepest = max(deepest, len(boxes))
+        for lane in range(WIDTH):
+            lower, upper = bvh.node[node, 0:6:2, lane], bvh.node[node, 1:6:2, lane]
+            if np.isposinf(lower).all():
+                assert np.isneginf(upper).all()
+                continue
+            here = [*boxes, (lower, upper)]
+            if child[node, lane] >= 0:
+                pending.append((child[node, lane], here))
+                continue
+            packet, is_sphere = divmod(~child[node, lane], 2)
+            assert packet not in packets
+            packets.add(packet)
+            for k in np.flatnonzero(~np.isnan(bvh.packet[packet, 0])):
+                cells = bvh.packet[packet, :, k]
+                yield number[packet, k], (cells[:4] if is_sphere else cells[:9].reshape(3, 3)), here, bool(is_sphere)
+    assert len(nodes) == len(bvh.node)
+    assert len(packets) == len(bvh.packet)
+    assert (deepest + 1) * (WIDTH - 1) < STACK_SIZE
+
+
+def assert_whole(position, triangle, sphere):
+    bvh = build(position, triangle, sphere)
+    seen = []
+    for primitive, shape, boxes, is_sphere in leaves(bvh):
+        seen.append(primitive)
+        assert is_sphere == (primitive >= len(triangle))
+        if is_sphere:
+            np.testing.assert_array_equal(shape, sphere[primitive - len(triangle)])
+            low, high = shape[:3] - abs(shape[3]), shape[:3] + abs(shape[3])
+        else:
+            np.testing.assert_array_equal(shape, position[triangle[primitive]])
+            low, high = shape.min(0), shape.max(0)
+        for lower, upper in boxes:
+            assert (lower <= low).all()
+            assert (high <= upper).all()
+    assert sorted(seen) == list(range(len(triangle) + len(sphere)))
+    return bvh
+
+
+coordinate = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-30, 1e-3, 1e3, 1e15, -1e15, 1 / 3]) | st.floats(-10, 10, width=32)
+
+
+@given(st.data())
+@hypothesis_settings(max_examples=60, deadline=None)
+def test_any_primitives_make_a_whole_tree(data):
+    """Equal points, slivers, dots, enormous and minute: all kept, once, within every box above them."""
+    points = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30))
+    corner = st.integers(0, len(points) - 1)
+    triangle = data.draw(st.lists(st.tuples(corner, corner, corner), max_size=60))
+    sphere = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate, coordinate.map(abs)), max_size=20))
+    assert_whole(
+        np.array(points, np.float32), np.array(triangle, np.int32).reshape(-1, 3), np.array(sphere, np.float32).reshape(-1, 4)
+    )
+
+
+def test_a_random_soup_makes_a_whole_tree_and_always_the_same():
+    rng = np.random.default_rng(0)
+    position = rng.standard_normal((3000, 3)).astype(np.float32)
+    triangle = rng.integers(0, 3000, (2000, 3)).astype(np.int32)
+    sphere = np.abs(rng.standard_normal((50, 4))).astype(np.float32)
+    one, two = assert_whole(position, triangle, sphere), build(position, triangle, sphere)
+    assert one.node.tobytes() == two.node.tobytes()
+    assert one.packet.tobytes() == two.packet.tobytes()
+    assert not one.node.flags.writeable
+    assert not one.packet.flags.writeable
+
+
+def test_many_equal_primitives_do_not_deepen_the_tree():
+    position = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+    assert_whole(position, np.zeros((500, 3), np.int32) + np.arange(3, dtype=np.int32), NO_SPHERES)
+    assert_whole(NONE, NO_TRIANGLES, np.ones((300, 4), np.float32))
+
+
+def test_geometric_series_of_sizes_fits_the_stack():
+    """Each primitive half the one before: the worst that binning by centroids knows."""
+    scale = 2.0 ** -np.arange(120)
+    position = (np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)])[None] * scale[:, None, None] + scale[:, None, None]).reshape(-1, 3)
+    assert_whole(position.astype(np.float32), np.arange(360, dtype=np.int32).reshape(-1, 3), NO_SPHERES)
+
+
+def test_an_empty_tree_is_met_by_nothing():
+    bvh = build(NONE, NO_TRIANGLES, NO_SPHERES)
+    hits = trace(bvh, np.zeros(3), np.eye(3))
+    assert not hits.shadow.any()
+    assert (hits.primitive == -1).all()
+    assert np.isposinf(hits.t).all()
+
+
+def test_degenerate_triangles_are_never_met_and_hide_nothing():
+    position = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (-9, -9, 1), (27, -9, 1), (-9, 27, 1)], np.float32)
+    dots_and_slivers = [(0, 0, 0), (0, 1, 2), (0, 1, 1), (3, 3, 0)]
+    triangle = np.array([*dots_and_slivers, (4, 5, 6)], np.int32)
+    rng = np.random.default_rng(1)
+    target = np.column_stack([rng.uniform(0, 2, (3000, 1)), np.zeros((3000, 2))])
+    target[:4] = position[:4]
+    o = np.array((0.3, 0.1, -2), np.float32)
+    hits = trace(build(position, triangle, NO_SPHERES), o, target - o)
+    assert (hits.primitive == 4).all()
+    expected = without_a_tree(position, triangle[4:], NO_SPHERES, o, target - o)
+    np.testing.assert_array_equal(hits.t, expected.t)
+
+
+@pytest.mark.parametrize(
+    ("position", "triangle", "sphere", "sentence"),
+    [
+        ([(np.nan, 0, 0)], [(0, 0, 0)], [], "not finite"),
+        ([(0, 0, 0)], [(0, 0, 0)], [(0, 0, np.inf, 1)], "not finite"),
+        ([(0, 0, 0)], [(0, 0, 1)], [], "outside 0 ... 0"),
+        ([(0, 0, 0)], [(0, -1, 0)], [], "outside 0 ... 0"),
+    ],
+)
+def test_input_that_is_no_geometry_is_refused(position, triangle, sphere, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        build(np.array(position, np.float32), np.array(triangle, np.int32), np.array(sphere, np.float32).reshape(-1, 4))
