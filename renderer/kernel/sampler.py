@@ -14,6 +14,9 @@ __all__ = ["pixel_key", "uniform4"]
 _MULTIPLIER = np.uint32(1664525)
 _INCREMENT = np.uint32(1013904223)
 _SHIFT = np.uint32(16)
+_FIFTEEN = np.uint32(15)
+_MIX_1 = np.uint32(0x7FEB352D)
+_MIX_2 = np.uint32(0x846CA68B)
 _DISCARD = np.uint32(8)
 _STEP = np.float32(2.0**-24)
 
@@ -36,8 +39,15 @@ def _unit(x):
 
 @device
 def pixel_key(x, y):
-    """The pixel as a counter: the same whatever the frame's size or the tile."""
-    return np.uint32(np.uint32(y) << _SHIFT) | np.uint32(x)
+    """The pixel as a counter: the same whatever the frame's size or the tile.
+
+    Mixed one to one (lowbias32 of Wellons, "Prospecting for Hash Functions", 2018): y stands in the upper bits, and pcg4d's
+    products carry a counter's bits upwards only, so that along a column the numbers' low bits would not be even.
+    """
+    key = np.uint32(np.uint32(y) << _SHIFT) | np.uint32(x)
+    key = np.uint32(np.uint32(key ^ np.uint32(key >> _SHIFT)) * _MIX_1)
+    key = np.uint32(np.uint32(key ^ np.uint32(key >> _FIFTEEN)) * _MIX_2)
+    return np.uint32(key ^ np.uint32(key >> _SHIFT))
 
 
 @device
