@@ -1,7 +1,9 @@
-"""glTF's metallic-roughness material: a GGX layer over Lambert, as in the glTF 2.0 specification, appendix B.
+"""glTF's metallic-roughness material: a GGX layer over a diffuse base, after the glTF 2.0 specification, appendix B.
 
 F0 is 0.04 mixed with the base colour by `metallic`; alpha is roughness squared. Single scattering: what rough metal would
-scatter twice is lost, as in the specification.
+scatter twice is lost, as in the specification. The base gets what the layer leaves on the way in and on the way out
+(Shirley et al., "A practitioners' assessment of light reflection models", 1997), where a rough layer takes less at grazing
+angles: the specification's plain 1 - F of the half vector would reflect up to 1.2 times the light that comes in.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ _FOUR = np.float32(4.0)
 _PI = np.float32(math.pi)
 _INV_PI = np.float32(1.0 / math.pi)
 _DIELECTRIC_F0 = np.float32(0.04)
+_MEAN_SCHLICK_TERM = np.float32(1.0 / 21.0)  # over the cosine-weighted hemisphere
+_LOSS_1, _LOSS_2 = np.float32(0.45), np.float32(0.5)
 _MIN_ALPHA = np.float32(1e-3)  # smoother is a mirror to the eye, and float32 keeps the lobe's density
 _MIN_CHOICE = np.float32(0.05)
 
@@ -41,9 +45,21 @@ def _f0(base, metallic):
 
 
 @device
-def _schlick(f0, cosine):
+def _schlick_term(cosine):
     m = max(_ZERO, _ONE - cosine)
-    m5 = (m * m) * (m * m) * m
+    return (m * m) * (m * m) * m
+
+
+@device
+def _glancing(roughness):
+    """How much of Schlick's rise towards grazing angles the whole layer shows: fitted so that white stays below 1."""
+    rough = min(roughness, _ONE)
+    return _ONE - rough * (_LOSS_1 + _LOSS_2 * rough)
+
+
+@device
+def _schlick(f0, cosine):
+    m5 = _schlick_term(cosine)
     return f0[0] + (_ONE - f0[0]) * m5, f0[1] + (_ONE - f0[1]) * m5, f0[2] + (_ONE - f0[2]) * m5
 
 
@@ -65,9 +81,10 @@ def _smith_lambda(w, alpha):
 
 
 @device
-def _specular_choice(f0, base, metallic, wo):
+def _specular_choice(f0, base, metallic, roughness, wo):
     """The probability of sampling the GGX layer: its share of the reflectance seen from wo."""
-    specular = vec.luminance(_schlick(f0, wo[2]))
+    normal = vec.luminance(f0)
+    specular = normal + (_ONE - normal) * _glancing(roughness) * _schlick_term(wo[2])
     diffuse = vec.luminance(base) * (_ONE - metallic) * (_ONE - specular)
     return max(specular / max(specular + diffuse, np.float32(1e-6)), _MIN_CHOICE)
 
@@ -101,13 +118,13 @@ def eval_and_pdf_metallic_roughness(base, metallic, roughness, wo, wi):
     lambda_i = _smith_lambda(wi, alpha)
     density = _ggx_density(h, alpha) / (_FOUR * wo[2])
     specular = density / (_ONE + lambda_o + lambda_i)
-    diffuse = (_ONE - metallic) * wi[2] * _INV_PI
-    f = (
-        fresnel[0] * specular + (_ONE - fresnel[0]) * diffuse * base[0],
-        fresnel[1] * specular + (_ONE - fresnel[1]) * diffuse * base[1],
-        fresnel[2] * specular + (_ONE - fresnel[2]) * diffuse * base[2],
-    )
-    choice = _specular_choice(f0, base, metallic, wo)
+    glancing = _glancing(roughness)
+    passing = (_ONE - glancing * _schlick_term(wo[2])) * (_ONE - glancing * _schlick_term(wi[2]))
+    # divided by its mean over all directions, so that a white base reflects all that the layer lets in from wo
+    passing *= (_ONE - _DIELECTRIC_F0) / (_ONE - glancing * _MEAN_SCHLICK_TERM)
+    diffuse = (_ONE - metallic) * passing * wi[2] * _INV_PI
+    f = vec.add(vec.scale(fresnel, specular), vec.scale(base, diffuse))
+    choice = _specular_choice(f0, base, metallic, roughness, wo)
     pdf = choice * density / (_ONE + lambda_o) + (_ONE - choice) * square_to_cosine_hemisphere_pdf(wi)
     return f, pdf
 
@@ -129,7 +146,7 @@ def pdf_metallic_roughness(base, metallic, roughness, wo, wi):
 @device
 def sample_metallic_roughness(base, metallic, roughness, wo, choose, u):
     """(wi, weight, pdf); `choose` picks the layer, u the direction."""
-    if choose < _specular_choice(_f0(base, metallic), base, metallic, wo):
+    if choose < _specular_choice(_f0(base, metallic), base, metallic, roughness, wo):
         h = _visible_normal(wo, _alpha(roughness), u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
     else:
