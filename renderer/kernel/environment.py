@@ -19,6 +19,11 @@ __all__ = ["choose", "environment_pdf", "environment_radiance", "sample_environm
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
+_TWO = np.float32(2.0)
+_QUARTER = np.float32(0.25)
+_SIXTH = np.float32(1.0 / 6.0)
+_TWENTIETH = np.float32(0.05)
+_SMALL = np.float32(0.03)
 _TWO_PI = np.float32(2.0 * math.pi)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
@@ -77,12 +82,20 @@ def environment_radiance(environment, frame, d):
 
 
 @device
-def _row_cosines(row, height):
-    """cos(theta) at the upper and lower edge of a row of texels."""
+def _sine(turns):
+    """sin of 2 pi turns, 0 <= turns <= 1/4, with the relative precision that small angles need."""
+    if turns > _SMALL:
+        sine, _ = sincos_turns(turns)
+        return sine
+    x = _TWO_PI * turns
+    return x - x * x * x * _SIXTH * (_ONE - x * x * _TWENTIETH)
+
+
+@device
+def _row_extent(row, height):
+    """What cos(theta) falls by over a row of texels. As a difference of cosines, it would be lost at the poles."""
     step = _HALF / np.float32(height)
-    _, upper = sincos_turns(np.float32(row) * step)
-    _, lower = sincos_turns(np.float32(row + 1) * step)
-    return upper, lower
+    return _TWO * _sine((np.float32(min(row, height - 1 - row)) + _HALF) * step) * _sine(_HALF * step)
 
 
 @device
@@ -91,13 +104,16 @@ def sample_environment(marginal, conditional, frame, u):
     height, width = conditional.shape[0], conditional.shape[1] - 1
     row, u0, row_probability = choose(marginal, u[0])
     column, u1, column_probability = choose(conditional[row], u[1])
-    upper, lower = _row_cosines(row, height)
-    y = upper + u0 * (lower - upper)
-    radius = math.sqrt(max(_ZERO, _ONE - y * y))
+    extent = _row_extent(row, height)
+    south = 2 * row >= height
+    edge = _sine(np.float32(height - 1 - row if south else row) * (_QUARTER / np.float32(height)))
+    below_pole = _TWO * edge * edge + (_ONE - u0 if south else u0) * extent  # 1 - |cos(theta)|
+    y = below_pole - _ONE if south else _ONE - below_pole
+    radius = math.sqrt(max(_ZERO, below_pole * (_TWO - below_pole)))
     sine, cosine = sincos_turns((np.float32(column) + u1) / np.float32(width) - _HALF)
     x = radius * sine
     z = -radius * cosine
-    solid_angle = _TWO_PI / np.float32(width) * (upper - lower)
+    solid_angle = _TWO_PI / np.float32(width) * extent
     pdf = row_probability * column_probability / solid_angle
     return (x * frame[0] + z * frame[1], y, z * frame[0] - x * frame[1]), pdf
 
@@ -109,6 +125,5 @@ def environment_pdf(marginal, conditional, frame, d):
     u, v = _uv(frame, d)
     row = min(max(np.int64(v * np.float32(height)), 0), height - 1)  # NaN becomes the least int64
     column = min(max(np.int64(u * np.float32(width)), 0), width - 1)
-    upper, lower = _row_cosines(row, height)
-    solid_angle = _TWO_PI / np.float32(width) * (upper - lower)
+    solid_angle = _TWO_PI / np.float32(width) * _row_extent(row, height)
     return (marginal[row + 1] - marginal[row]) * (conditional[row, column + 1] - conditional[row, column]) / solid_angle
