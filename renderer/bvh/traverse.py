@@ -2,8 +2,8 @@
 
 The boxes' slabs are met by one fused multiply-add a plane. Its rounding is made good by a slack that each ray adds to its
 own constants (and that the builder adds to the boxes), so that no box is missed that holds a hit: flat boxes and boxes that
-touch along an edge included. The nearest child is visited first; the others wait on the stack with their distances, unsorted, and are
-dropped when something nearer has been hit since. (Sorting them costs more in wrong branches than it saves.)
+touch along an edge included. The nearest child is visited first; the others wait on the stack, unsorted, with their
+distances, and are dropped when something nearer has been hit since. Sorting them costs more in wrong branches than it saves.
 """
 
 from __future__ import annotations
