@@ -1,6 +1,6 @@
 /** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
 
-import { createJob, getScene } from "../api.js";
+import { createJob, getScene, imageUrl } from "../api.js";
 import { fill, h, keyedList, setText } from "../dom.js";
 import { hidden, jobs, putJob, scenes, workers } from "../farm.js";
 import { bytes, count } from "../format.js";
@@ -172,6 +172,8 @@ function ready(page, scene, life) {
     const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id));
     showJobs(own);
     pictures.hidden = own.length === 0;
+    const finished = own.find(({ state }) => state === "finished");
+    picture.update(scene, finished && imageUrl(finished.id, "jpg", { width: 800, v: finished.samples }));
   };
   const form = settingsForm(scene, async (request) => {
     try {
@@ -203,7 +205,7 @@ function ready(page, scene, life) {
       h("section", { class: "panel", "aria-label": "Render" }, form.element),
     ),
   );
-  return (next) => picture.update(next);
+  return () => {};
 }
 
 /** @param {Scene} scene */
