@@ -107,7 +107,15 @@ def out_of_line(typingctx: Any) -> Any:
 
 def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
-    return njit(cache=True, nogil=True, fastmath=_FASTMATH, error_model="numpy", _nrt=heap, forceinline=inline)(function)
+    options: Any = {
+        "cache": True,
+        "nogil": True,
+        "fastmath": _FASTMATH,
+        "error_model": "numpy",
+        "_nrt": heap,
+        "forceinline": inline,
+    }
+    return njit(**options)(function)
 
 
 def entry(function: Function) -> Function:

@@ -107,8 +107,9 @@ def render_frame(
     threads: None for one per CPU this process may use; the sums do not depend on it.
     progress: called from this thread with (samples a pixel done so far times pixels, all of them).
     stats: filled in, where given.
-    stop: asked with the sums after every pass over the frame (1, 1, 2, 4 ... up to 64 samples a pixel); True ends.
+    stop: asked with the sums after every pass over the frame; True ends.
     time_limit: seconds after which no further pass is begun; one pass is always made.
+    Where either is given, passes take 1, 1, 2, 4 ... and at most 64 samples a pixel; else they take 64.
     """
     stats = stats if stats is not None else RenderStats()
     threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (threads or os.cpu_count() or 1)
@@ -133,7 +134,9 @@ def render_frame(
     with ThreadPoolExecutor(threads, thread_name_prefix="render") as pool:
         first = 0
         while first < spp:
-            count = min(max(first, 1), _SAMPLES_AT_ONCE, spp - first)
+            count = min(_SAMPLES_AT_ONCE, spp - first)
+            if stop is not None or time_limit is not None:
+                count = min(max(first, 1), count)
             waiting = [pool.submit(render, tile, first, count) for tile in tiles]
             try:
                 for future in waiting:

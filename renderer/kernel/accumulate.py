@@ -18,6 +18,7 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 _MOST = np.float32(SAMPLE_MAX)
 _COLOR, _EVEN, _ALBEDO, _NORMAL = COLOR.start, COLOR_EVEN.start, ALBEDO.start, NORMAL.start
 _FIRST = np.uint32(0)
+_NOTHING = (np.int64(0), np.int64(0), np.int64(0))
 
 
 @device
@@ -29,6 +30,11 @@ def _fixed(value, scale):
 @device
 def _fixed3(value, scale):
     return _fixed(value[0], scale), _fixed(value[1], scale), _fixed(value[2], scale)
+
+
+@device
+def _sum3(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @device
@@ -50,6 +56,8 @@ def render_tile(scene, stack, camera, seed, max_depth, scale, x0, y0, first, cou
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             pixel = pixel_key(x0 + x, y0 + y)
+            color = even = albedo = normal = _NOTHING
+            depth = samples = samples_even = np.int64(0)
             for sample in range(first, first + count):
                 u = uniform4(seed, pixel, np.uint32(sample), _FIRST)
                 o, d = camera_ray(camera, np.float32(x0 + x) + u[0], np.float32(y0 + y) + u[1])
@@ -63,13 +71,21 @@ def render_tile(scene, stack, camera, seed, max_depth, scale, x0, y0, first, cou
                         bad[bad_count, 2] = sample
                     bad_count += 1
                     continue
-                color = _fixed3(path.radiance, scale)
-                _add3(sums, _COLOR, y, x, color)
-                _add3(sums, _ALBEDO, y, x, _fixed3(path.albedo, scale))
-                _add3(sums, _NORMAL, y, x, _fixed3(path.normal, scale))
-                sums[DEPTH, y, x] += _fixed(path.depth, scale)
-                sums[SAMPLES, y, x] += 1
+                value = _fixed3(path.radiance, scale)
+                color = _sum3(color, value)
+                albedo = _sum3(albedo, _fixed3(path.albedo, scale))
+                normal = _sum3(normal, _fixed3(path.normal, scale))
+                depth += _fixed(path.depth, scale)
+                samples += 1
                 if sample & 1 == 0:
-                    _add3(sums, _EVEN, y, x, color)
-                    sums[SAMPLES_EVEN, y, x] += 1
+                    even = _sum3(even, value)
+                    samples_even += 1
+            # Once a pixel, not once a sample: a tile's planes lie so far apart that they push each other out of the cache.
+            _add3(sums, _COLOR, y, x, color)
+            _add3(sums, _EVEN, y, x, even)
+            _add3(sums, _ALBEDO, y, x, albedo)
+            _add3(sums, _NORMAL, y, x, normal)
+            sums[DEPTH, y, x] += depth
+            sums[SAMPLES, y, x] += samples
+            sums[SAMPLES_EVEN, y, x] += samples_even
     return bad_count, rays

@@ -20,7 +20,9 @@ from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_s
 __all__ = ["LightSample", "environment_light_pdf", "primitive_light_pdf", "sample_light"]
 
 _ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
 _FAR = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
@@ -50,17 +52,14 @@ def _sample_triangle(scene, number, area, p, u):
     q, error, normal = triangle_point(scene.position, scene.triangle, number, b, c)
     d = vec.sub(q, p)
     square = vec.dot(d, d)
-    doubled = vec.dot(normal, normal)
-    if not (square > _ZERO and doubled > _ZERO):
-        return _nothing()
-    normal = vec.scale(normal, _ONE / math.sqrt(doubled))
     w = vec.scale(d, _ONE / math.sqrt(square))
-    cosine = -vec.dot(normal, w)
-    if cosine == _ZERO:
+    projected = -vec.dot(normal, w)  # twice the area, seen from p
+    if not (square > _ZERO and abs(projected) > _ZERO):
         return _nothing()
     uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
-    radiance = emission(scene, scene.triangle_material[number], uv, cosine > _ZERO)
-    return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, square / (abs(cosine) * area))
+    radiance = emission(scene, scene.triangle_material[number], uv, projected > _ZERO)
+    end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
+    return LightSample(w, end, radiance, _TWO * square / abs(projected))
 
 
 @device

@@ -23,6 +23,7 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 _ROULETTE_FROM = 4  # segments that every path may have; dark ones end soon after
+_LEAST_PDF, _MOST_PDF = np.float32(1e-18), np.float32(1e18)  # whose squares float32 still holds
 _MOST_SURVIVAL = np.float32(0.95)
 
 
@@ -38,14 +39,12 @@ class PathResult(NamedTuple):
 
 @device
 def power_heuristic(a, b):
-    """The weight of a sample whose own density is a and the other strategy's b (Veach 1997): with b's, they sum to 1."""
-    if a > b:  # the ratio of the lesser to the greater: neither squares overflow
-        r = b / a
-        return _ONE / (_ONE + r * r)
-    if b <= _ZERO:
-        return _ZERO
-    r = a / b
-    return r * r / (_ONE + r * r)
+    """The weight of a sample whose own density is a and the other strategy's b (Veach 1997): with b's, they sum to 1.
+
+    a > 0."""
+    a = min(max(a, _LEAST_PDF), _MOST_PDF)
+    b = min(b, _MOST_PDF)
+    return a * a / (a * a + b * b)
 
 
 @device

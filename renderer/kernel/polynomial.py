@@ -16,8 +16,7 @@ __all__ = ["acos", "atan2", "exp", "exp2", "floor", "log", "log2", "power", "sin
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
-_TWO = np.float32(2.0)
-_FOUR = np.float32(4.0)
+_QUARTER = np.float32(0.25)
 _PI = np.float32(math.pi)
 _HALF_PI = np.float32(math.pi / 2)
 _LOG2_E = np.float32(math.log2(math.e))
@@ -29,8 +28,8 @@ _INF = np.float32(np.inf)
 _NAN = np.float32(np.nan)
 _SMALLEST = np.float32(2.0**-126)
 
-_S = tuple(np.float32(c) for c in (-1.66666549e-1, 8.33217815e-3, -1.95172989e-4))
-_C = tuple(np.float32(c) for c in (4.16664687e-2, -1.38873675e-3, 2.44384514e-5))
+_S = tuple(np.float32(c) for c in (6.28318519, -41.3416607, 81.6012907, -76.5553989, 39.5743314))
+_C = tuple(np.float32(c) for c in (-19.7392086, 64.9393569, -85.4539732, 60.1507137, -25.0223338))
 _E = tuple(np.float32(c) for c in (6.93147206e-1, 2.40226513e-1, 5.55032791e-2, 9.61800398e-3, 1.34002353e-3, 1.54762792e-4))
 _L = tuple(
     np.float32(c)
@@ -83,20 +82,16 @@ def floor(x):
 
 @device
 def sincos_turns(turns):
-    """(sin, cos) of 2 pi turns, |turns| < 2**20; absolute error below 1.5e-7."""
-    quarter = floor(turns * _FOUR + _HALF)
-    x = (turns * _FOUR - np.float32(quarter)) * _HALF_PI
-    z = x * x
-    sine = x + x * z * (_S[0] + z * (_S[1] + z * _S[2]))
-    cosine = _ONE - _HALF * z + z * z * (_C[0] + z * (_C[1] + z * _C[2]))
-    quadrant = np.int32(quarter) & 3
-    if quadrant == 0:
-        return sine, cosine
-    if quadrant == 1:
-        return cosine, -sine
-    if quadrant == 2:
-        return -sine, -cosine
-    return -cosine, sine
+    """(sin, cos) of 2 pi turns, |turns| < 2**20; absolute error below 4e-7.
+
+    Free of branches, since no one can predict a random angle's quadrant: with y = |x| - 1/4 for the nearest whole turn's
+    remainder x, cos(2 pi x) = -sin(2 pi y) and sin(2 pi |x|) = cos(2 pi y), and y spans half a turn only.
+    """
+    x = turns - np.rint(turns)
+    y = abs(x) - _QUARTER
+    z = y * y
+    sine = math.copysign(_ONE + z * (_C[0] + z * (_C[1] + z * (_C[2] + z * (_C[3] + z * _C[4])))), x)
+    return sine, -y * (_S[0] + z * (_S[1] + z * (_S[2] + z * (_S[3] + z * _S[4]))))
 
 
 @device

@@ -37,14 +37,11 @@ def square_to_disk(u):
     """The unit disk, uniformly, keeping neighbours together (Shirley & Chiu 1997): (x, y)."""
     a = _TWO * u[0] - _ONE
     b = _TWO * u[1] - _ONE
-    if a == _ZERO and b == _ZERO:
-        return _ZERO, _ZERO
-    if abs(a) > abs(b):
-        radius = a
-        turns = _EIGHTH * (b / a)
-    else:
-        radius = b
-        turns = _QUARTER - _EIGHTH * (a / b)
+    steep = abs(b) > abs(a)  # chooses values, not branches, as it cannot be predicted
+    radius = b if steep else a
+    other = a if steep else b
+    turns = _EIGHTH * other / (radius if radius != _ZERO else _ONE)
+    turns = _QUARTER - turns if steep else turns
     sine, cosine = sincos_turns(turns)
     return radius * cosine, radius * sine
 

@@ -11,9 +11,9 @@ Needs the extra `peers` (pip install mitsuba) and LLVM 16 or newer for Mitsuba's
 from __future__ import annotations
 
 import argparse
-import glob
 import json
 import os
+import re
 import statistics
 import time
 from pathlib import Path
@@ -32,11 +32,11 @@ SCENES = Path(__file__).parents[2] / "scenes"
 
 def _find_llvm() -> None:
     """Points Dr.Jit at the newest LLVM library of the system, unless the caller has."""
-    found = sorted(
-        glob.glob("/usr/lib/*/libLLVM*.so*"), key=lambda p: [int(n) for n in p.replace("-", ".").split(".") if n.isdigit()]
-    )
+    found = {
+        int(number.group(1)): path for path in Path("/usr/lib").glob("*/libLLVM*") if (number := re.search(r"(\d+)", path.name))
+    }
     if found:
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", found[-1])
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(found[max(found)]))
 
 
 def _mitsuba(variant: str, spp: int) -> tuple[Any, Any]:
@@ -114,8 +114,9 @@ def markdown(result: dict[str, Any]) -> str:
     ]
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     lines.insert(1, "|---|---|---|")
-    ratio = f"Ratio: {result['ratio_of_best']:.2f} of the best rounds, {result['ratio_median']:.2f} median, {result['ratio_of_cpu_time']:.2f} by CPU time"
-    return f"{result['scene']}, {result['cpus']} CPUs\n\n" + "\n".join(lines) + f"\n\n{ratio}\n"
+    ratios = [f"{result[key]:.2f} {what}" for key, what in (("ratio_of_best", "of the best rounds"), ("ratio_median", "median"))]
+    ratios.append(f"{result['ratio_of_cpu_time']:.2f} by CPU time")
+    return f"{result['scene']}, {result['cpus']} CPUs\n\n" + "\n".join(lines) + f"\n\nRatio: {', '.join(ratios)}\n"
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 
 pytestmark = pytest.mark.farm
 
-WIDTH, HEIGHT, SPP, DEPTH = 96, 80, 1024, 5
+WIDTH, HEIGHT, SPP, DEPTH = 96, 80, 640, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 
 
