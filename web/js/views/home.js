@@ -107,6 +107,9 @@ function dropZone() {
 
 /** @param {Example} example */
 function exampleCard(example) {
+  // Rendered by Rayfarm; an example that has none yet shows the stand-in.
+  const picture = `examples/${encodeURIComponent(example.name)}.jpg`;
+  const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
   const open = async () => {
     try {
       const scene = await openExample(example.name);
@@ -118,6 +121,7 @@ function exampleCard(example) {
   return h(
     "li",
     { class: "card example" },
+    h("div", { class: "picture" }, icon("cube"), h("img", { src: picture, alt: "", loading: "lazy", onerror: hide })),
     h(
       "div",
       { class: "body" },
