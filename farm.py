@@ -23,6 +23,7 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
 FOR_USE = ("worker", "local")
 FOR_TESTS = ("worker", "local", "test")
+FOR_BENCHMARKS = ("worker", "local", "test", "peers")
 TYPESCRIPT = VENV / "typescript"
 
 
@@ -34,9 +35,10 @@ def main():
         print(__doc__)
         return 2
     command, rest = arguments[0], arguments[1:]
-    if command in ("test", "bench"):
-        python = install(FOR_TESTS)
-        return run_tests(python, rest) if command == "test" else run_benchmarks(python, rest)
+    if command == "test":
+        return run_tests(install(FOR_TESTS), rest)
+    if command == "bench":
+        return run_benchmarks(install(FOR_BENCHMARKS), rest)
     install(FOR_USE)
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
@@ -73,33 +75,36 @@ def find_python():
 def install(extras):
     """The environment's Python, with Rayfarm and these extras installed; quick where nothing has changed."""
     python = VENV / "bin" / "python"
-    sources = [ROOT / "pyproject.toml", ROOT / "constraints.txt"]
-    state = hashlib.sha256(
-        b"".join(path.read_bytes() for path in sources) + sys.version.encode() + str(VENV).encode()
-    ).hexdigest()
     stamp = VENV / "rayfarm-stamp"
     known = stamp.read_text().split() if stamp.is_file() else []
-    if known[:1] == [state] and set(extras) <= set(known[1:]) and python.exists():
+    if known[:1] == [state()] and set(extras) <= set(known[1:]) and python.exists():
         return python
     begun = time.monotonic()
-    if known[:1] != [state]:
+    if not usable(python):
+        make_environment()
         known = []
     extras = sorted(set(extras) | set(known[1:]))
-    if not (python.exists() and (VENV / "bin" / "pip").exists() and same_version(python)):
-        make_environment()
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
     target = "{}[{}]".format(ROOT, ",".join(extras))
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
-    stamp.write_text(" ".join([state, *extras]) + "\n")
+    stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")
     return python
 
 
-def same_version(python):
-    """Whether the environment's Python works and is of this one's version."""
-    asked = [str(python), "-c", "import sys; print(sys.version_info[:2])"]
-    answer = subprocess.run(asked, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False)
-    return answer.stdout.decode().strip() == str(sys.version_info[:2])
+def state():
+    """A hash of all that an installation follows from: what is wanted, and the environment's Python and place."""
+    files = [ROOT / "pyproject.toml", ROOT / "constraints.txt", VENV / "pyvenv.cfg"]
+    return hashlib.sha256(b"".join(path.read_bytes() if path.is_file() else b"-" for path in files)).hexdigest()
+
+
+def usable(python):
+    """Whether .venv works, is of a Python that Rayfarm runs on, and was made at this very place: it does not survive a move."""
+    config = VENV / "pyvenv.cfg"
+    if not config.is_file() or str(VENV) not in config.read_text() or not python.exists():
+        return False
+    program = "import sys, pip; sys.exit(sys.version_info[:2] not in " + repr(PYTHONS) + ")"
+    return subprocess.call([str(python), "-c", program], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) == 0
 
 
 def make_environment():

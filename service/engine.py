@@ -16,10 +16,9 @@ from typing import Any
 
 import redis
 
-from renderer.settings import RenderSettings
-from service.active_job import ActiveJob
 from service.dispatch import Dispatcher, QueueError
 from service.film_store import FilmStore
+from service.lifecycle import Lifecycle, Tell
 from service.merging import batch_of, merge
 from service.preparing import Preparing, Progress
 from service.records import Records
@@ -36,7 +35,6 @@ PAUSE_AFTER_FAULT_S = 0.5
 
 log = logging.getLogger(__name__)
 
-Tell = Callable[[str, str], None]  # what ("job", "scene", "worker") and which
 TellTiles = Callable[[str, int, set[int]], None]  # job, frame, tiles
 
 
@@ -55,7 +53,8 @@ class Engine:
         self._results = Results(self._redis)
         self.workers = Workers(self._redis, lambda name: tell("worker", name))
         self.preparing = Preparing(self._dispatcher, self.workers, settings.prepare_deadline)
-        self.scheduler = Scheduler(settings, self._dispatcher, self.workers, self._start)
+        self.scheduler = Scheduler(settings, self._dispatcher, self.workers, lambda *start: self.lifecycle.may_start(*start))
+        self.lifecycle = Lifecycle(records, films, self.scheduler, self.preparing, tell)
         self._changes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._purged = False
         self._looked_around = 0.0
@@ -109,8 +108,7 @@ class Engine:
         if not self._purged:
             self._dispatcher.purge()
             self._purged = True
-        while not self._changes.empty():
-            self._apply(*self._changes.get())
+        self._apply_changes()
         self.workers.look()
         if time.monotonic() - self._looked_around >= 1.0:
             self._looked_around = time.monotonic()
@@ -122,70 +120,21 @@ class Engine:
             self._take(entries)
             self._results.delete(entries)
 
-    def _apply(self, what: str, id: str) -> None:
-        if what == "scene":
-            scene = self.records.scene(id)
-            if scene is None:
-                self.preparing.forget(id)
-            elif scene.status == "preparing":
-                self.preparing.want(id, None)
-            return
-        row = self.records.job(id)
-        job = self.scheduler.jobs.get(id)
-        if row is None or row.state not in ("queued", "running", "paused"):
-            if job is not None:
-                self.records.progress(job)
-                self._drop(job)
-            if row is None:
-                self.films.delete(id)
-        elif job is None:
-            self._take_up(id)
-        else:
-            if row.state == "paused" != job.state:
-                self.scheduler.withdraw(job)
-                self.records.progress(job)
-            job.state, job.priority = row.state, row.priority
-            if row.spp and row.spp != job.plan.spp:
-                self.scheduler.withdraw(job)
-                job.plan.extend(row.spp)
-        self._tell("job", id)
-
-    def _take_up(self, id: str) -> None:
-        """Begin or go on with a job, as soon as its scene is ready."""
-        row = self.records.job(id)
-        scene = self.records.scene(row.scene) if row else None
-        if row is None or scene is None or scene.status == "failed":
-            self.records.failed(
-                id, scene.error or "The scene failed." if scene else "The scene of this job was deleted. Upload it again."
-            )
-            return
-        if scene.status != "ready":
-            return
-        row = self.records.resolve(id, scene)
-        if row is None or row.state == "failed" or row.settings is None or row.tile_size is None:
-            return
-        film = self.films.open(id, RenderSettings.from_json(row.settings), row.tile_size, pin=True)
-        job = ActiveJob(row, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
-        self.scheduler.jobs[id] = job
-        self.records.progress(job)
-        self._end_if_done(job)
-
-    def _start(self, job: ActiveJob, kind: str) -> bool:
-        """Whether the job can be rendered by workers of this kind now; if so its kind is fixed."""
-        if kind not in job.compiled:
-            self.preparing.want(job.scene, kind)
-            return False
-        if not job.started or job.kind is None or job.state == "queued":
-            if not self.records.started(job.id, kind):
-                return False
-            job.started, job.state = True, "running"
-            job.kind = job.kind or kind
-            self._tell("job", job.id)
-        return True
+    def _apply_changes(self) -> None:
+        while not self._changes.empty():
+            what, id = self._changes.get()
+            try:
+                self.lifecycle.apply(what, id)
+            except Exception:
+                self._changes.put((what, id))  # what the database accepted is not forgotten because of a fault
+                raise
 
     def _take(self, entries: list[Entry]) -> None:
         touched: dict[str, set[int]] = {}
-        for merged in merge(entries, self.scheduler.jobs):
+        arrived, broken = merge(entries, self.scheduler.jobs)
+        for id, error in broken.items():
+            self.lifecycle.fail(self.scheduler.jobs[id], f"The film of this job cannot be written ({error}). Make a new job.")
+        for merged in arrived:
             self.scheduler.came_back(merged.job, merged.lease, merged.batch, merged.seconds)
             self.counts["merged" if merged.taken else "dropped"] += 1
             if merged.taken:
@@ -196,7 +145,7 @@ class Engine:
             job.tick(job.state == "running")
             self._tell_tiles(id, job.frame, tiles)
             self._tell("job", id)
-            self._end_if_done(job)
+            self.lifecycle.end_if_done(job)
         for entry in entries:
             if entry.result is not None and entry.result.event["type"] != "batch":
                 try:
@@ -213,7 +162,7 @@ class Engine:
             self.counts["failed"] += 1
             trouble = self.scheduler.failed(job, event["batch"], batch, event["worker"], event["error"], event.get("reproduce"))
             if trouble is not None:
-                self._fail(job, f"A batch failed {len(trouble.workers)} times: {trouble.error}", trouble.reproduce)
+                self.lifecycle.fail(job, f"A batch failed {len(trouble.workers)} times: {trouble.error}", trouble.reproduce)
             return
         scene, kind = event["scene"], event["kind"]
         if event["type"] == "prepare-started":
@@ -221,70 +170,23 @@ class Engine:
         elif event["type"] == "prepare-progress":
             self.preparing.heard(scene, kind, event.get("worker", ""), Progress(str(event["step"]), float(event["fraction"])))
         elif event["type"] == "prepared":
-            self._prepared(scene, SceneInfo.from_json(event["info"]))
+            self.lifecycle.prepared(scene, SceneInfo.from_json(event["info"]))
         elif event["type"] == "prepare-failed":
-            self._prepare_failed(scene, kind, str(event["error"]))
+            self.lifecycle.prepare_failed(scene, kind, str(event["error"]))
         self._tell("scene", scene)
-
-    def _prepared(self, scene: str, info: SceneInfo) -> None:
-        self.preparing.forget_kind(scene, info.kind)
-        if not self.records.prepared(scene, info):
-            return
-        for id in self.records.jobs_of(scene):
-            if id in self.scheduler.jobs:
-                self.scheduler.jobs[id].compiled[info.kind] = info.compiled.sha256
-            else:
-                self._take_up(id)
-                self._tell("job", id)
-
-    def _prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
-        """The scene's error ends the jobs that wait for it: all, or those that need it for this kind of worker."""
-        if self.records.prepare_failed(scene, error):
-            self.preparing.forget(scene)
-        elif kind is not None:
-            self.preparing.forget_kind(scene, kind)
-        row = self.records.scene(scene)
-        for id in self.records.jobs_of(scene):
-            job = self.scheduler.jobs.get(id)
-            if job is None or row is None or row.status == "failed":
-                self.records.failed(id, error)
-            elif job.kind == kind and kind not in job.compiled:
-                self._fail(job, error, None)
-            self._tell("job", id)
 
     def _each_second(self) -> None:
         hopeless = self.scheduler.review()
         self.counts["lost"] = self.scheduler.lost
         for job, sentence in hopeless:
-            self._fail(job, sentence, None)
+            self.lifecycle.fail(job, sentence)
         for scene, kind in self.preparing.review():
-            self._prepare_failed(
+            self.lifecycle.prepare_failed(
                 scene, kind, "The worker was lost three times while it prepared this scene. It may be too large."
             )
-            self._tell("scene", scene)
         for job in list(self.scheduler.jobs.values()):
             job.tick(job.state == "running" and bool(self.scheduler.leases.of(job.id)))
             if job.state == "running":
                 self.records.progress(job)
                 self._tell("job", job.id)
-            self._end_if_done(job)
-
-    def _end_if_done(self, job: ActiveJob) -> None:
-        if job.state in ("queued", "running") and job.done:
-            job.tick(job.started)
-            self.records.progress(job)
-            if self.records.finished(job):
-                self._drop(job)
-                self._tell("job", job.id)
-
-    def _fail(self, job: ActiveJob, error: str, reproduce: str | None) -> None:
-        self.records.progress(job)
-        self.records.failed(job.id, error, reproduce)
-        self._drop(job)
-        self._tell("job", job.id)
-
-    def _drop(self, job: ActiveJob) -> None:
-        self.scheduler.withdraw(job)
-        self.scheduler.jobs.pop(job.id, None)
-        job.film.settle()
-        self.films.unpin(job.id)
+            self.lifecycle.end_if_done(job)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated
+import fcntl
+import time
+from pathlib import Path
+from typing import IO, Annotated
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -19,6 +22,8 @@ from service.models import Job
 from service.records import Records
 from service.settings import Settings
 
+OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
+
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
 
@@ -28,6 +33,7 @@ class Farm:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         settings.make_folders()
+        self._lock = _own(settings.data)
         self.instance = settings.instance()
         self.database, self.sessions = connect(settings.database)
         self.blobs = BlobStore(settings.data / "blobs", settings.data / "tmp")
@@ -48,12 +54,30 @@ class Farm:
         self.engine.stop()
         self.films.close()
         self.database.dispose()
+        self._lock.close()
 
     def film(self, job: Job) -> Film | None:
         """A job's film; None where the job has none yet."""
         if job.settings is None or job.tile_size is None:
             return None
         return self.films.open(job.id, RenderSettings.from_json(job.settings), job.tile_size)
+
+
+def _own(folder: Path) -> IO[str]:
+    """Hold the folder for this process, until it ends in whatever way: two engines on the same films would undo each other."""
+    lock = (folder / "lock").open("w")
+    deadline = time.monotonic() + OWN_PATIENCE_S
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return lock
+        except OSError:
+            if time.monotonic() > deadline:
+                lock.close()
+                raise RuntimeError(
+                    f"Another service works on {folder}. Stop it, or set RAYFARM_DATA to a folder of its own."
+                ) from None
+            time.sleep(0.1)
 
 
 def get_farm(connection: HTTPConnection) -> Farm:

@@ -44,9 +44,12 @@ class FilmStore:
             return film
 
     def unpin(self, job: str) -> None:
-        """Let a film be closed when others need the room."""
+        """Nobody renders a film any more: let it rest in its one file, and be closed when others need the room."""
         with self._lock:
             self._pinned.discard(job)
+            film = self._films.get(job)
+        if film is not None:
+            film.settle()
 
     def delete(self, job: str) -> None:
         """Close a film and remove its files."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,8 +33,12 @@ class Merged:
     taken: bool
 
 
-def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> list[Merged]:
-    """Add all rendered batches among the entries to their films; those of jobs that are over are left out."""
+def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> tuple[list[Merged], dict[str, str]]:
+    """Add all rendered batches among the entries to their films; those of jobs that are over are left out.
+
+    Also returns the jobs whose film is broken, each with its fault. What may pass (a full disk, a lock) is raised instead,
+    as sqlite3.OperationalError: the entries are still in the stream, and are taken in later.
+    """
     groups: dict[str, list[tuple[str, Range, float, Part]]] = {}
     for entry in entries:
         if entry.result is None or entry.result.event["type"] != "batch" or entry.result.sums is None:
@@ -46,13 +51,20 @@ def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> list[Merged]:
             continue
         if job is not None and read is not None:
             groups.setdefault(job.id, []).append(read)
-    merged = []
+    merged: list[Merged] = []
+    broken: dict[str, str] = {}
     for id, group in groups.items():
         job = jobs[id]
-        taken = job.film.merge([part for *_, part in group])
+        try:
+            taken = job.film.merge([part for *_, part in group])
+        except sqlite3.OperationalError:
+            raise
+        except sqlite3.DatabaseError as error:
+            broken[id] = str(error)
+            continue
         for (lease, batch, seconds, part), is_new in zip(group, taken, strict=True):
             merged.append(Merged(job, lease, batch, seconds, part, is_new))
-    return merged
+    return merged, broken
 
 
 def batch_of(event: dict[str, Any], job: ActiveJob) -> Range | None:

@@ -68,7 +68,8 @@ def up(
                 if browser and has_screen():
                     webbrowser.open(farm.url)
                 if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
-                    out.print(f"Ready after {time.monotonic() - begun:.1f} s with {slots} worker slots. Ctrl-C stops the farm.")
+                    count = "one worker slot" if slots == 1 else f"{slots} worker slots"
+                    out.print(f"Ready after {time.monotonic() - begun:.1f} s with {count}. Ctrl-C stops the farm.")
                 elif not slots:
                     out.print("Ready without a worker of its own. Ctrl-C stops the farm.")
             while not signals.stop():

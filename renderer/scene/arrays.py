@@ -47,7 +47,7 @@ class CompiledScene(NamedTuple):
     light_area: Array  # (L,) f32
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
-    environment_marginal: Array  # (H + 1,) f32: cdf over rows, luminance times solid angle
+    environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
     environment_conditional: Array  # (H, W + 1) f32: cdf within a row
     environment_frame: Array  # (4,) f32: cos and sin of the rotation, mean radiance, probability of choosing it over the lights
 

@@ -47,7 +47,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         light_studio(description)
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)
-    chance = choose_environment(environment.mean, lights.power, bounds)
+    chance = choose_environment(environment, lights.power, bounds)
     rotation = environment.rotation
     say("building the BVH", 0.5)
     bvh = build(geometry.position, geometry.triangle, sphere)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -12,10 +13,12 @@ import httpx
 import pytest
 import redis
 import uvicorn
+from sqlalchemy import create_engine
 
 from rayfarm.local.farm import free_port
 from service.farm import Farm
 from service.main import create_app
+from service.models import Base
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.peer_worker import PeerWorker
@@ -114,7 +117,12 @@ def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
     client = redis.Redis.from_url(redis_server.url)
     client.flushall()
     client.close()
-    service = Service(tmp_path / "data", redis_server.url)
+    database = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # a PostgreSQL that may be emptied; SQLite where not set
+    if database:
+        engine = create_engine(database)
+        Base.metadata.drop_all(engine)
+        engine.dispose()
+    service = Service(tmp_path / "data", redis_server.url, database_url=database)
     yield service
     service.stop()
 

@@ -81,10 +81,12 @@ def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None
         service.stop()
     service.start()
     with service.worker() as worker:
-        until(lambda: worker.redis.xlen(RESULTS) == 0, "what arrived meanwhile is taken in")
-        worker.batches.clear()
+        go = threading.Event()
+        worker.on_batch = lambda batch: (go.wait(10), None)[1]
+        until(lambda: worker.redis.xlen(RESULTS) == 0 and bool(worker.batches), "what arrived meanwhile is taken in")
         before = service.job(job)["samples"]
         assert 0 < before < 64 * 48 * 40
+        go.set()
         service.wait_for(job, "finished")
         after = service.job(job)["samples"]
     assert service.digest(job) == expected_digest(spp=40)
@@ -272,6 +274,21 @@ def test_a_job_does_not_mix_kinds(service: Service) -> None:
     with service.worker(kind="new", name="new-one") as new:
         until(lambda: "kind old" in (service.job(job)["message"] or ""), "the job says what it waits for")
         assert new.batches == []
+
+
+def test_a_broken_film_fails_its_own_job_only(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    broken, sound = service.submit(scene, spp=2), service.submit(scene, spp=2, seed=1)
+    service.wait_for(broken, "finished")
+    service.wait_for(sound, "finished")
+    service.stop()
+    (service.options["data"] / "films" / f"{broken}.sqlite").write_bytes(b"this is no film" * 1000)
+    service.start()
+    service.patch(broken, spp=8)
+    service.patch(sound, spp=8)
+    assert "film" in service.wait_for(broken, "failed")["error"]
+    service.wait_for(sound, "finished")
+    assert service.digest(sound) == expected_digest(seed=1)
 
 
 def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -> None:

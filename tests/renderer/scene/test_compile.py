@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from renderer import film
 from renderer.errors import SceneError
+from renderer.render import render_frame
+from renderer.scene.arrays import seal
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
 from renderer.scene.description import (
     Camera,
@@ -18,8 +21,9 @@ from renderer.scene.description import (
 )
 from renderer.scene.framing import ASPECT, frame
 from renderer.scene.geometry import flatten
+from renderer.scene.lights import luminance
 from renderer.scene.readers import shapes
-from renderer.settings import View
+from renderer.settings import RenderSettings, View
 from tests.renderer.scene.builders import rotation_y
 
 ANGLED = np.array([(0, 0, 0), (2, 0, 0), (0, 3, 1)], np.float32)
@@ -153,7 +157,7 @@ def test_one_image_in_several_textures_is_packed_once():
     assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1], [0, 3, 2, 2, 2, 1]]
 
 
-def test_environment_tables_are_cdfs_of_luminance_and_solid_angle():
+def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
     pixels = np.random.default_rng(2).random((8, 16, 3), np.float32)
     pixels[3] = 0
     description = described(shapes.quad("a"), images=[Image("sky", pixels)])
@@ -162,29 +166,59 @@ def test_environment_tables_are_cdfs_of_luminance_and_solid_angle():
     np.testing.assert_allclose(scene.environment, pixels * np.float32([6, 3, 3]), rtol=1e-6)
     bright = scene.environment.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
     edges = np.cos(np.arange(9) * np.pi / 8)
-    rows = bright.mean(axis=1) * (edges[:-1] - edges[1:])
+    solid_angle = edges[:-1] - edges[1:]
+    mean_expected = (bright.mean(axis=1) * solid_angle).sum() / 2
+    weight = np.maximum(bright - mean_expected, 0)
+    rows = weight.mean(axis=1) * solid_angle
     np.testing.assert_allclose(np.diff(scene.environment_marginal), rows / rows.sum(), atol=1e-6)
-    expected = bright[0] / bright[0].sum()
+    expected = weight[0] / weight[0].sum()
     np.testing.assert_allclose(np.diff(scene.environment_conditional[0]), expected, atol=1e-6)
     np.testing.assert_allclose(np.diff(scene.environment_conditional[3]), 1 / 16, atol=1e-6)  # black rows stay samplable
     cosine, sine, mean, chance = scene.environment_frame
     assert (cosine, sine) == pytest.approx((0, 1), abs=1e-6)
-    assert mean == pytest.approx(rows.sum() / 2, rel=1e-5)
+    assert mean == pytest.approx(mean_expected, rel=1e-5)
     assert chance == 1  # nothing else shines
 
 
+def test_what_the_tables_leave_out_bsdf_sampling_finds():
+    """A studio's light on a ball, by tables of all luminance and by ours, which leave out what lies below the mean."""
+    ours = compile_scene(described(ellipsoid(), studio_for_accents=True))
+    bright = luminance(ours.environment.astype(np.float64))
+    rows = bright.sum(axis=1) * -np.diff(np.cos(np.linspace(0, np.pi, len(bright) + 1)))
+    everything = seal(
+        ours._replace(
+            environment_marginal=np.r_[0, np.cumsum(rows)] / rows.sum(),
+            environment_conditional=np.insert(np.cumsum(bright, axis=1) / bright.sum(axis=1, keepdims=True), 0, 0, axis=1),
+        )
+    )
+    for depth in (2, 5):
+        films = [
+            [render_frame(s, RenderSettings(24, 24, View((0, 0.5, 4), (0, 0, 0)), depth, seed), 64) for seed in range(8)]
+            for s in (ours, everything)
+        ]
+        means = [[film.mean(sums, 24).mean(dtype=np.float64) for sums in some] for some in films]
+        error = np.sqrt((np.var(means[0], ddof=1) + np.var(means[1], ddof=1)) / 8)
+        assert error < 0.002 * np.mean(means[1])
+        assert abs(np.mean(means[0]) - np.mean(means[1])) < 4 * error
+        noise = [np.mean([film.noise(sums, 24) for sums in some]) for some in films]
+        assert noise[0] < 0.9 * noise[1]
+
+
 def test_the_choice_between_sky_and_lamps_follows_power_yet_starves_neither():
-    lamp = shapes.quad("lamp")
+    half = np.zeros((2, 1, 3), np.float32)
+    half[0] = 2  # bright above, black below: mean 1, mean square 2, so half of its power is contrast
     chances = []
-    for strength in (0.0, 1e-6, 1.0, 1e6):
-        description = described(lamp, environment=Environment(strength=strength))
-        description.materials = [Material(emission=(3, 3, 3))]
+    for strength, image in ((0.0, 0), (1e-6, 0), (1.0, 0), (1e6, 0), (1e6, None)):
+        description = described(shapes.quad("lamp"), images=[Image("half", half)])
+        description.environment = Environment(strength=strength, image=image)
+        description.materials = [Material(emission=(1, 1, 1))]
         chances.append(float(compile_scene(description).environment_frame[3]))
     assert chances[0] == 0
     assert chances[1] == pytest.approx(0.1)
-    # Sky: pi * pi R^2 with R^2 = 2; lamp: pi * 4 * 3.
-    assert chances[2] == pytest.approx(2 * np.pi / (2 * np.pi + 12), rel=1e-5)
-    assert chances[3] == pytest.approx(0.9)
+    # Sky: pi * pi R^2 with R^2 = 2, halved; lamp: pi * 4 * 1.
+    assert chances[2] == pytest.approx(np.pi / (np.pi + 4), rel=1e-5)
+    assert chances[3] == pytest.approx(0.8)
+    assert chances[4] == pytest.approx(0.1)  # an even sky is found by BSDF sampling
 
 
 @pytest.mark.parametrize(("emission", "studio"), [(0.02, True), (10.0, False)])
