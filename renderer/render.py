@@ -50,7 +50,7 @@ def _lit(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     else:
         environment = np.array(settings.environment, np.float32).reshape(1, 1, 3) * strength
         marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)
-        frame[2] = environment @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+        frame[2] = environment[0, 0] @ np.array([0.2126, 0.7152, 0.0722], np.float32)
     if not environment.any():
         frame[3] = 0.0
     elif frame[3] == 0.0:

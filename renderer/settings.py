@@ -6,6 +6,7 @@ these. Plain numpy-free data, so that the service and the client can build and c
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -16,6 +17,9 @@ __all__ = ["INTEGRATORS", "MAX_DEPTH", "MAX_SIZE", "MAX_SPP", "RenderSettings", 
 INTEGRATORS = ("path",)
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
+MAX_FILM_EXPONENT = 24
+MAX_DISTANCE = 1e15  # squares and products of it stay within float32
+MAX_RADIANCE = 1e9
 MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
 
 Vec3 = tuple[float, float, float]
@@ -33,6 +37,9 @@ class View:
     def __post_init__(self) -> None:
         if not 0.01 <= self.fov <= 179.0:
             raise SettingsError(f"fov is {self.fov:g}; a vertical field of view lies between 0.01 and 179 degrees")
+        for name in ("eye", "target", "up"):
+            if not all(math.isfinite(c) and abs(c) <= MAX_DISTANCE for c in getattr(self, name)):
+                raise SettingsError(f"{name} is {getattr(self, name)}; its coordinates lie between -1e15 and 1e15")
         if all(abs(e - t) < 1e-12 for e, t in zip(self.eye, self.target, strict=True)):
             raise SettingsError("eye and target are the same point; move one of them")
         d = [t - e for e, t in zip(self.eye, self.target, strict=True)]
@@ -78,6 +85,10 @@ class RenderSettings:
             raise SettingsError(f"seed is {self.seed}; it lies between 0 and 2**32 - 1")
         if self.integrator not in INTEGRATORS:
             raise SettingsError(f"integrator is {self.integrator!r}; known are {', '.join(INTEGRATORS)}")
+        if self.environment is not None and not all(0.0 <= c <= MAX_RADIANCE for c in self.environment):
+            raise SettingsError(f"environment is {self.environment}; its radiances lie between 0 and 1e9")
+        if not 0 <= self.film_exponent <= MAX_FILM_EXPONENT:
+            raise SettingsError(f"film_exponent is {self.film_exponent}; it lies between 0 and {MAX_FILM_EXPONENT}")
         if not 0.0 <= self.environment_strength <= 1e6:
             raise SettingsError(f"environment_strength is {self.environment_strength:g}; it lies between 0 and 1e6")
 

@@ -126,16 +126,17 @@ def render(
 
 
 class Clock:
-    """Seconds of each step, from one mark to the next."""
+    """Seconds of each step, from one mark to the next: wall time, and processor time of all threads."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
+        self.cpu_seconds: dict[str, float] = {}
+        self._last = time.perf_counter(), time.process_time()
 
     def mark(self, step: str) -> None:
         """A step ends here."""
-        now = time.perf_counter()
-        self.seconds[step] = now - self._last
+        now = time.perf_counter(), time.process_time()
+        self.seconds[step], self.cpu_seconds[step] = now[0] - self._last[0], now[1] - self._last[1]
         self._last = now
 
 
@@ -220,6 +221,7 @@ def _write_stats(path: Path, clock: Clock, done: RenderStats) -> None:
     scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
     data = {
         **clock.seconds,
+        "render_cpu_s": clock.cpu_seconds["render_s"],
         "samples": done.samples,
         "rays": done.rays,
         "bad_samples": done.bad_count,

@@ -88,7 +88,7 @@ def locked(data: Path) -> Iterator[None]:
     """Hold the data folder. Raises CommandError where another farm holds it, or where it cannot be made."""
     try:
         data.mkdir(parents=True, exist_ok=True)
-        lock = (data / "lock").open("a")
+        lock = (data / "farm.lock").open("a")
     except OSError as error:
         raise CommandError(f"The data folder {data} cannot be used ({error.strerror}). Choose another with --data.") from error
     with lock:

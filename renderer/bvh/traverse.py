@@ -76,8 +76,10 @@ def _boxes(node, base, x, y, z, t_max):
     y_far = fma(load(node, base + two + y[4]), y[0], y[2])
     z_near = fma(load(node, base + four + z[3]), z[0], z[1])
     z_far = fma(load(node, base + four + z[4]), z[0], z[2])
-    near = maximum(maximum(x_near, y_near), maximum(z_near, splat(_ZERO)))
-    far = minimum(minimum(x_far, y_far), minimum(z_far, splat(t_max)))
+    # NaN, which both hand on from their second operand, must reach the end: a ray that is no number meets nothing, where
+    # it would else walk in circles through lanes without a child.
+    near = maximum(maximum(x_near, y_near), maximum(splat(_ZERO), z_near))
+    far = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
     return bits(less_equal(near, far)), near
 
 

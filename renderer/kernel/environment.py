@@ -107,8 +107,8 @@ def environment_pdf(marginal, conditional, frame, d):
     """The density with which `sample_environment` gives d, per steradian."""
     height, width = conditional.shape[0], conditional.shape[1] - 1
     u, v = _uv(frame, d)
-    row = min(np.int64(v * np.float32(height)), height - 1)
-    column = min(np.int64(u * np.float32(width)), width - 1)
+    row = min(max(np.int64(v * np.float32(height)), 0), height - 1)  # NaN becomes the least int64
+    column = min(max(np.int64(u * np.float32(width)), 0), width - 1)
     upper, lower = _row_cosines(row, height)
     solid_angle = _TWO_PI / np.float32(width) * (upper - lower)
     return (marginal[row + 1] - marginal[row]) * (conditional[row, column + 1] - conditional[row, column]) / solid_angle

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from renderer.scene.arrays import CompiledScene
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.readers import shapes
 from renderer.settings import RenderSettings, View
 
 
@@ -61,3 +64,36 @@ def settings(
     sight = np.subtract(target, eye)
     up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)
     return RenderSettings(size, size, View(tuple(eye), tuple(target), up, fov), **more)
+
+
+def icosphere(levels: int, material: int = 0, scale: float = 1.0, center: tuple[float, ...] = (0, 0, 0)) -> Mesh:
+    """A closed mesh of 20 * 4**levels flat triangles that face out, its vertices on a sphere and shared."""
+    golden = (1 + 5**0.5) / 2
+    corner = np.array([np.roll((0.0, s, t * golden), k) for k in range(3) for s in (-1, 1) for t in (-1, 1)])
+    corner /= np.linalg.norm(corner[0])
+    near = np.isclose(corner @ corner.T, 5**-0.5)
+    faces = [(i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[i, k]]
+    faces = [f if np.linalg.det(corner[list(f)]) > 0 else f[::-1] for f in faces]
+    points = list(corner)
+    for _ in range(levels):
+        made: dict[tuple[int, int], int] = {}
+        finer = []
+        for a, b, c in faces:
+            halves = []
+            for i, j in ((a, b), (b, c), (c, a)):
+                key = (min(i, j), max(i, j))
+                if key not in made:
+                    made[key] = len(points)
+                    points.append((points[i] + points[j]) / np.linalg.norm(points[i] + points[j]))
+                halves.append(made[key])
+            ab, bc, ca = halves
+            finer += [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        faces = finer
+    positions = np.array(points) * scale + np.array(center)
+    return Mesh("icosphere", positions.astype(np.float32), np.array(faces, np.int32), material=material)
+
+
+def box(material: int, scale: float = 1.0, center: tuple[float, ...] = (0, 0, 0)) -> Mesh:
+    """A closed cube of side 2 * scale that faces out."""
+    mesh = shapes.cube("box")
+    return replace(mesh, positions=(mesh.positions * scale + np.array(center)).astype(np.float32), material=material)

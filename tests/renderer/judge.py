@@ -9,7 +9,17 @@ import scipy.stats
 
 from renderer.film import COLOR, COLOR_EVEN, SAMPLES, SAMPLES_EVEN, Sums
 
-ALPHA = 0.01
+ALPHA = 0.01  # what all tests of a family together may fail by chance (Mitsuba's chi2.py)
+
+
+def sidak(alpha: float, tests: int) -> float:
+    """The level of one test where all `tests` of a family together may fail with probability alpha."""
+    return 1 - (1 - alpha) ** (1 / tests)
+
+
+def limit(tests: int) -> float:
+    """How many standard errors a mean may be off: 3 for a single one, more where many are judged at once."""
+    return float(scipy.stats.norm.isf(sidak(2 * scipy.stats.norm.sf(3.0), tests) / 2))
 
 
 def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
@@ -23,31 +33,40 @@ def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
     return float((color / n).mean()), float(np.sqrt((error**2).sum()) / error.size)
 
 
-def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: float = 0.01) -> None:
+def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: float = 0.01, tests: int = 1) -> None:
     """Within three standard errors of the expected mean. slack: relative rounding of the arithmetic or of the expectation.
 
-    most_error: relative; a test with more noise would prove nothing.
+    most_error: relative; a test with more noise would prove nothing. tests: how many such comparisons are made at once.
     """
     mean, error = mean_and_error(sums)
     assert error <= most_error * expected, f"too noisy to judge: {error / expected:.2%}"
-    assert abs(mean - expected) <= 3 * error + slack * expected, f"{mean:.6f} +- {error:.6f} where {expected:.6f} belongs"
+    allowed = limit(tests) * error + slack * expected
+    assert abs(mean - expected) <= allowed, f"{mean:.6f} +- {error:.6f} where {expected:.6f} belongs"
 
 
-def chi_squared(counts: np.ndarray, expected: np.ndarray, tests: int) -> None:
-    """Pearson's test, bins pooled below five, alpha 0.01 with Sidak's correction for `tests` tests.
+def chi_squared(counts: np.ndarray, expected: np.ndarray, tests: int, name: str = "") -> None:
+    """Pearson's test, bins that expect fewer than five pooled, alpha 0.01 with Sidak's correction for `tests` tests.
 
     Fails where a sample lands where none is expected.
     """
     counts, expected = counts.ravel().astype(float), expected.ravel().astype(float)
-    assert not counts[expected < 1e-6 * expected.max()].sum() > 1e-4 * counts.sum(), "samples where the density is zero"
+    assert not counts[expected < 1e-6 * expected.max()].sum() > 1e-4 * counts.sum(), f"{name}: samples where the density is zero"
     order = np.argsort(expected)
     counts, expected = counts[order], expected[order]
-    pooled = int(np.searchsorted(np.cumsum(expected), 5.0)) + 1
-    observed = np.concatenate([[counts[:pooled].sum()], counts[pooled:]])
-    hoped = np.concatenate([[expected[:pooled].sum()], expected[pooled:]])
-    statistic = ((observed - hoped) ** 2 / hoped).sum()
-    p = scipy.stats.chi2.sf(statistic, len(observed) - 1)
-    assert p > 1 - (1 - ALPHA) ** (1 / tests), f"chi-squared: p = {p:.2g} over {len(observed)} bins"
+    pooled = int(np.searchsorted(expected, 5.0))
+    while 0 < pooled < len(expected) and expected[:pooled].sum() < 5.0:
+        pooled += 1
+    if pooled:
+        counts = np.append(counts[pooled:], counts[:pooled].sum())
+        expected = np.append(expected[pooled:], expected[:pooled].sum())
+    statistic = ((counts - expected) ** 2 / expected).sum()
+    p = scipy.stats.chi2.sf(statistic, len(counts) - 1)
+    assert p > sidak(ALPHA, tests), f"{name}: chi-squared {statistic:.0f} over {len(counts)} bins, p = {p:.2g}"
+
+
+def assert_uniform(counts: np.ndarray, tests: int = 1, name: str = "") -> None:
+    """All bins are as full, by chi-squared."""
+    chi_squared(counts, np.full(counts.size, counts.sum() / counts.size), tests, name)
 
 
 def direction_test(
@@ -56,15 +75,17 @@ def direction_test(
     tests: int,
     bins: tuple[int, int] = (32, 48),
     fine: int = 8,
+    name: str = "",
 ) -> None:
     """Directions (n, 3), NaN where a sample was refused, against the density per steradian that they claim.
 
-    Bins are equal in z and in angle; each is integrated with fine x fine midpoints.
+    Bins are equal in z and in angle; each is integrated with fine x fine midpoints. The density must integrate to the
+    fraction of samples that was not refused: what is missing is a bin of its own.
     """
     rows, columns = bins
     refused = np.isnan(directions[:, 0])
     kept = directions[~refused].astype(float)
-    row = np.minimum(((kept[:, 2] + 1) / 2 * rows).astype(int), rows - 1)
+    row = np.clip(((kept[:, 2] + 1) / 2 * rows).astype(int), 0, rows - 1)
     column = np.minimum((np.arctan2(kept[:, 1], kept[:, 0]) / (2 * np.pi) % 1 * columns).astype(int), columns - 1)
     counts = np.zeros(bins)
     np.add.at(counts, (row, column), 1)
@@ -73,9 +94,10 @@ def direction_test(
     r = np.sqrt(1 - z**2)
     grid = np.stack([r[:, None] * np.cos(phi), r[:, None] * np.sin(phi), np.broadcast_to(z[:, None], (len(z), len(phi)))], -1)
     values = density(grid.reshape(-1, 3).astype(np.float32)).astype(float).reshape(rows, fine, columns, fine)
+    assert (values >= 0).all(), f"{name}: a density below zero"
     mass = values.mean((1, 3)) * 4 * np.pi / (rows * columns)
-    assert mass.sum() < 1.01, f"the density integrates to {mass.sum():.4f}"
+    assert mass.sum() < 1.01, f"{name}: the density integrates to {mass.sum():.4f}"
+    assert refused.any() or mass.sum() > 0.99, f"{name}: the density integrates to {mass.sum():.4f} and no sample is refused"
     rest = max(1 - mass.sum(), 0.0) if refused.any() else 0.0
-    total = len(directions)
     scaled = np.append(mass.ravel(), rest) / (mass.sum() + rest)
-    chi_squared(np.append(counts.ravel(), refused.sum()), scaled * total, tests)
+    chi_squared(np.append(counts.ravel(), refused.sum()), scaled * len(directions), tests, name)

@@ -12,7 +12,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere
 from renderer.scene.load import read
 from renderer.settings import RenderSettings
-from tests.renderer.builders import disk, emitter, gray, scene, settings, square
+from tests.renderer.builders import box, disk, emitter, gray, scene, settings, square
 from tests.renderer.judge import assert_mean, mean_and_error
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -20,20 +20,10 @@ WHITE = Material(base_color=gray(1.0))
 FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)  # faces +y
 
 
-def box(material):
-    """The inside and outside of the cube from -1 to 1."""
-    axes = np.eye(3)
-    return tuple(
-        square(tuple(s * axes[k]), tuple(axes[(k + 1) % 3]), tuple(s * axes[(k + 2) % 3]), material)
-        for k in range(3)
-        for s in (-1, 1)
-    )
-
-
 @pytest.mark.parametrize("shape", ["sphere", "box"])
 @pytest.mark.parametrize("segments", [1, 2, 5])
 def test_furnace_by_segments(shape, segments):
-    shapes = {"spheres": (Sphere((0, 0, 0), 1.0),)} if shape == "sphere" else {"meshes": box(0)}
+    shapes = {"spheres": (Sphere((0, 0, 0), 1.0),)} if shape == "sphere" else {"meshes": (box(0),)}
     furnace = scene([emitter(0.5, 0.5, double_sided=True)], **shapes)
     sums = render_frame(furnace, settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=segments), 64)
     assert_mean(sums, 0.5 * sum(0.5**i for i in range(segments)), slack=1e-4)

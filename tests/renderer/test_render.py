@@ -1,0 +1,281 @@
+"""Batches and frames: exact whatever the cut, honest about bad samples, obedient to the settings."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.stats
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from renderer.film import (
+    ALBEDO,
+    CHANNELS,
+    COLOR,
+    COLOR_EVEN,
+    DEPTH,
+    NORMAL,
+    SAMPLE_MAX,
+    SAMPLES,
+    SAMPLES_EVEN,
+    digest,
+    mean,
+    noise,
+)
+from renderer.kernel.accumulate import MAX_BAD
+from renderer.render import RenderStats, render_batch, render_frame
+from renderer.scene.compiled import seal
+from renderer.scene.description import Material, Sphere
+from renderer.settings import Tile, tiles_of
+from tests.renderer.builders import box, emitter, gray, scene, settings, square
+from tests.renderer.judge import ALPHA, assert_mean, limit, sidak
+
+SPP = 6
+MANY = settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=5)
+
+
+def varied():
+    """Every kind of material, both kinds of light, and a sky."""
+    materials = [
+        Material(base_color=(0.7, 0.6, 0.5)),
+        Material(kind="glass", base_color=gray(1.0)),
+        Material(kind="metallic_roughness", base_color=(0.9, 0.5, 0.2), metallic=0.5, roughness=0.4),
+        Material(kind="mirror", base_color=gray(0.9)),
+        emitter(9.0),
+    ]
+    meshes = (
+        square((0, 0, 0), (9, 0, 0), (0, 0, -9), 0),
+        box(3, 0.4, (0, 0.4, -1)),
+        square((0, 3, 0), (1, 0, 0), (0, 0, 1), 4),
+    )
+    spheres = (Sphere((1.2, 0.6, 0), 0.6, 1), Sphere((-1.2, 0.6, 0), 0.6, 2), Sphere((0, 1.5, 0), 0.1, 4))
+    return scene(materials, meshes, spheres, environment=0.3)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """A scene and its frame in one batch."""
+    made = varied()
+    return made, render_batch(made, MANY, Tile(0, 0, 40, 40), 0, SPP).sums
+
+
+def add(sums, made, asked, tile, first, count):
+    sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += render_batch(made, asked, tile, first, count).sums
+
+
+@pytest.mark.parametrize("size", [7, 16, 64])
+def test_tiles_of_any_size_make_the_same_film(whole, size):
+    made, expected = whole
+    sums = np.zeros_like(expected)
+    for tile in reversed(tiles_of(40, 40, size)):
+        add(sums, made, MANY, tile, 0, SPP)
+    assert digest(sums) == digest(expected)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5, None])
+def test_any_number_of_threads_makes_the_same_film(whole, threads):
+    made, expected = whole
+    stats = RenderStats()
+    calls = []
+    sums = render_frame(made, MANY, SPP, threads=threads, progress=lambda *done: calls.append(done), stats=stats)
+    assert digest(sums) == digest(expected)
+    assert stats.samples == SPP * 40 * 40
+    assert stats.rays > stats.samples
+    assert calls[-1] == (stats.samples, stats.samples)
+    assert sorted(calls) == calls
+
+
+@given(st.data())
+@hypothesis_settings(max_examples=15, deadline=None)
+def test_any_cut_into_batches_makes_the_same_film(whole, data):
+    """Tiles of any size, sample numbers in any portions, in any order: "more samples later" is one of these."""
+    made, expected = whole
+    tiles = tiles_of(40, 40, data.draw(st.integers(9, 40)))
+    cuts = sorted(data.draw(st.sets(st.integers(1, SPP - 1))) | {0, SPP})
+    batches = [(t, a, b - a) for t in tiles for a, b in pairwise(cuts)]
+    sums = np.zeros_like(expected)
+    for batch in data.draw(st.permutations(batches)):
+        add(sums, made, MANY, *batch)
+    assert digest(sums) == digest(expected)
+
+
+def test_a_frame_does_not_depend_on_the_frame_before(whole):
+    made, expected = whole
+    first = render_frame(made, MANY, 2)
+    rest = sum(render_batch(made, MANY, Tile(0, 0, 40, 40), n, 1).sums for n in range(2, SPP))
+    assert digest(first + rest) == digest(expected)
+    assert digest(render_frame(varied(), MANY, SPP)) == digest(expected)
+
+
+def test_even_sums_are_those_of_the_even_sample_numbers(whole):
+    made, expected = whole
+    even = sum(render_batch(made, MANY, Tile(0, 0, 40, 40), n, 1).sums for n in range(0, SPP, 2))
+    np.testing.assert_array_equal(expected[COLOR_EVEN], even[COLOR])
+    assert (expected[SAMPLES_EVEN] == SPP // 2).all()
+    assert (expected[SAMPLES] == SPP).all()
+
+
+def test_seeds_and_pixels_and_samples_differ(whole):
+    made, expected = whole
+    other = render_batch(
+        made, settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=5, seed=1), Tile(0, 0, 40, 40), 0, SPP
+    ).sums
+    hit = expected[DEPTH] > 0
+    assert (other[COLOR] != expected[COLOR])[:, hit].mean() > 0.95
+    later = render_batch(made, MANY, Tile(0, 0, 40, 40), SPP, SPP).sums
+    assert (later[COLOR] != expected[COLOR])[:, hit].mean() > 0.95
+    assert (np.diff(expected[COLOR], axis=2) != 0)[:, hit[:, 1:] & hit[:, :-1]].mean() > 0.95
+    # the two are equally good estimates of one picture
+    difference = (other[COLOR] - expected[COLOR]).astype(float).sum()
+    halves = [2 * s[COLOR_EVEN] - s[COLOR] for s in (other, expected)]
+    error = np.sqrt(sum((h.astype(float).sum(0) ** 2).sum() for h in halves))  # channels of a pixel are not independent
+    assert abs(difference) < 3 * error
+
+
+def wall_and_sky(radiance=1.0):
+    """The lower half of the picture is a wall, the upper half sky."""
+    return scene([Material(base_color=gray(0.5))], (square((0, -50, -1), (99, 0, 0), (0, 50, 0), 0),), environment=radiance)
+
+
+LEVEL = settings((0, 0, 0), (0, 0, -1), 60, size=16, max_depth=1)
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf])
+def test_bad_samples_are_left_out_counted_and_named(poison):
+    made = wall_and_sky()
+    sky = np.full((1, 1, 3), 1.0, np.float32)
+    sky[0, 0, 1] = poison
+    stats = RenderStats()
+    sums = render_frame(seal(made._replace(environment=sky)), LEVEL, 3, stats=stats)
+    assert stats.bad_count == 16 * 8 * 3
+    assert len(stats.bad) == MAX_BAD
+    assert all(0 <= b.x < 16 and 0 <= b.y < 8 and 0 <= b.sample < 3 for b in stats.bad)
+    assert len(set(stats.bad)) == MAX_BAD
+    assert not sums[:, :8].any()  # nothing of a bad sample is in the film
+    assert (sums[SAMPLES, 8:] == 3).all()
+    assert np.isfinite(mean(sums, 24)).all()
+
+
+def test_a_batch_names_its_bad_samples_by_the_frames_pixels_and_numbers():
+    made = wall_and_sky()
+    sky = np.full((1, 1, 3), np.nan, np.float32)
+    batch = render_batch(seal(made._replace(environment=sky)), LEVEL, Tile(5, 7, 2, 2), 40, 2)
+    assert batch.bad_count == 4
+    assert sorted(batch.bad) == [(5, 7, 40), (5, 7, 41), (6, 7, 40), (6, 7, 41)]
+
+
+def test_an_infinite_light_and_a_material_that_is_no_number_spoil_no_sum():
+    made = varied()
+    for column, value in ((3, np.inf), (0, np.nan), (7, np.nan)):
+        material = made.material.copy()
+        material[4 if column == 3 else 2, column] = value
+        stats = RenderStats()
+        sums = render_frame(seal(made._replace(material=material)), MANY, 2, stats=stats)
+        assert stats.bad_count > 0
+        assert sums[SAMPLES].sum() == 2 * 40 * 40 - stats.bad_count
+        assert np.abs(sums[COLOR]).max() <= 2 * SAMPLE_MAX * 2**24
+
+
+def test_what_is_too_bright_is_clamped():
+    made = wall_and_sky(1e9)
+    sums = render_frame(made, LEVEL, 5)
+    assert (sums[COLOR, :8] == 5 * int(SAMPLE_MAX) * 2**24).all()
+    assert (mean(sums, 24)[:8] == SAMPLE_MAX).all()
+
+
+def test_first_hit_planes_of_a_known_plane():
+    """A floor one below the eye: its normal and albedo to the quantum, its depth between those of a pixel's corners."""
+    made = scene([Material(base_color=(0.25, 0.5, 0.75))], (square((0, -1, 0), (1000, 0, 0), (0, 0, -1000), 0),), environment=1.0)
+    asked = settings((0, 0, 0), (0, -1, -1), 40, size=16, max_depth=2)
+    sums = render_frame(made, asked, 4)
+    assert (mean(sums, 24, ALBEDO) == np.float32((0.25, 0.5, 0.75))).all()
+    assert (mean(sums, 24, NORMAL) == (0, 1, 0)).all()
+    edge = np.tan(np.radians(20)) * np.linspace(-1, 1, 17)
+    x, y = np.meshgrid(edge, edge)
+    forward, down = np.array([0, -1, -1]) / 2**0.5, np.array([0, -1, 1]) / 2**0.5
+    ray = forward + x[..., None] * np.array([1, 0, 0]) + y[..., None] * down
+    depth = np.linalg.norm(ray, axis=-1) / -ray[..., 1]
+    corners = np.stack([depth[:-1, :-1], depth[1:, :-1], depth[:-1, 1:], depth[1:, 1:]])
+    found = mean(sums, 24, DEPTH)
+    assert (found <= corners.max(0) * (1 + 1e-5)).all()
+    assert (found >= corners.min(0) * (1 - 1e-5)).all()
+
+
+def test_first_hit_planes_are_zero_where_nothing_is_hit():
+    sums = render_frame(wall_and_sky(), LEVEL, 2)
+    assert not sums[ALBEDO, :8].any()
+    assert not sums[NORMAL, :8].any()
+    assert not sums[DEPTH, :8].any()
+    assert sums[DEPTH, 8:].all()
+
+
+def test_settings_replace_and_scale_the_environment():
+    made = wall_and_sky(0.5)
+
+    def sky(**changes):
+        asked = settings((0, 0, 0), (0, 0, -1), 60, size=16, max_depth=3, **changes)
+        return mean(render_frame(made, asked, 32), 24)
+
+    assert (sky()[:8] == 0.5).all()
+    assert (sky(environment_strength=3.0)[:8] == 1.5).all()
+    assert (sky(environment=(1.0, 2.0, 4.0))[:8] == (1, 2, 4)).all()
+    assert (sky(environment=(1.0, 2.0, 4.0), environment_strength=0.5)[:8] == (0.5, 1, 2)).all()
+    assert not sky(environment_strength=0.0).any()
+    assert not sky(environment=(0.0, 0.0, 0.0)).any()
+    lit = sky(environment=(1.0, 2.0, 4.0))[8:].reshape(-1, 3)  # Lambert under a constant sky: albedo times radiance
+    error = lit.std(0) / np.sqrt(len(lit))  # the pixels all see the same sky
+    assert (error < 0.01 * np.array((0.5, 1, 2))).all()
+    assert (np.abs(lit.mean(0) - (0.5, 1, 2)) < limit(3) * error).all()
+
+
+def test_a_dark_scene_is_lit_by_the_settings_environment():
+    made = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, 0, 0), 1.0),))
+    asked = settings((0, 0, 4), (0, 0, 0), 10, size=16, environment=(2.0, 2.0, 2.0))
+    assert_mean(render_frame(made, asked, 64), 1.0)
+
+
+def test_noise_is_what_many_seeds_show():
+    """The film's own estimate against the spread of 48 pictures that differ in nothing but the seed."""
+    made = varied()
+    pictures, estimates = [], []
+    for seed in range(48):
+        asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=20, max_depth=4, seed=seed)
+        sums = render_frame(made, asked, 8, threads=2)
+        pictures.append(mean(sums, 24).astype(float))
+        estimates.append(noise(sums, 24))
+    spread = np.sqrt(np.var(pictures, axis=0, ddof=1).mean()) / np.mean(pictures)
+    found, error = np.sqrt(np.mean(np.square(estimates))), np.std(estimates, ddof=1) / np.sqrt(48)
+    assert error < 0.05 * spread
+    assert abs(found - spread) < 3 * 2 * error  # both sides are estimates of like precision
+
+
+def test_tile_borders_leave_no_trace():
+    """In a furnace each pixel is an estimate of one value: pixels beside a border are as good, and as independent."""
+    wall = Material(base_color=gray(0.5), emission=gray(0.5), double_sided=True)
+    asked = settings((0.1, 0.2, 0.3), (1, 0, 0), 70, size=96, max_depth=4)
+    values = mean(render_frame(scene([wall], (box(0),)), asked, 16), 24)[..., 0].astype(float)
+    residual = values - values.mean()
+    border = np.zeros(96, bool)
+    border[[31, 32, 63, 64]] = True
+    for along in (residual, residual.T):
+        beside, within = along[:, border], along[:, ~border]
+        assert scipy.stats.ttest_ind(beside.ravel(), within.ravel(), equal_var=False).pvalue > sidak(ALPHA, 4)
+        across = (along[:, :-1] * along[:, 1:])[:, [31, 63]].ravel()  # the products over a border
+        assert abs(across.mean()) < limit(4) * across.std() / np.sqrt(across.size)
+
+
+def test_a_frame_stops_when_told_and_is_a_frame_of_fewer_samples(whole):
+    made, _ = whole
+    seen = []
+
+    def stop(sums):
+        seen.append(int(sums[SAMPLES].min()))
+        return seen[-1] >= 4
+
+    sums = render_frame(made, MANY, 64, stop=stop)
+    assert seen == [1, 2, 4]
+    assert digest(sums) == digest(render_frame(made, MANY, 4))
+    sums = render_frame(made, MANY, 64, time_limit=0.0)
+    assert (sums[SAMPLES] == 1).all()
+    assert sums.shape == (CHANNELS, 40, 40)

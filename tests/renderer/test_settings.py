@@ -1,0 +1,85 @@
+"""What a request may ask for, and the sentence it gets where it asks for more."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from renderer.errors import SettingsError
+from renderer.settings import MAX_DEPTH, MAX_SIZE, RenderSettings, Tile, View, tiles_of
+
+VIEW = View((0, 1, 5), (0, 1, 0))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("width", 0),
+        ("height", MAX_SIZE + 1),
+        ("max_depth", 0),
+        ("max_depth", MAX_DEPTH + 1),
+        ("seed", -1),
+        ("seed", 1 << 32),
+        ("integrator", "magic"),
+        ("environment_strength", -1.0),
+        ("environment_strength", math.nan),
+        ("environment", (0.0, -1.0, 0.0)),
+        ("environment", (0.0, math.nan, 0.0)),
+        ("environment", (0.0, math.inf, 0.0)),
+        ("film_exponent", 25),
+        ("film_exponent", -1),
+    ],
+)
+def test_a_setting_out_of_range_is_named(field, value):
+    with pytest.raises(SettingsError, match=f"^{field} is"):
+        RenderSettings(**{"width": 8, "height": 8, "view": VIEW, field: value})
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"fov": 0.0}, "fov is 0"),
+        ({"fov": 180.0}, "fov is 180"),
+        ({"fov": math.nan}, "fov is nan"),
+        ({"eye": (0, 1, 0)}, "same point"),
+        ({"up": (0, 0, 1)}, "up points along"),
+        ({"up": (0, 0, 0)}, "up points along"),
+        ({"eye": (math.nan, 0, 3)}, "^eye is"),
+        ({"target": (math.inf, 0, 3)}, "^target is"),
+        ({"up": (math.nan, 0, 3)}, "^up is"),
+        ({"eye": (1e300, 0, 3)}, "^eye is"),
+    ],
+)
+def test_a_view_that_sees_nothing_is_refused(changes, sentence):
+    with pytest.raises(SettingsError, match=sentence):
+        View(**{"eye": (0, 1, 5), "target": (0, 1, 0), **changes})
+
+
+@given(
+    st.builds(
+        RenderSettings,
+        width=st.integers(1, MAX_SIZE),
+        height=st.integers(1, MAX_SIZE),
+        view=st.just(VIEW),
+        seed=st.integers(0, 2**32 - 1),
+        environment=st.none() | st.tuples(*[st.floats(0, 1e9)] * 3),
+        environment_strength=st.floats(0, 1e6),
+    )
+)
+def test_json_gives_the_same_settings_to_the_bit(settings):
+
+    assert RenderSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+
+
+@given(st.integers(1, 200), st.integers(1, 200), st.integers(1, 64))
+def test_tiles_cover_every_pixel_once(width, height, size):
+    covered = np.zeros((height, width), int)
+    for tile in tiles_of(width, height, size):
+        assert isinstance(tile, Tile)
+        assert 1 <= tile.w <= size
+        assert 1 <= tile.h <= size
+        covered[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += 1
+    assert (covered == 1).all()
