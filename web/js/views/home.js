@@ -2,7 +2,7 @@
 
 import { getExamples, openExample } from "../api.js";
 import { fill, h, keyedList } from "../dom.js";
-import { hidden, jobs, scenes, workers } from "../farm.js";
+import { adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
 import { noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { go, linkTo, setTitle } from "../router.js";
@@ -113,6 +113,7 @@ function exampleCard(example) {
   const open = async () => {
     try {
       const scene = await openExample(example.name);
+      adoptScene(scene);
       go("scenes", scene.id);
     } catch (error) {
       showError(`${example.title} could not be opened`, error);
