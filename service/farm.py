@@ -65,7 +65,7 @@ class Farm:
 
 def _own(folder: Path) -> IO[str]:
     """Hold the folder for this process, until it ends in whatever way: two engines on the same films would undo each other."""
-    lock = (folder / "lock").open("w")
+    lock = (folder / "service.lock").open("w")
     deadline = time.monotonic() + OWN_PATIENCE_S
     while True:
         try:

@@ -18,7 +18,7 @@ from service.coverage import Coverage
 __all__ = ["FramePlan", "Range", "checkpoints"]
 
 FIRST_CHECK = 32  # samples: below it the noise estimate of a tile says little
-GROWTH = 3  # a batch has at most this many times the samples that its tile has
+GROWTH = 7  # a batch has at most this many times the samples that its tile has
 
 
 class Range(NamedTuple):
