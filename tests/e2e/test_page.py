@@ -167,7 +167,7 @@ def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Far
     page.goto(farm.url)
     page.get_by_role("button", name="Spheres").click()
     page.get_by_role("button", name="Render").click()
-    page.wait_for_function("Number(document.querySelector('.big')?.textContent.replace(',', '')) >= 1", timeout=60_000)
+    expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".job-head")).to_contain_text("Cancelled")
     assert samples_shown(page) >= 1
