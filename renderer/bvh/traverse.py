@@ -52,7 +52,8 @@ def new_stack() -> npt.NDArray[np.float32]:
 
 @device
 def _slab(o, d):
-    """What a ray needs of one axis: (1/d, constant of the near plane, of the far plane, near row's offset, far row's offset).
+    """What a ray needs of one axis: (f32x8 of 1/d, of the near plane's constant, of the far plane's, the near row's offset,
+    the far row's, and 1/d once more).
 
     A component near zero is taken as +-1e-18: 0 * inf would be NaN, and turn a ray into a walk of the whole tree.
     """
@@ -62,7 +63,7 @@ def _slab(o, d):
     constant = -o * inverse
     slack = abs(constant) * _SLACK
     near = np.uintp(0) if inverse > _ZERO else _W
-    return splat(inverse), splat(constant - slack), splat(constant + slack), near, _W - near
+    return splat(inverse), splat(constant - slack), splat(constant + slack), near, _W - near, inverse
 
 
 @device
@@ -84,17 +85,16 @@ def _boxes(node, base, x, y, z, t_max):
 
 
 @device
-def _axes(o, d):
+def _axes(o, d, x, y, z):
     """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin.
 
-    Choices of values, not branches: which axis it is cannot be predicted.
+    x, y, z: from `_slab`. Choices of values, not branches: which axis it is cannot be predicted.
     """
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
     first = (ax > ay) & (ax > az)
     second = (ay > az) & (not first)
     dx = d[1] if first else (d[2] if second else d[0])
     dy = d[2] if first else (d[0] if second else d[1])
-    dz = d[0] if first else (d[1] if second else d[2])
     ox = o[1] if first else (o[2] if second else o[0])
     oy = o[2] if first else (o[0] if second else o[1])
     oz = o[0] if first else (o[1] if second else o[2])
@@ -103,7 +103,7 @@ def _axes(o, d):
     kx = _W if first else (two if second else zero)
     ky = two if first else (zero if second else _W)
     kz = zero if first else (_W if second else two)
-    inverse = _ONE / dz
+    inverse = x[5] if first else (y[5] if second else z[5])
     return (kx, ky, kz), (dx * inverse, dy * inverse, inverse), (ox, oy, oz)
 
 
@@ -118,7 +118,7 @@ def closest_hit(bvh, stack, o, d, t_max):
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d)
+    axes, shear, permuted = _axes(o, d, x, y, z)
     best = t_max
     primitive = NO_PRIMITIVE
     best_u = _ZERO
@@ -186,7 +186,7 @@ def any_hit(bvh, stack, o, d, t_max):
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d)
+    axes, shear, permuted = _axes(o, d, x, y, z)
     top = np.uintp(1)
     store_int(stack, np.uintp(0), np.int32(0))
     while top > np.uintp(0):

@@ -18,6 +18,7 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
+_NO_UV = (_ZERO, _ZERO)
 _UNIT = np.float32(1e-6)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
@@ -109,6 +110,12 @@ def _facing(shading, geometric, wo):
 
 
 @device
+def _is_textured(scene, material):
+    row = scene.material_texture
+    return max(row[material, 0], row[material, 1], row[material, 2]) >= 0
+
+
+@device
 def surface_at(scene, o, d, t, primitive, u, v):
     """The surface that the ray o + t d (d unit) meets at a hit of `closest_hit`."""
     wo = vec.neg(d)
@@ -127,8 +134,8 @@ def surface_at(scene, o, d, t, primitive, u, v):
         length2 = vec.dot(shading, shading)
         if not abs(length2 - _ONE) <= _UNIT:  # smooth, or no normal at all; flat meshes are spared the root
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
-        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v)
         material = scene.triangle_material[primitive]
+        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         light = scene.triangle_light[primitive]
     else:
         number = primitive - triangles
@@ -136,14 +143,9 @@ def surface_at(scene, o, d, t, primitive, u, v):
         front = vec.dot(normal, wo) > _ZERO
         geometric = normal if front else vec.neg(normal)
         shading = normal
-        uv = (_ZERO, _ZERO)
         material = scene.sphere_material[number]
+        uv = sphere_uv(normal) if _is_textured(scene, material) else _NO_UV
         light = scene.sphere_light[number]
-        if (
-            max(scene.material_texture[material, 0], scene.material_texture[material, 1], scene.material_texture[material, 2])
-            >= 0
-        ):
-            uv = sphere_uv(normal)
     return Surface(point, error, geometric, _facing(shading, geometric, wo), uv, front, material, light)
 
 
