@@ -22,9 +22,9 @@ from service.models import Job
 from service.records import Records
 from service.settings import Settings
 
-OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
-
 __all__ = ["Farm", "FarmDependency", "get_farm"]
+
+OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 
 
 class Farm:

@@ -173,4 +173,8 @@ def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Far
     assert samples_shown(page) >= 1
     picture = Image.open(io.BytesIO(page.locator(".stage").screenshot())).convert("L")
     assert np.asarray(picture).std() > 20, "what was rendered stays"
+    page.get_by_role("button", name="Resume").click()
+    expect(page.locator(".job-head")).to_contain_text("Rendering")
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".job-head")).to_contain_text("Cancelled")
     assert watched.errors == []
