@@ -22,7 +22,7 @@ from service.lifecycle import Lifecycle, Tell
 from service.merging import batch_of, merge
 from service.preparing import Preparing, Progress
 from service.records import Records
-from service.results import Entry, Results
+from service.results import WAKE, Entry, Results
 from service.scheduler import Scheduler
 from service.settings import Settings
 from service.workers import Workers
@@ -30,7 +30,7 @@ from worker.contract import SceneInfo
 
 __all__ = ["Engine"]
 
-BLOCK_MS = 50
+BLOCK_MS = 200
 PAUSE_AFTER_FAULT_S = 0.5
 
 log = logging.getLogger(__name__)
@@ -69,7 +69,7 @@ class Engine:
         for scene in self.records.preparing_scenes():
             self.preparing.want(scene, None)
         for job in self.records.active_jobs():
-            self.changed("job", job)
+            self._changes.put(("job", job))
         self._thread.start()
 
     def stop(self) -> None:
@@ -88,6 +88,7 @@ class Engine:
     def changed(self, what: str, id: str) -> None:
         """A job or a scene was made, changed or deleted in the database."""
         self._changes.put((what, id))
+        self._results.wake()
 
     def _run(self) -> None:
         while not self._stop.is_set():
@@ -147,7 +148,7 @@ class Engine:
             self._tell("job", id)
             self.lifecycle.end_if_done(job)
         for entry in entries:
-            if entry.result is not None and entry.result.event["type"] != "batch":
+            if entry.result is not None and entry.result.event["type"] not in ("batch", WAKE):
                 try:
                     self._hear(entry.result.event)
                 except (KeyError, TypeError, ValueError) as error:

@@ -22,9 +22,9 @@ from service.models import Job
 from service.records import Records
 from service.settings import Settings
 
-OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
-
 __all__ = ["Farm", "FarmDependency", "get_farm"]
+
+OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 
 
 class Farm:
@@ -65,7 +65,7 @@ class Farm:
 
 def _own(folder: Path) -> IO[str]:
     """Hold the folder for this process, until it ends in whatever way: two engines on the same films would undo each other."""
-    lock = (folder / "lock").open("w")
+    lock = (folder / "service.lock").open("w")
     deadline = time.monotonic() + OWN_PATIENCE_S
     while True:
         try:

@@ -11,6 +11,8 @@ from service.plan import Range
 
 __all__ = ["Lease", "Leases"]
 
+HELD_FACTOR = 4
+
 
 @dataclass
 class Lease:
@@ -19,13 +21,20 @@ class Lease:
     owner: str  # the job or the scene
     kind: str
     batch: Range | None
-    deadline: float  # time.monotonic()
+    patience_s: float  # until it is handed out again
     expected_s: float = 0.0
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     issued: float = field(default_factory=time.monotonic)
     holder: str | None = None  # the worker that was last seen with it
+    is_held: bool = False  # whether it was seen there at the last look
     unseen: int = 0  # looks in a row at which it neither waited nor was worked on
     doubled: bool = False
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether to wait no longer. What a worker says it works on gets more time: a tile may be slower than was guessed."""
+        patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
+        return time.monotonic() - self.issued > patience
 
 
 class Leases:

@@ -18,7 +18,8 @@ from service.coverage import Coverage
 __all__ = ["FramePlan", "Range", "checkpoints"]
 
 FIRST_CHECK = 32  # samples: below it the noise estimate of a tile says little
-GROWTH = 3  # a batch has at most this many times the samples that its tile has
+FIRST_GUESS = 128  # samples that a tile is expected to need before its noise was looked at
+GROWTH = 7  # a batch has at most this many times the samples that its tile has
 
 
 class Range(NamedTuple):
@@ -60,6 +61,7 @@ class FramePlan:
         self._open: set[int] = set()
         self._planned = [0] * len(tiles)
         self._limit = [0] * len(tiles)
+        self._guess = [0] * len(tiles)  # samples at which a tile is expected to stop
         self._heap: list[tuple[int, int, int]] = []
         self.covered = [0] * len(tiles)
         self.extend(spp)
@@ -75,6 +77,7 @@ class FramePlan:
             self.covered[tile] = covered.total
             self._planned[tile] = covered.prefix
             self._limit[tile] = checkpoints(covered.prefix, spp, self.noise)
+            self._guess[tile] = spp if self.noise is None else min(spp, FIRST_GUESS)
             if not self._is_complete(tile, covered):
                 self._open.add(tile)
                 self._go_on(tile, covered.prefix)
@@ -91,8 +94,9 @@ class FramePlan:
 
     @property
     def target_samples(self) -> int:
-        """What the frame comes to at most, all pixels together: stopped tiles with what they have, others with the cap."""
-        return sum(t.w * t.h * (self.spp if i in self._open else self.covered[i]) for i, t in enumerate(self.tiles))
+        """What the frame is expected to come to, all pixels together; exact where no noise level ends it."""
+        ends = (max(self._guess[i], self._limit[i]) if i in self._open else self.covered[i] for i in range(len(self.tiles)))
+        return sum(t.w * t.h * end for t, end in zip(self.tiles, ends, strict=True))
 
     @property
     def samples(self) -> int:
@@ -167,7 +171,10 @@ class FramePlan:
             return True
         if self.noise is None or covered.prefix < FIRST_CHECK or covered.total != self._limit[tile]:
             return False
-        return self._tile_noise(tile) <= self.noise
+        noise = self._tile_noise(tile)
+        # The standard error falls with the square root of the samples.
+        self._guess[tile] = int(min(self.spp, covered.prefix * min((noise / self.noise) ** 2, self.spp)))
+        return noise <= self.noise
 
     def _push(self, tile: int) -> None:
         heapq.heappush(self._heap, (self._planned[tile], self._order[tile], tile))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import redis
@@ -65,7 +64,7 @@ class Preparing:
             out = self.leases.of(scene)
             if kind is None or not self._workers.slots(kind) or any(wanted_kind in (None, lease.kind) for lease in out):
                 continue
-            lease = Lease(scene, kind, None, time.monotonic() + self._deadline_s)
+            lease = Lease(scene, kind, None, self._deadline_s)
             self._dispatcher.send_prepare(scene, kind, lease.id)
             self.leases.add(lease)
 
@@ -84,9 +83,9 @@ class Preparing:
         in_hand = {doing["scene"] for doing in self._workers.current() if "scene" in doing}
         hopeless = []
         for lease in self.leases:
-            seen = lease.owner in in_hand or lease.id in waiting
-            lease.unseen = 0 if seen else lease.unseen + 1
-            if lease.unseen < UNSEEN_ALLOWED and time.monotonic() < lease.deadline:
+            lease.is_held = lease.owner in in_hand
+            lease.unseen = 0 if lease.is_held or lease.id in waiting else lease.unseen + 1
+            if lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue:
                 continue
             self.leases.end(lease.id)
             for key in [(lease.owner, lease.kind), (lease.owner, None)]:

@@ -89,7 +89,9 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
-        errors = [{"field": _field(e["loc"]), "message": _message(e)} for e in error.errors()]
+        errors = [
+            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)} for e in error.errors()
+        ]
         detail = "; ".join(f"{e['field']}: {e['message']}" if e["field"] else e["message"] for e in errors[:5])
         return response(422, f"{detail}.", errors=errors)
 
@@ -97,6 +99,9 @@ def install(app: FastAPI) -> None:
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
         return response(500, "The service has a fault and wrote it into its log. Try again; if it stays, report it.")
+
+
+JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"
 
 
 def _field(location: Sequence[Any]) -> str:
@@ -112,5 +117,7 @@ def _message(error: Mapping[str, Any]) -> str:
         return f"the body is not JSON ({error.get('ctx', {}).get('error', 'cannot be read')})"
     if error["type"] == "extra_forbidden":
         return "there is no such field"
+    if error["type"] == "model_attributes_type" or (error["type"] == "missing" and tuple(error["loc"]) == ("body",)):
+        return JSON_OBJECT if tuple(error["loc"]) == ("body",) else "input should be an object"
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
     return message[:1].lower() + message[1:]

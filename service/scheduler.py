@@ -110,9 +110,9 @@ class Scheduler:
             lease.unseen = 0 if holder or lease.id in waiting else lease.unseen + 1
             holder_gone = lease.holder is not None and holder is None and lease.holder not in self._workers.reports
             lease.holder = holder or lease.holder
-            overdue = time.monotonic() > lease.deadline
-            if (holder_gone and lease.id not in waiting) or lease.unseen >= UNSEEN_ALLOWED or overdue:
-                if (stop := self._lost(job, lease, blame=holder_gone or overdue)) is not None:
+            lease.is_held = holder is not None
+            if (holder_gone and lease.id not in waiting) or lease.unseen >= UNSEEN_ALLOWED or lease.is_overdue:
+                if (stop := self._lost(job, lease, blame=holder_gone or lease.is_overdue)) is not None:
                     hopeless.append((job, stop))
             elif holder and self._is_straggler(job, lease):
                 lease.doubled = True
@@ -155,7 +155,7 @@ class Scheduler:
         expected = job.expected_s(batch)
         trouble = job.trouble.get(batch)
         patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
-        lease = Lease(job.id, kind, batch, time.monotonic() + patience, expected)
+        lease = Lease(job.id, kind, batch, patience, expected)
         tile: Tile = job.film.tiles[batch.tile]
         work = RenderBatch(lease.id, job.id, job.frame, job.compiled[kind], tile, batch.first, batch.count, job.settings)
         try:

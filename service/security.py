@@ -53,11 +53,11 @@ class Door:
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close", "code": 1008, "reason": refusal.detail[:120]})
             else:
-                await response(refusal.status, refusal.detail)(scope, receive, _with_headers(send))
+                await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
             await self._app(scope, receive, send)
         else:
-            await self._app(scope, _bounded(scope, receive), _with_headers(send))
+            await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(send))
 
     def _judge(self, scope: Scope) -> Problem | None:
         headers = Headers(scope=scope)
@@ -72,6 +72,16 @@ class Door:
         if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and length.isdigit() and int(length) > MAX_BODY:
             return _too_large()
         return None
+
+
+def _head_as_get(scope: Scope) -> Scope:
+    """Let every GET of the API be asked for its headers alone (RFC 9110, 9.1); the server drops the body of the answer.
+
+    Only the endless stream of events stays out: its answer would never be complete.
+    """
+    if scope["method"] == "HEAD" and scope["path"] != "/api/events":
+        return {**scope, "method": "GET"}
+    return scope
 
 
 def _name(host: str) -> str:
@@ -110,4 +120,4 @@ def _bounded(scope: Scope, receive: Receive) -> Receive:
 
 
 def _too_large() -> Problem:
-    return Problem(413, f"The body is larger than {MAX_BODY} bytes.")
+    return Problem(413, f"The body is larger than {MAX_BODY} bytes.", headers={"Connection": "close"})

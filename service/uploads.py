@@ -6,7 +6,7 @@ import errno
 import hashlib
 import json
 import shutil
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 
@@ -96,6 +96,7 @@ def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[
                 writer.discard()
                 raise Problem(422, f"The file {name} is there twice. Send it once.")
             files[name] = writer
+        _refuse_files_as_folders(files)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
         refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
@@ -107,6 +108,15 @@ def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[
     content = json.dumps([[asdict(ref) for ref in refs], chosen.main, environment], sort_keys=True)
     name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
     return Upload(hashlib.sha256(content.encode()).hexdigest()[:20], name, chosen.main, environment, refs, notes)
+
+
+def _refuse_files_as_folders(names: Iterable[str]) -> None:
+    """A folder on a worker's disk cannot hold both a file `a` and a file `a/b`."""
+    known = set(names)
+    for name in known:
+        for folder in PurePosixPath(name).parents:
+            if str(folder) in known:
+                raise Problem(422, f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
 
 
 def _expanded(

@@ -6,9 +6,14 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from tests.helpers import ROOT, Farm, running_redis, start_farm, stop_farm
+
+# How long an example takes says more about the machine than about the code.
+hypothesis.settings.register_profile("rayfarm", deadline=None)
+hypothesis.settings.load_profile("rayfarm")
 
 
 @pytest.fixture(scope="session")

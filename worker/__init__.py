@@ -1,8 +1,17 @@
 """The Celery application: prepares scenes and renders batches.
 
-contract.py  what the service and a worker say to each other (no numba: the service imports it)
-app.py       the Celery application of a worker process
-tasks.py     prepare and render_batch
-cache.py     scenes and compiled scenes by hash, fetched over HTTP or mapped from the service's own files
-heartbeat.py what a worker reports of itself
+contract.py   what the service and a worker say to each other (no numba: the service imports it)
+__main__.py   a worker process from its first line to its last
+joining.py    asks the service to let it in, while the kernels are compiled
+app.py        the Celery application of a worker, and what happens around its forks
+tasks.py      the two tasks
+prepare.py    prepare: from untrusted files to a compiled scene, a thumbnail and a summary
+bounded.py    runs that in a child with bounds on memory and time
+render.py     render_batch: maps the compiled scene, renders, packs the sums
+results.py    the way back: events and sums on the stream
+link.py       HTTP to the service: manifests, and blobs both ways
+cache.py      blobs by hash, fetched once, or mapped from the service's own files
+heartbeat.py  what a worker reports of itself, and the watchdog on its event loop
+status.py     what each slot does now, in shared memory
+process.py    no process is left behind
 """

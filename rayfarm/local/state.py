@@ -1,6 +1,6 @@
 """A farm's data folder: one farm at a time, its secrets, and where it can be reached.
 
-lock          held by the running farm (flock: released by the kernel however the farm ends)
+farm.lock     held by the running farm (flock: released by the kernel however the farm ends)
 secrets.json  the token that workers show, Redis's password and port; kept, so that a worker's command stays true
 farm.json     the running farm's address, for `rayfarm submit` and the second `rayfarm up`; removed at the end
 logs/         one file a part

@@ -21,7 +21,7 @@ __all__ = ["build"]
 
 _BINS = 16
 _SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
-_NODE_COST = np.float32(0.35)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
+_NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
 
 _ONE = np.float32(1.0)
 _NOTHING = np.float32(-np.inf)

@@ -12,6 +12,7 @@ from renderer.bvh.simd import (
     less,
     less_equal,
     load_from,
+    maximum,
     minimum,
     product,
     select,
@@ -61,13 +62,13 @@ def meet_triangles(base, axes, shear, origin, t_max):
     u = product(cx, by) - product(cy, bx)
     v = product(ax, cy) - product(ay, cx)
     w = product(bx, ay) - product(by, ax)
-    # All three of one sign (0 goes with both) is: none against their sum's. A determinant of 0 fails at the distance.
+    # Hit where all three are of one sign; 0 goes with both. A determinant of 0 fails at the distance.
+    zero = splat(_ZERO)
+    inside = less_equal(zero, minimum(u, minimum(v, w))) | less_equal(maximum(u, maximum(v, w)), zero)
     determinant = u + v + w
     t = fma(u, az, fma(v, bz, w * cz)) * splat(shear[2])
-    inside = minimum(flip(u, determinant), minimum(flip(v, determinant), flip(w, determinant)))
     ahead = flip(t, determinant)
-    zero = splat(_ZERO)
-    hit = less_equal(zero, inside) & less(zero, ahead) & less(ahead, flip(determinant, determinant) * splat(t_max))
+    hit = inside & less(zero, ahead) & less(ahead, flip(determinant, determinant) * splat(t_max))
     return bits(hit), t, v, w, determinant
 
 

@@ -120,7 +120,9 @@ def sample_light(scene, p, choice, u):
         return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance)
     if len(scene.light_primitive) == 0:
         return _nothing()
-    light, _, chance = choose(scene.light_cdf, (choice - environment_chance) / (_ONE - environment_chance))
+    if environment_chance > _ZERO:
+        choice = (choice - environment_chance) / (_ONE - environment_chance)
+    light, _, chance = choose(scene.light_cdf, choice)
     primitive = scene.light_primitive[light]
     triangles = len(scene.triangle)
     if primitive < triangles:

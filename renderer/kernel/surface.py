@@ -18,6 +18,8 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
+_NO_UV = (_ZERO, _ZERO)
+_UNIT = np.float32(1e-6)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
 _ERROR = np.float32(32 * 2.0**-24)
@@ -108,6 +110,12 @@ def _facing(shading, geometric, wo):
 
 
 @device
+def _is_textured(scene, material):
+    row = scene.material_texture
+    return max(row[material, 0], row[material, 1], row[material, 2]) >= 0
+
+
+@device
 def surface_at(scene, o, d, t, primitive, u, v):
     """The surface that the ray o + t d (d unit) meets at a hit of `closest_hit`."""
     wo = vec.neg(d)
@@ -115,31 +123,29 @@ def surface_at(scene, o, d, t, primitive, u, v):
     if primitive < triangles:
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
         square = vec.dot(normal, normal)
-        if square > _ZERO:
-            normal = vec.scale(normal, _ONE / math.sqrt(square))
-        else:  # so small that its area is 0 in float32
+        if square == _ZERO:  # so small that its area is 0 in float32
             normal = wo
+            square = _ONE
+        front = vec.dot(normal, wo) > _ZERO
+        away = _ONE / math.sqrt(square)
+        geometric = vec.scale(normal, away if front else -away)
         i, j, k = scene.triangle[primitive, 0], scene.triangle[primitive, 1], scene.triangle[primitive, 2]
-        shading = vec.normalize(_mix3(_row3(scene.normal, i), _row3(scene.normal, j), _row3(scene.normal, k), u, v))
-        if not vec.is_finite(shading):
-            shading = normal
-        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v)
+        shading = _mix3(_row3(scene.normal, i), _row3(scene.normal, j), _row3(scene.normal, k), u, v)
+        length2 = vec.dot(shading, shading)
+        if not abs(length2 - _ONE) <= _UNIT:  # smooth, or no normal at all; flat meshes are spared the root
+            shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
         material = scene.triangle_material[primitive]
+        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         light = scene.triangle_light[primitive]
     else:
         number = primitive - triangles
         point, error, normal = sphere_point(scene.sphere, number, o, d, t)
+        front = vec.dot(normal, wo) > _ZERO
+        geometric = normal if front else vec.neg(normal)
         shading = normal
-        uv = (_ZERO, _ZERO)
         material = scene.sphere_material[number]
+        uv = sphere_uv(normal) if _is_textured(scene, material) else _NO_UV
         light = scene.sphere_light[number]
-        if (
-            max(scene.material_texture[material, 0], scene.material_texture[material, 1], scene.material_texture[material, 2])
-            >= 0
-        ):
-            uv = sphere_uv(normal)
-    front = vec.dot(normal, wo) > _ZERO
-    geometric = normal if front else vec.neg(normal)
     return Surface(point, error, geometric, _facing(shading, geometric, wo), uv, front, material, light)
 
 

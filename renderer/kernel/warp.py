@@ -33,16 +33,22 @@ _INV_4PI = np.float32(0.25 / math.pi)
 
 
 @device
-def square_to_disk(u):
-    """The unit disk, uniformly, keeping neighbours together (Shirley & Chiu 1997): (x, y)."""
+def _concentric(u):
+    """The square's point as one of the unit disk, keeping neighbours together (Shirley & Chiu 1997): (radius, sin, cos)."""
     a = _TWO * u[0] - _ONE
     b = _TWO * u[1] - _ONE
     steep = abs(b) > abs(a)  # chooses values, not branches, as it cannot be predicted
     radius = b if steep else a
     other = a if steep else b
     turns = _EIGHTH * other / (radius if radius != _ZERO else _ONE)
-    turns = _QUARTER - turns if steep else turns
-    sine, cosine = sincos_turns(turns)
+    sine, cosine = sincos_turns(_QUARTER - turns if steep else turns)
+    return radius, sine, cosine
+
+
+@device
+def square_to_disk(u):
+    """The unit disk, uniformly: (x, y)."""
+    radius, sine, cosine = _concentric(u)
     return radius * cosine, radius * sine
 
 
@@ -55,8 +61,8 @@ def square_to_disk_pdf(p):
 @device
 def square_to_cosine_hemisphere(u):
     """Directions about +z, proportional to their cosine (Malley): a unit vector."""
-    x, y = square_to_disk(u)
-    return x, y, math.sqrt(max(_ZERO, _ONE - x * x - y * y))
+    radius, sine, cosine = _concentric(u)
+    return radius * cosine, radius * sine, math.sqrt(_ONE - radius * radius)
 
 
 @device

@@ -160,3 +160,21 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     expect(problem).to_contain_text("This cannot be rendered")
     # The browser itself reports the refused request; nothing else may be on the console.
     assert [error for error in watched.errors if "422" not in error] == []
+
+
+def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    page.get_by_role("button", name="Spheres").click()
+    page.get_by_role("button", name="Render").click()
+    expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".job-head")).to_contain_text("Cancelled")
+    assert samples_shown(page) >= 1
+    picture = Image.open(io.BytesIO(page.locator(".stage").screenshot())).convert("L")
+    assert np.asarray(picture).std() > 20, "what was rendered stays"
+    page.get_by_role("button", name="Resume").click()
+    expect(page.locator(".job-head")).to_contain_text("Rendering")
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".job-head")).to_contain_text("Cancelled")
+    assert watched.errors == []

@@ -19,7 +19,7 @@ import httpx
 import numpy as np
 import redis
 
-from renderer.film import CHANNELS, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLES, SAMPLES_EVEN, Sums
+from renderer.film import CHANNELS, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLES, SAMPLES_EVEN, Sums, digest
 from renderer.settings import Tile
 from worker.contract import (
     HEARTBEAT_TTL_S,
@@ -35,7 +35,7 @@ from worker.contract import (
     worker_key,
 )
 
-__all__ = ["PeerWorker", "expected_sums"]
+__all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 
 
 def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
@@ -55,6 +55,11 @@ def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
         sums[SAMPLES] += 1
         sums[SAMPLES_EVEN] += sample % 2 == 0
     return sums
+
+
+def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int = 0) -> str:
+    """The digest of a whole frame."""
+    return digest(expected_sums(Tile(0, 0, width, height), 0, spp, seed))
 
 
 class PeerWorker:

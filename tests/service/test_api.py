@@ -97,6 +97,28 @@ def test_errors_of_every_kind_are_problems(service: Service) -> None:
     problem(service.http.get("/api/jobs", params={"limit": "many"}), 422)
 
 
+@pytest.mark.parametrize(
+    ("body", "kind", "says"),
+    [
+        (b"", "application/json", "the body is not a JSON object"),
+        (b"null", "application/json", "the body is not a JSON object"),
+        (b"{}", "text/plain", "Content-Type: application/json"),
+        (b"{x", "application/json", "the body is not JSON ("),
+    ],
+)
+def test_a_body_that_is_no_json_object(service: Service, body: bytes, kind: str, says: str) -> None:
+    answer = service.http.post("/api/jobs", content=body, headers={"content-type": kind})
+    assert says in problem(answer, 422)["detail"]
+
+
+def test_headers_alone_can_be_asked_for(service: Service, job: str) -> None:
+    for path in ("/healthz", f"/api/jobs/{job}", f"/api/jobs/{job}/frames/0/image.png"):
+        head, get = service.http.head(path), service.http.get(path)
+        assert (head.status_code, head.headers["content-type"]) == (200, get.headers["content-type"])
+        assert head.content == b""
+    assert service.http.head("/api/jobs/nope").status_code == 404
+
+
 def test_a_repeated_post_with_its_key_makes_one_job(service: Service, scene: str) -> None:
     request = {"scene": scene, "width": 16, "height": 16, "spp": 1}
     headers = {"Idempotency-Key": "a key"}

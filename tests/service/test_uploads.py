@@ -142,6 +142,12 @@ def test_a_file_that_comes_twice(service: Service) -> None:
     assert "twice" in refused(service, 422, [("pack.zip", out.getvalue())])
 
 
+def test_a_file_that_is_also_a_folder(service: Service) -> None:
+    says = "textures as a file, and also as the folder of textures/a.png"
+    assert says in refused(service, 422, [("scene.obj", OBJ), ("textures", b"x"), ("textures/a.png", b"x")])
+    assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, "textures": b"x", "textures/a.png": b"x"}))])
+
+
 def test_a_main_or_environment_that_is_not_there(service: Service) -> None:
     assert "main" in refused(service, 422, [("scene.obj", OBJ)], main="other.obj")
     assert "environment" in refused(service, 422, [("scene.obj", OBJ)], environment="sky.exr")

@@ -165,10 +165,13 @@ def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
         wait_until(ready, 120, "the worker is ready")
         yield made
-        if process.poll() is None:
-            process.terminate()
-        assert process.wait(20) == 0, (folder / "log").read_text()
-        assert made.report() is None
+        process.terminate()
+        try:
+            assert process.wait(20) == 0, (folder / "log").read_text()
+            assert made.report() is None
+        finally:
+            process.kill()
+            process.wait()
     celery.close()
     server.shutdown()
     server.server_close()
@@ -240,22 +243,33 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
     assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --eye=0")
 
 
-def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
-    bench.render(batch_of(info, "long", 0, 3000))
-
-    def busy() -> bool:
-        report = bench.report()
-        return report is not None and any(doing.get("count") == 3000 for doing in report.current)
-
-    wait_until(busy, 30, "a slot renders the batch")
+def busy_with(bench: Bench, count: int) -> bool:
     report = bench.report()
-    assert report is not None
+    return report is not None and any(doing.get("count") == count for doing in report.current)
+
+
+def kill_the_slot_with(bench: Bench, count: int) -> None:
+    wait_until(lambda: busy_with(bench, count), 30, "a slot renders the batch")
     victim = busiest(bench.process.pid)
     victim.kill()
-    result = bench.next("batch", "batch-failed")
-    assert result.event["type"] == "batch", result.event
-    assert result.event["batch"] == "long"
-    wait_until(lambda: len(psutil.Process(bench.process.pid).children()) == 2, 10, "the slot is filled again")
+    victim.wait(10)
+    wait_until(lambda: len(psutil.Process(bench.process.pid).children()) == 2, 20, "the slot is filled again")
+
+
+def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
+    bench.render(batch_of(info, "long", 0, 3000))
+    kill_the_slot_with(bench, 3000)
+    event = bench.next("batch", "batch-failed").event
+    assert (event["type"], event["batch"]) == ("batch", "long"), event
+
+
+def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo) -> None:
+    bench.render(batch_of(info, "deadly", 0, 100_000))
+    for _ in range(3):
+        kill_the_slot_with(bench, 100_000)
+    event = bench.next("batch", "batch-failed").event
+    assert (event["type"], event["batch"]) == ("batch-failed", "deadly"), event
+    assert "died 3 times" in event["error"]
 
 
 def busiest(parent: int) -> psutil.Process:

@@ -18,7 +18,7 @@ export class ApiError extends Error {
   }
 }
 
-const NO_ANSWER = "The service does not answer. Is it still running? (`rayfarm up` starts it.)";
+const NO_ANSWER = "The service does not answer. Is it still running? `python3 farm.py up` starts it.";
 
 /**
  * The sentence in an error answer: RFC 9457's `detail`, or the plain status where something else than the service spoke.

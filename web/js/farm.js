@@ -52,29 +52,37 @@ function put(store, item) {
   });
 }
 
+/**
+ * Puts an answer in place where nothing is known yet. What events told is newer than an answer that was on its way.
+ *
+ * @template {{id: string}} T
+ * @param {Store<T[] | null>} store
+ * @param {T} item
+ */
+function adopt(store, item) {
+  if (!store.value?.some(({ id }) => id === item.id)) put(store, item);
+}
+
 /** @param {Scene} scene */
 export const putScene = (scene) => put(scenes, scene);
 
 /** @param {Job} job */
 export const putJob = (job) => put(jobs, job);
 
-/** All three again: at the start, and after events were missed. */
-async function refetch() {
-  const [allScenes, allJobs, allWorkers] = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers()]);
-  scenes.set(allScenes);
-  jobs.set(allJobs);
-  workers.set(allWorkers);
-}
+/** @param {Scene} scene */
+export const adoptScene = (scene) => adopt(scenes, scene);
+
+/** @param {Job} job */
+export const adoptJob = (job) => adopt(jobs, job);
 
 /**
  * @template {{id: string}} T
  * @param {Store<T[] | null>} store
- * @param {(item: T) => void} putItem
  * @param {T & {deleted?: boolean}} item
  */
-function take(store, putItem, item) {
+function take(store, item) {
   if (item.deleted) store.update((items) => items?.filter(({ id }) => id !== item.id) ?? null);
-  else putItem(item);
+  else put(store, item);
 }
 
 /** @param {Worker & {id: string, deleted?: boolean}} worker */
@@ -86,23 +94,42 @@ function takeWorker(worker) {
   });
 }
 
+const TAKERS = /** @type {Record<string, (item: any) => void>} */ ({
+  scene: (item) => take(scenes, item),
+  job: (item) => take(jobs, item),
+  worker: takeWorker,
+});
+
 /** Subscribes to the farm's news for as long as the page is open. */
 export function followFarm() {
   const backoff = new Backoff();
   const connect = () => {
     const source = new EventSource("api/events");
-    source.onopen = () => {
-      refetch().then(
-        () => {
-          backoff.succeeded();
-          setLink("events", true);
-        },
-        () => source.dispatchEvent(new Event("error")),
-      );
+    /** What events told while the lists were fetched: it may be newer than they are. @type {(() => void)[] | null} */
+    let meanwhile = null;
+    for (const [type, take] of Object.entries(TAKERS)) {
+      source.addEventListener(type, ({ data }) => {
+        const apply = () => take(JSON.parse(data));
+        meanwhile?.push(apply);
+        apply();
+      });
+    }
+    source.onopen = async () => {
+      meanwhile = [];
+      try {
+        const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers()]);
+        scenes.set(lists[0]);
+        jobs.set(lists[1]);
+        workers.set(lists[2]);
+      } catch {
+        source.dispatchEvent(new Event("error"));
+        return;
+      }
+      for (const apply of meanwhile) apply();
+      meanwhile = null;
+      backoff.succeeded();
+      setLink("events", true);
     };
-    source.addEventListener("scene", (event) => take(scenes, putScene, JSON.parse(event.data)));
-    source.addEventListener("job", (event) => take(jobs, putJob, JSON.parse(event.data)));
-    source.addEventListener("worker", (event) => takeWorker(JSON.parse(event.data)));
     source.onerror = () => {
       source.close(); // its own reconnection knows no back-off, and gives up after some answers
       setLink("events", false);

@@ -29,7 +29,32 @@ export function command(text) {
   return h("div", { class: "command" }, h("code", null, text), button);
 }
 
-export const joinCommand = () => `rayfarm worker --join ${location.origin}`;
+/** Adds a worker to this farm; the token is told where the farm was started. */
+export const joinCommand = () => `python3 farm.py worker --join ${location.origin} --token TOKEN`;
+
+/** Whether this page, and so the farm, was opened under a name that only its own machine knows. */
+export const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+
+/** How another machine joins. */
+export function addMachineHint() {
+  return isLoopback()
+    ? [
+        h(
+          "p",
+          { class: "quiet" },
+          "This farm answers to its own machine only. Start it so that others reach it, and it prints the line to run on them:",
+        ),
+        command("python3 farm.py up --host 0.0.0.0"),
+      ]
+    : [
+        h(
+          "p",
+          { class: "quiet" },
+          "From a clone of the same version. It fetches scenes from here by itself and needs no shared folder; the farm printed its token when it started.",
+        ),
+        command(joinCommand()),
+      ];
+}
 
 /** Shown wherever work waits for a worker. */
 export function noWorkerNotice() {
@@ -41,7 +66,7 @@ export function noWorkerNotice() {
       "div",
       { class: "grow" },
       h("strong", null, "No worker is connected. "),
-      "What you start waits until there is one. Start one on this or another machine:",
+      "What you start waits until there is one. Start one:",
       command(joinCommand()),
     ),
   );

@@ -13,6 +13,8 @@ import { showError } from "./tray.js";
 /** @typedef {import("./store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
 const MORE_SAMPLES = 256;
+/** States from which a job goes on where it stopped: its film stays. */
+const STOPPED = ["paused", "cancelled", "failed"];
 
 /**
  * @param {Job} job
@@ -140,7 +142,7 @@ export function actionsPanel() {
       const focused = [pause, resume, cancel].find((button) => button === document.activeElement);
       const open = ["queued", "running", "paused"].includes(job.state);
       pause.hidden = !open || job.state === "paused";
-      resume.hidden = job.state !== "paused";
+      resume.hidden = !STOPPED.includes(job.state);
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
       // The button that was pressed may be the one that goes: the focus must not go with it.
@@ -151,7 +153,7 @@ export function actionsPanel() {
 
 /** @param {Job} job */
 export function pauseOrResume(job) {
-  if (job.state === "paused") void change(job, { state: "running" }, "The job was not resumed");
+  if (STOPPED.includes(job.state)) void change(job, { state: "running" }, "The job was not resumed");
   else if (job.state === "running" || job.state === "queued")
     void change(job, { state: "paused" }, "The job was not paused");
 }

@@ -2,7 +2,7 @@
 
 import { ApiError } from "./api.js";
 import { fill, h, setText } from "./dom.js";
-import { putScene } from "./farm.js";
+import { adoptScene } from "./farm.js";
 import { bytes } from "./format.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "./icons.js";
@@ -58,7 +58,7 @@ async function start(files) {
         setText(line, sent < all ? `${bytes(sent)} of ${bytes(all)}` : "Storing …");
       },
     });
-    putScene(scene);
+    adoptScene(scene);
     go("scenes", scene.id);
   } catch (error) {
     if (!abort.signal.aborted)

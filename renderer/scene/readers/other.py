@@ -34,6 +34,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     data = files.read(main)
     if suffix == ".dae" and re.search(rb"<!(DOCTYPE|ENTITY)", data, re.IGNORECASE):
         raise SceneError(f"{main}: declares XML entities, which no scene needs; remove its DOCTYPE")
+    if suffix == ".stl" and not _is_binary_stl(data):
+        data = data.decode("utf-8", "replace").encode()  # the only words are names: another encoding must not stop the numbers
     shelf = TextureShelf(description, files)
     resolver = _Resolver(files, main, shelf)
     try:
@@ -44,6 +46,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise SceneError(f"{main}: is damaged or no {suffix} file ({reason}); export it again") from error
     _add(scene, main, _upright(suffix, data), shelf, description)
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    """An 80 byte header, the number of triangles as u32, and 50 bytes for each."""
+    return len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: TextureShelf, description: SceneDescription) -> None:

@@ -137,6 +137,11 @@ def test_what_is_no_scene(scene, name, data):
         scene(name, data)
 
 
+def test_an_stl_with_a_name_in_another_encoding(scene):
+    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    assert len(scene("a.stl", b"solid W\xfcrfel\n" + facet + b"endsolid W\xfcrfel\n").meshes) == 1
+
+
 def test_a_missing_scene_file(tmp_path):
     with pytest.raises(SceneError, match=r"gone\.glb: is not among the scene's files"):
         read(tmp_path, "gone.glb")

@@ -2,7 +2,7 @@
 
 import { getExamples, openExample } from "../api.js";
 import { fill, h, keyedList } from "../dom.js";
-import { hidden, jobs, scenes, workers } from "../farm.js";
+import { adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
 import { noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { go, linkTo, setTitle } from "../router.js";
@@ -107,9 +107,13 @@ function dropZone() {
 
 /** @param {Example} example */
 function exampleCard(example) {
+  // Rendered by Rayfarm; an example that has none yet shows the stand-in.
+  const picture = `examples/${encodeURIComponent(example.name)}.jpg`;
+  const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
   const open = async () => {
     try {
       const scene = await openExample(example.name);
+      adoptScene(scene);
       go("scenes", scene.id);
     } catch (error) {
       showError(`${example.title} could not be opened`, error);
@@ -118,6 +122,7 @@ function exampleCard(example) {
   return h(
     "li",
     { class: "card example" },
+    h("div", { class: "picture" }, icon("cube"), h("img", { src: picture, alt: "", loading: "lazy", onerror: hide })),
     h(
       "div",
       { class: "body" },

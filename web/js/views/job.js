@@ -3,7 +3,7 @@
 import { getJob } from "../api.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
 import { fill, h } from "../dom.js";
-import { jobs, putJob, workers } from "../farm.js";
+import { adoptJob, jobs, workers } from "../farm.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { actionsPanel, progressPanel, savePanel } from "../job-panel.js";
@@ -42,7 +42,7 @@ export function jobView(id) {
         instead(emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? "Waits for its scene.")));
       } else if (all && !asked) {
         asked = true;
-        getJob(id).then(putJob, (error) =>
+        getJob(id).then(adoptJob, (error) =>
           instead(
             emptyState(
               "image",

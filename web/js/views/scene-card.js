@@ -62,9 +62,12 @@ export function thumbnail() {
   let shown = "";
   return {
     element,
-    /** @param {Scene} scene */
-    update(scene) {
-      const url = scene.thumbnail ? thumbnailUrl(scene.id) : "";
+    /**
+     * @param {Scene} scene
+     * @param {string} [better] a rendered picture of it
+     */
+    update(scene, better) {
+      const url = better ?? (scene.thumbnail ? thumbnailUrl(scene.id) : "");
       if (url === shown) return;
       shown = url;
       element.replaceChildren(url ? h("img", { src: url, alt: "", loading: "lazy" }) : icon("cube"));

@@ -1,8 +1,8 @@
 /** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
 
-import { createJob, getScene } from "../api.js";
+import { createJob, getScene, imageUrl } from "../api.js";
 import { fill, h, keyedList, setText } from "../dom.js";
-import { hidden, jobs, putJob, scenes, workers } from "../farm.js";
+import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
 import { bytes, count } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
@@ -10,7 +10,7 @@ import { go, linkTo, setTitle } from "../router.js";
 import { settingsForm } from "../settings-form.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
-import { Disposer, Store } from "../store.js";
+import { Disposer } from "../store.js";
 import { announce, showError } from "../tray.js";
 import { choose } from "../uploads.js";
 import { jobRow } from "./job-row.js";
@@ -26,48 +26,30 @@ export function sceneView(id) {
   setTitle("Scene");
   const life = new Disposer();
   const element = h("div", { class: "page scene-page" });
-  /** @type {Store<Scene | null>} */
-  const scene = new Store(/** @type {Scene | null} */ (null));
-
-  life.add(
-    scenes.subscribe((all) => {
-      const found = all?.find((candidate) => candidate.id === id);
-      if (found) scene.set(found);
-      else if (all) fetchAlone();
-    }),
-  );
-
-  // A scene that the list does not have may be newer than the list, or gone.
-  let asked = false;
-  const fetchAlone = () => {
-    if (asked) return;
-    asked = true;
-    getScene(id).then(
-      (found) => scene.set(found),
-      (error) =>
-        fill(
-          element,
-          emptyState(
-            "cube",
-            "This scene is not here",
-            h("p", null, error.message),
-            h("a", { href: linkTo() }, "To the scenes"),
-          ),
-        ),
+  /** @param {Error} error */
+  const gone = ({ message }) =>
+    fill(
+      element,
+      emptyState("cube", "This scene is not here", h("p", null, message), h("a", { href: linkTo() }, "To the scenes")),
     );
-  };
 
+  let asked = false;
   /** @type {{status: string, update: (scene: Scene) => void} | null} */
   let part = null;
   life.add(
-    scene.subscribe((next) => {
-      if (!next) return;
-      if (part?.status !== next.status) {
-        if (part && next.status === "ready") announce(`${next.name} is ready to render`);
-        part = { status: next.status, update: { preparing, failed, ready }[next.status](element, next, life) };
+    scenes.subscribe((all) => {
+      const scene = all?.find((candidate) => candidate.id === id);
+      if (scene) {
+        if (part?.status !== scene.status) {
+          if (part && scene.status === "ready") announce(`${scene.name} is ready to render`);
+          part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, life) };
+        }
+        part.update(scene);
+        setTitle(scene.name);
+      } else if (all && !asked) {
+        asked = true; // the list may be older than the scene
+        getScene(id).then(adoptScene, gone);
       }
-      part.update(next);
-      setTitle(next.name);
     }),
   );
   return { element, dispose: () => life.dispose() };
@@ -172,12 +154,14 @@ function ready(page, scene, life) {
     const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id));
     showJobs(own);
     pictures.hidden = own.length === 0;
+    const finished = own.find(({ state }) => state === "finished");
+    picture.update(scene, finished && imageUrl(finished.id, "jpg", { width: 800, v: finished.samples }));
   };
   const form = settingsForm(scene, async (request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
-      putJob(job);
+      adoptJob(job);
       go("jobs", job.id);
     } catch (error) {
       showError("The picture was not started", error);
@@ -203,7 +187,7 @@ function ready(page, scene, life) {
       h("section", { class: "panel", "aria-label": "Render" }, form.element),
     ),
   );
-  return (next) => picture.update(next);
+  return () => {};
 }
 
 /** @param {Scene} scene */

@@ -3,7 +3,7 @@
 import { fill, h, keyedList, setText } from "../dom.js";
 import { jobs, workers } from "../farm.js";
 import { compact, plural } from "../format.js";
-import { command, emptyState, joinCommand } from "../hints.js";
+import { addMachineHint, emptyState } from "../hints.js";
 import { linkTo, setTitle } from "../router.js";
 import { stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
@@ -42,8 +42,8 @@ export function workersView() {
               "p",
               null,
               "Workers do the rendering. ",
-              h("code", null, "rayfarm up"),
-              " starts one beside the service; any machine that reaches it can join.",
+              h("code", null, "python3 farm.py up"),
+              " starts some beside the service; any machine that reaches it can join.",
             ),
           ),
         );
@@ -56,17 +56,7 @@ export function workersView() {
     summary,
     list,
     empty,
-    h(
-      "section",
-      { class: "section" },
-      h("header", null, h("h2", null, "Add a machine")),
-      h(
-        "p",
-        { class: "quiet" },
-        "Install Rayfarm there and run this. It fetches scenes from here by itself and needs no shared folder; the farm's token was printed when the farm started.",
-      ),
-      command(`${joinCommand()} --token TOKEN`),
-    ),
+    h("section", { class: "section" }, h("header", null, h("h2", null, "Add a machine")), addMachineHint()),
   );
   return { element, dispose: () => life.dispose() };
 }

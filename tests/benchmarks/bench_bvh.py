@@ -1,0 +1,107 @@
+"""The BVH alone, on one thread: building over a million triangles, and rays through it and through a closed room.
+
+    python -m tests.benchmarks.bench_bvh
+
+Rates are of CPU time, so that other work on the machine matters less. Primary rays come from one eye in raster order,
+random ones join two random points of the bounding sphere, shadow rays are random ones that ask for any hit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from renderer.bvh.build import build
+from renderer.bvh.layout import Bvh
+from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
+from renderer.jit import entry
+
+_RAYS = 500_000
+_FAR = np.float32(np.inf)
+_ONE = np.float32(1.0)
+
+
+@entry
+def _closest(bvh, stack, origin, direction):
+    hits = 0
+    for i in range(len(origin)):
+        o = (origin[i, 0], origin[i, 1], origin[i, 2])
+        d = (direction[i, 0], direction[i, 1], direction[i, 2])
+        hits += closest_hit(bvh, stack, o, d, _FAR)[1] != NO_PRIMITIVE
+    return hits
+
+
+@entry
+def _any(bvh, stack, origin, direction):
+    hits = 0
+    for i in range(len(origin)):
+        o = (origin[i, 0], origin[i, 1], origin[i, 2])
+        d = (direction[i, 0], direction[i, 1], direction[i, 2])
+        hits += any_hit(bvh, stack, o, d, _ONE)
+    return hits
+
+
+def _terrain(n: int) -> tuple[Any, Any]:
+    """A height field of 2 (n - 1)**2 triangles, (positions, triangles)."""
+    y, x = np.mgrid[0:n, 0:n] * (1000.0 / n)
+    z = 40 * np.sin(x * 0.05) * np.cos(y * 0.07) + 5 * np.sin(x * 0.9) * np.sin(y * 0.8)
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + n], -1)
+    upper = np.stack([corner + 1, corner + n + 1, corner + n], -1)
+    return np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), np.concatenate([lower, upper]).astype(np.int32)
+
+
+def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
+    """Origins and directions by kind, (n, 3) f32."""
+    rng = np.random.default_rng(0)
+    center = (position.min(0) + position.max(0)) / 2
+    radius = np.linalg.norm(position.max(0) - position.min(0)) / 2
+    side = int(_RAYS**0.5)
+    y, x = np.mgrid[0:side, 0:side] / side - 0.5
+    looking = np.stack([x, y, -np.ones_like(x)], -1).reshape(-1, 3).astype(np.float32)
+    eye = np.broadcast_to((center + np.array([0, 0, 1.2 * radius])).astype(np.float32), looking.shape)
+    points = rng.standard_normal((2, _RAYS, 3))
+    points = center + radius * points / np.linalg.norm(points, axis=-1, keepdims=True)
+    start, end = points.astype(np.float32)
+    return {"primary": (np.ascontiguousarray(eye), looking), "random": (start, end - start)}
+
+
+def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
+    """Millions a second, the best of some rounds."""
+    best = np.inf
+    for _ in range(rounds):
+        begin = time.process_time()
+        work()
+        best = min(best, time.process_time() - begin)
+    return amount / best / 1e6
+
+
+def _trace(name: str, bvh: Bvh, position: Any) -> None:
+    rays = _rays(position)
+    stack = new_stack()
+    for kind, kernel, (o, d) in (
+        ("primary", _closest, rays["primary"]),
+        ("random", _closest, rays["random"]),
+        ("shadow", _any, rays["random"]),
+    ):
+        kernel(bvh, stack, o[:1], d[:1])  # compiled before the clock starts
+        print(f"{name}, {kind} rays: {_rate(lambda k=kernel, o=o, d=d: k(bvh, stack, o, d), len(o)):.1f} M/s")
+
+
+def main() -> None:
+    """Prints the rates."""
+    none = np.zeros((0, 4), np.float32)
+    for n in (129, 708):
+        position, triangle = _terrain(n)
+        build(position[:3], triangle[:1] * 0, none)
+        bvh = build(position, triangle, none)
+        print(f"terrain of {len(triangle)} triangles: {len(bvh.node)} nodes, {len(triangle) / len(bvh.packet):.1f} a packet")
+        print(f"build: {_rate(lambda p=position, t=triangle: build(p, t, none), len(triangle), 3):.2f} M triangles/s")
+        _trace(f"terrain of {len(triangle)}", bvh, position)
+
+
+if __name__ == "__main__":
+    main()
