@@ -9,7 +9,7 @@ import pytest
 from renderer.film import ALBEDO, DEPTH, NORMAL, mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere
+from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
 from renderer.scene.load import read
 from renderer.settings import RenderSettings
 from tests.renderer.builders import box, disk, emitter, gray, scene, settings, square
@@ -149,6 +149,47 @@ def test_environment_looks_where_the_description_says(rotation):
     compiled = compile_scene(description)
     assert mean(render_frame(compiled, settings((0, 0, 0), towards, 10, size=4), 1), 24).min() > 0.99
     assert mean(render_frame(compiled, settings((0, 0, 0), tuple(-x for x in towards), 10, size=4), 1), 24).max() == 0
+
+
+@pytest.mark.parametrize("depth", [2, 5])
+def test_mirrors_multiply(depth):
+    """Between two parallel mirrors, a ray at a slant meets one after the other; then the sky."""
+    mirrors = tuple(square((0, y, 0), (s * 2, 0, 0), (0, 0, 2), 0) for y, s in ((1, 1), (-1, -1)))
+    lit = scene([Material(kind="mirror", base_color=gray(0.8))], mirrors, environment=3.0)
+    # From the middle at 60 degrees from the normal: each crossing moves on by 2 tan 60 = 3.46; the first by half of that.
+    sums = render_frame(lit, settings((0, 0, 0), (math.tan(math.radians(60)), 1, 0), 0.01, max_depth=depth), 2)
+    assert mean(sums, 24) == pytest.approx(3.0 * 0.8, rel=1e-5)
+
+
+def test_a_textured_light_shines_by_its_texels():
+    """Bilinear texels times the emission, integrated over the light: E = sum of L cos cos' / d^2 dA."""
+    codes = np.random.default_rng(8).integers(0, 256, (4, 4, 4)).astype(np.uint8)
+    light = square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)
+    light.uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    description = SceneDescription(
+        meshes=[FLOOR, light],
+        instances=[Instance(0), Instance(1)],
+        materials=[WHITE, Material(base_color=gray(0), emission=(2.0, 2.0, 2.0), emission_texture=0)],
+        textures=[Texture(0, "clamp", "clamp")],
+        images=[Image("squares", codes)],
+    )
+    n = 512
+    place = (np.arange(n) + 0.5) / n
+    texel = np.clip(place * 4 - 0.5, 0, 3)
+    low = np.minimum(texel.astype(int), 2)
+    t = texel - low
+    level = codes[..., :3] / 255
+    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
+    rows = linear[low] * (1 - t)[:, None, None] + linear[low + 1] * t[:, None, None]
+    radiance = 2 * (rows[:, low] * (1 - t)[:, None] + rows[:, low + 1] * t[:, None])
+    z, x = np.meshgrid(place - 0.5, place - 0.5, indexing="ij")
+    weight = (x * x + z * z + 1) ** -2 / n**2
+    expected = (radiance * weight[..., None]).sum((0, 1)).mean() / math.pi
+    lit = compile_scene(description)
+    assert_mean(render_frame(lit, settings((0, 0.5, -2), (0, 0, 0), 0.01, max_depth=2), 256), expected, slack=1e-4)
+    seen = render_frame(lit, settings((0, 0.9, 0), (0.25 - 1e-7, 1, 0.25), 0.01, max_depth=1), 1)
+    direct = radiance[round(0.75 * n), round(0.75 * n)]
+    np.testing.assert_allclose(mean(seen, 24).mean((0, 1)), direct, rtol=0.01)
 
 
 def test_cornell_box_has_the_mean_of_the_peers():
