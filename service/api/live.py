@@ -71,10 +71,12 @@ class _Watcher:
     async def receive(self) -> None:
         """Take in acknowledgements until the watcher leaves. Anything else is left out."""
         while True:
-            text = await self._socket.receive_text()
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(message["code"])
             try:
-                acknowledged = int(json.loads(text)["ack"])
-            except (ValueError, KeyError, TypeError):
+                acknowledged = int(json.loads(message.get("text") or "")["ack"])
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 continue
             while self._rounds and self._rounds[0] <= acknowledged:
                 self._rounds.popleft()

@@ -118,8 +118,8 @@ def test_a_slow_watcher_gets_fewer_pictures_and_then_the_newest(service: Service
 def test_nonsense_from_a_watcher_is_left_out(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     with watch(service, job) as watcher:
-        for text in ("", "[]", "{}", '{"ack": "x"}', "nonsense", '{"ack": -5}'):
-            watcher.connection.send(text)
+        for nonsense in ("", "[]", "{}", '{"ack": "x"}', "nonsense", '{"ack": -5}', '{"ack": 1e400}', "[" * 100_000, b"\0"):
+            watcher.connection.send(nonsense)
         service.wait_for(job, "finished")
         watcher.read(1.0)
         assert len(watcher.words) == 12
