@@ -103,4 +103,7 @@ def _message(job: Job, session: Session, engine: Engine) -> str | None:
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
     if not workers.ready():
         return "Waits for the workers to load their kernels." if workers.reports else "Waits for a worker: none is connected."
+    live = engine.scheduler.jobs.get(job.id)
+    if live is not None and (ahead := engine.scheduler.ahead_of(live)):
+        return f"Waits for {ahead} other job{'s'[: ahead > 1]} to finish; with a higher priority it goes first."
     return None

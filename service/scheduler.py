@@ -141,12 +141,18 @@ class Scheduler:
         idle = self._workers.slots(lease.kind) > self.leases.batches(lease.kind)
         return late and idle and not lease.doubled
 
+    def ahead_of(self, job: ActiveJob) -> int:
+        """How many jobs are rendered before this one."""
+        kind = job.kind or self._workers.best_kind()
+        order = self._in_turn(kind) if kind is not None else []
+        return order.index(job) if job in order else 0
+
     def _kinds(self) -> set[str]:
         return {lease.kind for lease in self.leases}
 
     def _in_turn(self, kind: str) -> list[ActiveJob]:
         """The jobs that workers of a kind may render: higher priority first, then older first."""
-        jobs = [job for job in self.jobs.values() if job.state in ("queued", "running") and not job.done]
+        jobs = [job for job in list(self.jobs.values()) if job.state in ("queued", "running") and not job.done]
         jobs = [job for job in jobs if job.kind == kind or (job.kind is None and kind == self._workers.best_kind())]
         jobs.sort(key=lambda job: (-job.priority, job.created, job.id))
         return jobs

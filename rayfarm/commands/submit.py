@@ -39,7 +39,7 @@ def submit(
     scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it names are taken along.")],
     server: options.Server = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="With --wait: the picture, .png .exr or .jpg.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Wait, and write the picture: .png .exr or .jpg.")] = None,
     camera: options.Camera = None,
     eye: options.Eye = None,
     target: options.Target = None,
@@ -128,7 +128,7 @@ def _wait(farm: Client, job: str, output: Path | None) -> None:
 
             def show(state: dict[str, Any]) -> None:
                 progress.update(task, description=str(state["message"] or state["state"]), completed=float(state["progress"]))
-                ticker.tick(f"{state['state']}: {100 * state['progress']:.0f} %")
+                ticker.tick(f"{state['message'] or state['state']}: {100 * state['progress']:.0f} %")
 
             final = farm.wait(job, watch=show)
     except KeyboardInterrupt:

@@ -95,6 +95,9 @@ def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> N
     scene = service.ready_scene()
     slow = service.submit(scene, spp=100)
     until(lambda: len(worker.batches) > 2, "the first job is under way")
+    late = service.submit(scene)
+    until(lambda: "1 other job to" in (service.job(late)["message"] or ""), "the later job says what it waits for")
+    service.patch(late, state="cancelled")
     urgent = service.submit(scene, priority=5)
     service.wait_for(urgent, "finished")
     assert service.job(slow)["state"] == "running"
