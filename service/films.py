@@ -24,9 +24,10 @@ from renderer import film
 from renderer.film import CHANNELS, BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.coverage import Coverage
+from service.problem import Problem
 from worker.contract import pack_sums, unpack_sums
 
-__all__ = ["Film", "Part", "TileCache"]
+__all__ = ["Film", "FilmClosed", "Part", "TileCache"]
 
 FOLD_AT = 8  # rows of a tile
 IN_MEMORY_BYTES = 256 << 20
@@ -38,6 +39,13 @@ CREATE TABLE IF NOT EXISTS part (
     PRIMARY KEY (frame, tile, first));
 CREATE TABLE IF NOT EXISTS bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER);
 """
+
+
+class FilmClosed(Problem):
+    """The film was closed under its reader: its job was deleted, or the service ends."""
+
+    def __init__(self) -> None:
+        super().__init__(404, "The job was deleted while its picture was read.")
 
 
 @dataclass(frozen=True)
@@ -98,6 +106,7 @@ class Film:
         self._index = {tile: i for i, tile in enumerate(self.tiles)}
         self._cache = cache
         self._lock = threading.RLock()
+        self._is_closed = False
         self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=30)
         # NORMAL: a killed process loses nothing; a power cut may lose the latest parts, which are then rendered again.
         # Large pages and rare checkpoints, since rows are large: three times less work a row (measured).
@@ -111,6 +120,7 @@ class Film:
     def close(self) -> None:
         """Close the file."""
         with self._lock:
+            self._is_closed = True
             self._database.close()
             self._cache.forget(self.path.stem)
 
@@ -171,9 +181,11 @@ class Film:
             return [s is not None for s in taken]
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
-        """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet."""
+        """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet. Raises FilmClosed."""
         key = (self.path.stem, frame, tile)
         with self._lock:
+            if self._is_closed:
+                raise FilmClosed
             if not self._cover(frame, tile).ranges:
                 return None
             sums = self._cache.get(key)

@@ -21,7 +21,7 @@ from service import tile_packet
 from service.broadcast import Listener
 from service.describe import snapshot
 from service.farm import Farm, FarmDependency
-from service.films import Film
+from service.films import Film, FilmClosed
 from service.models import Job
 
 __all__ = ["router"]
@@ -95,7 +95,13 @@ class _Watcher:
                 await self._socket.close(GONE, "The job was deleted.")
                 return
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
-                await self._send_round(self._film)
+                try:
+                    await self._send_round(self._film)
+                except FilmClosed:  # the job is deleted, or the service ends: the next state says which
+                    self._listener.changed["job", self._job] = None
+                    self._listener.tiles.clear()
+                    self._state_at = 0.0
+                    continue
                 await asyncio.sleep(self._farm.settings.live_interval)
             else:
                 await self._listener.wait(STATE_EVERY_S if self._listener.changed else 1.0)

@@ -6,13 +6,14 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from renderer import film as film_math
 from renderer.film import BadSample
 from renderer.settings import Tile
-from service.films import Film, Part, TileCache
+from service.films import Film, FilmClosed, Part, TileCache
 from tests.service.peer_worker import expected_sums
 from worker.contract import pack_sums
 
@@ -111,3 +112,13 @@ def test_a_large_digest_equals_the_small_one(tmp_path: Path, monkeypatch: object
     monkeypatch.setattr("service.films.IN_MEMORY_BYTES", 0)  # type: ignore[attr-defined]
     assert film.digest(0) == expected
     film.close()
+
+
+def test_a_film_that_is_closed_under_its_reader_says_so(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    film.merge([part(film, 0, 0, 2)])
+    assert film.tile_sums(0, 0) is not None
+    film.close()
+    with pytest.raises(FilmClosed) as refusal:
+        film.channel(0)
+    assert refusal.value.status == 404
