@@ -202,8 +202,8 @@ def run_tests(python, arguments):
 def run_benchmarks(python, arguments):
     """The benchmarks, one after the other; with names, only those."""
     folder = ROOT / "tests" / "benchmarks"
-    wanted = [a for a in arguments if not a.startswith("-")]
-    options = [a for a in arguments if a.startswith("-")]
+    names = next((i for i, a in enumerate(arguments) if a.startswith("-")), len(arguments))
+    wanted, options = arguments[:names], arguments[names:]
     found = sorted(path for path in folder.glob("bench_*.py") if not wanted or path.stem[len("bench_") :] in wanted)
     if not found:
         known = ", ".join(sorted(path.stem[len("bench_") :] for path in folder.glob("bench_*.py")))

@@ -27,10 +27,8 @@ _SAMPLES_AT_ONCE = 64
 
 @dataclass
 class RenderStats:
-    """What rendering took. Seconds of wall time; `rays` counts shadow rays too."""
+    """What rendering took; `rays` counts shadow rays too."""
 
-    compile_s: float = 0.0
-    render_s: float = 0.0
     samples: int = 0
     rays: int = 0
     bad: list[BadSample] = field(default_factory=list)  # samples left out, at most MAX_BAD of them
@@ -149,7 +147,6 @@ def render_frame(
             first += count
             if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
                 break
-    stats.render_s += time.perf_counter() - begin
     return sums
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
-import pytest
 import redis
 
 from worker.contract import HEARTBEAT_TTL_S, WorkerReport, render_queue, worker_key
@@ -14,14 +12,6 @@ from worker.heartbeat import Reporter
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:
     return WorkerReport(name, host, pid, 2, "cpu", "kind", "starting", time.time())
-
-
-@pytest.fixture
-def store(redis_url: str) -> Iterator[redis.Redis]:
-    with redis.Redis.from_url(redis_url) as connection:
-        connection.flushall()
-        yield connection
-        connection.flushall()
 
 
 def test_a_report_expires_and_can_be_taken_away(redis_url: str, store: redis.Redis) -> None:

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 
 import pytest
 import redis
@@ -37,14 +36,6 @@ class Service(Link):
 
 def joining(service: Service, said: list[str]) -> Joining:
     return Joining(service, None, "vm", "here", lambda name: report(name, os.getpid()), said.append)
-
-
-@pytest.fixture
-def store(redis_url: str) -> Iterator[redis.Redis]:
-    with redis.Redis.from_url(redis_url) as connection:
-        connection.flushall()
-        yield connection
-        connection.flushall()
 
 
 def test_it_waits_for_the_service_and_then_reports_starting(redis_url: str, store: redis.Redis) -> None:
