@@ -21,7 +21,10 @@ __all__ = [
     "COLOR",
     "COLOR_EVEN",
     "DEPTH",
+    "MATERIAL",
     "NORMAL",
+    "OBJECT",
+    "POSITION",
     "SAMPLES",
     "SAMPLES_EVEN",
     "SAMPLE_MAX",
@@ -40,7 +43,10 @@ NORMAL = slice(9, 12)  # first hit's world-space shading normal
 DEPTH = 12  # distance from the eye to the first hit; 0 where nothing is hit
 SAMPLES = 13  # samples that count (finite ones); a plain count, not fixed point
 SAMPLES_EVEN = 14  # the even-numbered of them
-CHANNELS = 15
+POSITION = slice(15, 18)  # first hit's place in the world; 0 where nothing is hit
+OBJECT = 18  # 1 + the number of the object that sample 0 hits first, 0 where it hits nothing; a plain number, not fixed point
+MATERIAL = 19  # 1 + the number of its material, likewise
+CHANNELS = 20
 
 SAMPLE_MAX = 262144.0
 

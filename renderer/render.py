@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from renderer.bvh.build import build
 from renderer.bvh.traverse import new_stack
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, render_tile
 from renderer.kernel.camera import camera_frame
-from renderer.scene.compiled import CompiledScene, seal
+from renderer.scene.compile import compile_scene
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 
 __all__ = ["RenderStats", "render_batch", "render_frame", "warm_up"]
@@ -157,34 +158,10 @@ def warm_up() -> float:
     """
     begin = time.perf_counter()
     corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-    triangle = np.array([[0, 1, 2]], np.int32)
-    none = np.full(1, -1, np.int32)
-    zero = np.zeros(1, np.int32)
-    scene = CompiledScene(
-        bvh=build(corner, triangle, np.zeros((0, 4), np.float32)),
-        position=corner,
-        normal=np.broadcast_to(np.array([0, 0, 1], np.float32), (3, 3)),
-        uv=corner[:, :2],
-        triangle=triangle,
-        triangle_material=zero,
-        triangle_light=none,
-        sphere=np.zeros((0, 4), np.float32),
-        sphere_material=zero[:0],
-        sphere_light=zero[:0],
-        material_kind=zero,
-        material=np.full((1, 10), 0.5, np.float32),
-        material_texture=none.repeat(3).reshape(1, 3),
-        texture=np.zeros((0, 6), np.int32),
-        texel=np.zeros((0, 4), np.uint8),
-        light_primitive=zero[:0],
-        light_cdf=np.zeros(1, np.float32),
-        light_area=np.zeros(0, np.float32),
-        environment=np.ones((1, 1, 3), np.float32),
-        environment_marginal=np.array([0, 1], np.float32),
-        environment_conditional=np.array([[0, 1]], np.float32),
-        environment_frame=np.array([1, 0, 1, 1], np.float32),
-        bounds=np.array([[0, 0, 0], [1, 1, 0]], np.float32),
+    mesh = Mesh("triangle", corner, np.array([[0, 1, 2]], np.int32))
+    scene = compile_scene(
+        SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
     )
     settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)), max_depth=2)
-    render_batch(seal(scene), settings, Tile(0, 0, 2, 2), 0, 1)
+    render_batch(scene, settings, Tile(0, 0, 2, 2), 0, 1)
     return time.perf_counter() - begin

@@ -12,11 +12,29 @@ from typing import Any, NamedTuple
 
 from renderer.errors import SettingsError
 
-__all__ = ["INTEGRATORS", "MAX_DEPTH", "MAX_SIZE", "MAX_SPP", "RenderSettings", "Tile", "View", "tiles_of"]
+__all__ = [
+    "FILTERS",
+    "INTEGRATORS",
+    "MAX_DEPTH",
+    "MAX_SIZE",
+    "MAX_SPP",
+    "PROJECTIONS",
+    "SAMPLERS",
+    "SAMPLINGS",
+    "RenderSettings",
+    "Tile",
+    "View",
+    "tiles_of",
+]
 
-INTEGRATORS = ("path",)
+INTEGRATORS = ("path", "direct", "whitted", "ao")
+SAMPLERS = ("sobol", "independent")
+FILTERS = ("blackman-harris", "tent", "box")
+SAMPLINGS = ("mis", "light", "bsdf", "uniform")
+PROJECTIONS = ("perspective", "orthographic", "panorama")
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
+MAX_LIGHT_SAMPLES = 64
 MAX_FILM_EXPONENT = 24
 MAX_DISTANCE = 1e15  # squares and products of it stay within float32
 MAX_RADIANCE = 1e9
@@ -27,16 +45,34 @@ Vec3 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class View:
-    """A perspective camera: world-space `eye` and `target`, an `up` hint, and the vertical field of view in degrees."""
+    """A camera: world-space `eye` and `target`, and an `up` hint; lengths in the scene's unit.
+
+    projection: perspective, with the vertical field of view `fov` in degrees; orthographic, showing `height` units from top
+    to bottom; or panorama, all directions around the eye as an equirectangular picture (`fov` unused).
+    aperture: radius of the thin lens of a perspective camera; 0: a pinhole, sharp everywhere.
+    focus: distance along the line of sight of the plane that is sharp; None: the target's.
+    """
 
     eye: Vec3
     target: Vec3
     up: Vec3 = (0.0, 1.0, 0.0)
     fov: float = 40.0
+    projection: str = "perspective"
+    aperture: float = 0.0
+    focus: float | None = None
+    height: float = 2.0
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.fov <= 179.0:
             raise SettingsError(f"fov is {self.fov:g}; a vertical field of view lies between 0.01 and 179 degrees")
+        if self.projection not in PROJECTIONS:
+            raise SettingsError(f"projection is {self.projection!r}; known are {', '.join(PROJECTIONS)}")
+        if not 0.0 <= self.aperture <= MAX_DISTANCE:
+            raise SettingsError(f"aperture is {self.aperture:g}; a lens's radius lies between 0 and 1e15")
+        if self.focus is not None and not 1e-12 <= self.focus <= MAX_DISTANCE:
+            raise SettingsError(f"focus is {self.focus:g}; a distance to focus at lies between 1e-12 and 1e15")
+        if not 1e-12 <= self.height <= MAX_DISTANCE:
+            raise SettingsError(f"height is {self.height:g}; what an orthographic camera shows lies between 1e-12 and 1e15")
         for name in ("eye", "target", "up"):
             if not all(math.isfinite(c) and abs(c) <= MAX_DISTANCE for c in getattr(self, name)):
                 raise SettingsError(f"{name} is {getattr(self, name)}; its coordinates lie between -1e15 and 1e15")
@@ -60,6 +96,13 @@ class RenderSettings:
     """Everything but the scene that a sample's colour depends on.
 
     max_depth: path segments, the camera's included (1 = only what the camera sees emit).
+    sampler: where a path's numbers come from (renderer/kernel/sampler.py).
+    filter: the pixel filter, sampled by its own shape, so that a sample belongs to one pixel alone.
+    sampling: how the path tracer finds lights: mis, or one strategy alone (light, bsdf, uniform), to compare them.
+    clamp_indirect: the most that light after a second bounce may add to a channel of a sample; 0: no limit, no bias.
+    roulette: the probability with which paths go on after their first segments; None: by their throughput.
+    light_samples: shadow rays at the camera's first hit.
+    ao_distance: how far ambient occlusion looks, in scene units; 0: to infinity.
     environment: linear RGB radiance that replaces the scene's own environment, or None to keep it.
     environment_strength: factor on the scene's (or the replaced) environment.
     film_exponent: the film's quantum is 2**-film_exponent (see renderer/film.py).
@@ -71,6 +114,13 @@ class RenderSettings:
     max_depth: int = 8
     seed: int = 0
     integrator: str = "path"
+    sampler: str = "sobol"
+    filter: str = "blackman-harris"
+    sampling: str = "mis"
+    clamp_indirect: float = 0.0
+    roulette: float | None = None
+    light_samples: int = 1
+    ao_distance: float = 0.0
     environment: Vec3 | None = None
     environment_strength: float = 1.0
     film_exponent: int = 24
@@ -83,8 +133,22 @@ class RenderSettings:
             raise SettingsError(f"max_depth is {self.max_depth}; it lies between 1 and {MAX_DEPTH}")
         if not 0 <= self.seed < 1 << 32:
             raise SettingsError(f"seed is {self.seed}; it lies between 0 and 2**32 - 1")
-        if self.integrator not in INTEGRATORS:
-            raise SettingsError(f"integrator is {self.integrator!r}; known are {', '.join(INTEGRATORS)}")
+        for name, known in (
+            ("integrator", INTEGRATORS),
+            ("sampler", SAMPLERS),
+            ("filter", FILTERS),
+            ("sampling", SAMPLINGS),
+        ):
+            if getattr(self, name) not in known:
+                raise SettingsError(f"{name} is {getattr(self, name)!r}; known are {', '.join(known)}")
+        if not 0.0 <= self.clamp_indirect <= MAX_RADIANCE:
+            raise SettingsError(f"clamp_indirect is {self.clamp_indirect:g}; it lies between 0 (off) and 1e9")
+        if self.roulette is not None and not 0.05 <= self.roulette <= 1.0:
+            raise SettingsError(f"roulette is {self.roulette:g}; a probability to go on lies between 0.05 and 1")
+        if not 1 <= self.light_samples <= MAX_LIGHT_SAMPLES:
+            raise SettingsError(f"light_samples is {self.light_samples}; it lies between 1 and {MAX_LIGHT_SAMPLES}")
+        if not 0.0 <= self.ao_distance <= MAX_DISTANCE:
+            raise SettingsError(f"ao_distance is {self.ao_distance:g}; it lies between 0 (no limit) and 1e15")
         if self.environment is not None and not all(0.0 <= c <= MAX_RADIANCE for c in self.environment):
             raise SettingsError(f"environment is {self.environment}; its radiances lie between 0 and 1e9")
         if not 0 <= self.film_exponent <= MAX_FILM_EXPONENT:

@@ -8,6 +8,8 @@ distances, and are dropped when something nearer has been hit since. Sorting the
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -29,9 +31,10 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device
 
-__all__ = ["NO_PRIMITIVE", "any_hit", "closest_hit", "new_stack"]
+__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "closest_hit", "new_stack"]
 
 NO_PRIMITIVE = np.int32(-1)
+_WORLD = np.int32(-1)
 _NOWHERE = np.int32(-(2**31))  # where a child's number is expected: neither a node nor a leaf
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -43,6 +46,16 @@ _CHILDREN = np.uintp(ROW_CHILD * WIDTH)
 _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 _PACKET = np.uintp(PACKET_SIZE)
 _BIT = np.uint32(1)
+
+
+class Hit(NamedTuple):
+    """What a ray meets first."""
+
+    t: float  # along the ray, in lengths of its direction
+    primitive: int  # triangles first, then spheres; NO_PRIMITIVE where nothing is met
+    u: float  # barycentric coordinates of the triangle's corners b and c; 0 for spheres
+    v: float
+    instance: int  # whose space the primitive is in; -1 for the world's
 
 
 def new_stack() -> npt.NDArray[np.float32]:
@@ -109,10 +122,7 @@ def _axes(o, d, x, y, z):
 
 @device
 def closest_hit(bvh, stack, o, d, t_max):
-    """The nearest primitive along o + t d with 0 < t < t_max: (t, primitive or NO_PRIMITIVE, u, v).
-
-    u and v are the barycentric coordinates of the triangle's corners b and c; 0 for spheres. stack: from `new_stack`.
-    """
+    """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`."""
     node = bvh.node
     packet = bvh.packet
     x = _slab(o[0], d[0])
@@ -175,7 +185,7 @@ def closest_hit(bvh, stack, o, d, t_max):
                 best_u = extract(v, lane) * inverse
                 best_v = extract(w, lane) * inverse
                 primitive = load_int(packet, number + _PRIMITIVES + np.uintp(lane))
-    return best, primitive, best_u, best_v
+    return Hit(best, primitive, best_u, best_v, _WORLD)
 
 
 @device

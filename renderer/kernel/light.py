@@ -38,11 +38,12 @@ class LightSample(NamedTuple):
     end: tuple[float, float, float]  # what must be seen from the point lit
     radiance: tuple[float, float, float]  # that would arrive unoccluded
     pdf: float  # per steradian, the choice of the light included; 0: nothing sampled
+    alone: bool  # whether only light sampling finds it (it has no body), so that there is nothing to weigh it against
 
 
 @device
 def _nothing():
-    return LightSample(_NO_SAMPLE_W, _BLACK, _BLACK, _ZERO)
+    return LightSample(_NO_SAMPLE_W, _BLACK, _BLACK, _ZERO, False)
 
 
 @device
@@ -59,7 +60,7 @@ def _sample_triangle(scene, number, area, p, u):
     uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
     radiance = emission(scene, scene.triangle_material[number], uv, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
-    return LightSample(w, end, radiance, _TWO * square / abs(projected))
+    return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
 
 
 @device
@@ -107,17 +108,19 @@ def _sample_sphere(scene, number, p, u):
         pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
     radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
-    return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf)
+    return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, False)
 
 
 @device
-def sample_light(scene, p, choice, u):
-    """Light towards the point p: a LightSample. `choice` picks the light, u the place on it."""
+def sample_light(scene, p, n, choice, u):
+    """Light towards the point p with normal n: a LightSample. `choice` picks the light, u the place on it.
+
+    n is zero where the point is lit from all sides."""
     environment_chance = scene.environment_frame[3]
     if choice < environment_chance:
         w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
-        return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance)
+        return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance, False)
     if len(scene.light_primitive) == 0:
         return _nothing()
     if environment_chance > _ZERO:
@@ -129,7 +132,8 @@ def sample_light(scene, p, choice, u):
         sample = _sample_triangle(scene, primitive, scene.light_area[light], p, u)
     else:
         sample = _sample_sphere(scene, primitive - triangles, p, u)
-    return LightSample(sample.direction, sample.end, sample.radiance, sample.pdf * (_ONE - environment_chance) * chance)
+    pdf = sample.pdf * (_ONE - environment_chance) * chance
+    return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 
 
 @device
@@ -142,8 +146,10 @@ def environment_light_pdf(scene, w):
 
 
 @device
-def primitive_light_pdf(scene, light, p, hit, cosine):
-    """The density with which `sample_light`, at p, gives the point `hit` of a light seen under `cosine`, per steradian."""
+def primitive_light_pdf(scene, light, p, n, hit, cosine):
+    """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
+
+    cosine: under which p sees the light's surface."""
     chance = (scene.light_cdf[light + 1] - scene.light_cdf[light]) * (_ONE - scene.environment_frame[3])
     primitive = scene.light_primitive[light]
     triangles = len(scene.triangle)

@@ -48,8 +48,9 @@ class Material(NamedTuple):
 
 
 @device
-def fetch_material(scene, number, uv):
-    """The material `number` at texture coordinates uv."""
+def fetch_material(scene, surface):
+    """The material of a surface, at the point hit."""
+    number, uv = surface.material, surface.uv
     row = scene.material
     textures = scene.material_texture
     base = (row[number, 0], row[number, 1], row[number, 2])

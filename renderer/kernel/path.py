@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
@@ -14,6 +14,7 @@ from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sa
 from renderer.kernel.material import emission, eval_material, fetch_material, is_specular, sample_material
 from renderer.kernel.sampler import uniform4
 from renderer.kernel.surface import leave, surface_at
+from renderer.kernel.visibility import transmittance
 
 __all__ = ["PathResult", "power_heuristic", "trace_path"]
 
@@ -57,31 +58,32 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
     depth = _ZERO
     rays = 0
     point = o  # the last vertex,
+    normal = _BLACK  # its shading normal,
     pdf = _ZERO  # and the density with which its BSDF gave d; 0 after the camera and after specular bounces
     unscaled = _ONE  # eta**2 of the medium the path is in
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     for segment in range(max_depth):
-        t, primitive, u, v = closest_hit(scene.bvh, stack, o, d, _INF)
+        hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
-        if primitive == NO_PRIMITIVE:
+        if hit.primitive == NO_PRIMITIVE:
             emitted = environment_radiance(scene.environment, scene.environment_frame, d)
             weight = power_heuristic(pdf, environment_light_pdf(scene, d)) if pdf > _ZERO else _ONE
             radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
             break
-        surface = surface_at(scene, o, d, t, primitive, u, v)
+        surface = surface_at(scene, o, d, hit)
         wo_world = vec.neg(d)
         if surface.light >= 0:
             emitted = emission(scene, surface.material, surface.uv, surface.front)
             weight = _ONE
             if pdf > _ZERO:
                 cosine = vec.dot(surface.geometric, wo_world)
-                weight = power_heuristic(pdf, primitive_light_pdf(scene, surface.light, point, surface.point, cosine))
+                weight = power_heuristic(pdf, primitive_light_pdf(scene, surface.light, point, normal, surface.point, cosine))
             radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
-        material = fetch_material(scene, surface.material, surface.uv)
+        material = fetch_material(scene, surface)
         if segment == 0:
             albedo = material.base
             first_normal = surface.shading
-            depth = t
+            depth = hit.t
         if segment + 1 == max_depth:
             break
 
@@ -90,15 +92,17 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
         s, q = vec.basis(surface.shading)
         wo = vec.to_local(s, q, surface.shading, wo_world)
         if lit and not is_specular(material):
-            light = sample_light(scene, surface.point, r0[0], (r0[1], r0[2]))
+            light = sample_light(scene, surface.point, surface.shading, r0[0], (r0[1], r0[2]))
             facing = vec.dot(light.direction, surface.geometric)
             if light.pdf > _ZERO and facing > _ZERO and vec.maximum(light.radiance) > _ZERO:
                 f, scatter_pdf = eval_material(material, wo, vec.to_local(s, q, surface.shading, light.direction))
                 if vec.maximum(f) > _ZERO:
                     start = leave(surface.point, surface.error, surface.geometric, light.direction)
                     rays += 1
-                    if not any_hit(scene.bvh, stack, start, vec.sub(light.end, start), _ONE):
-                        weight = power_heuristic(light.pdf, scatter_pdf) / light.pdf
+                    visible = transmittance(scene, stack, start, light.end)
+                    if visible > _ZERO:
+                        balance = _ONE if light.alone else power_heuristic(light.pdf, scatter_pdf)
+                        weight = visible * balance / light.pdf
                         arriving = vec.scale(vec.mul(f, light.radiance), weight)
                         radiance = vec.add(radiance, vec.mul(throughput, arriving))
 
@@ -115,5 +119,6 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
                 break
             throughput = vec.scale(throughput, _ONE / survival)
         point = surface.point
+        normal = surface.shading
         o = leave(surface.point, surface.error, surface.geometric, d)
     return PathResult(radiance, albedo, first_normal, depth, rays)

@@ -116,8 +116,9 @@ def _is_textured(scene, material):
 
 
 @device
-def surface_at(scene, o, d, t, primitive, u, v):
-    """The surface that the ray o + t d (d unit) meets at a hit of `closest_hit`."""
+def surface_at(scene, o, d, hit):
+    """The surface that the ray o + t d (d unit) meets at a Hit of `closest_hit`."""
+    t, primitive, u, v = hit.t, hit.primitive, hit.u, hit.v
     wo = vec.neg(d)
     triangles = len(scene.triangle)
     if primitive < triangles:

@@ -15,10 +15,13 @@ import numpy.typing as npt
 from renderer.settings import Vec3, View
 
 __all__ = [
+    "AlphaMode",
     "Camera",
     "Environment",
     "Image",
     "Instance",
+    "Light",
+    "LightKind",
     "Material",
     "MaterialKind",
     "Mesh",
@@ -30,7 +33,9 @@ __all__ = [
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
-MaterialKind = Literal["diffuse", "mirror", "glass", "metallic_roughness"]
+MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness"]
+AlphaMode = Literal["opaque", "mask", "blend"]
+LightKind = Literal["point", "spot", "directional"]
 Wrap = Literal["repeat", "mirror", "clamp"]
 
 
@@ -45,33 +50,84 @@ class Image:
 
 @dataclass
 class Texture:
-    """An image and how it repeats. UV (0, 0) is the image's upper left corner, as in glTF; readers of others flip v."""
+    """An image, how it repeats, and how it is looked up. UV (0, 0) is the image's upper left corner, as in glTF.
+
+    transform: the rows of the 2x3 matrix that the UVs of set `uv_set` go through first.
+    """
 
     image: int
     wrap_s: Wrap = "repeat"
     wrap_t: Wrap = "repeat"
+    uv_set: int = 0  # 0 or 1
+    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 @dataclass
 class Material:
-    """A surface. `base_color` is reflectance (diffuse, mirror), tint (glass) or glTF's base colour; textures multiply it.
+    """A surface. `base_color` is reflectance (diffuse, mirror), tint (glass), kd (blinn_phong) or glTF's base colour.
 
-    metallic_roughness_texture: glTF's packing, linear: G is roughness, B is metallic.
+    Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use what they know:
+
+    diffuse: base_color. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation. conductor: eta, k,
+    roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit: base_color is what is seen.
+    metallic_roughness: all from metallic to diffuse_transmission_color, as glTF 2.0 and its KHR_materials extensions say.
+
     emission: radiance; emission_texture multiplies it. It leaves the front face (counter-clockwise side, or a sphere's
     outside), and the back face too where `double_sided`. Scattering is the same from both sides in any case.
+    thin: transmits without refraction, as a pane or a soap film does; else the inside of the mesh is filled with it.
     """
 
     name: str = "default"
     kind: MaterialKind = "diffuse"
     base_color: Vec3 = (0.8, 0.8, 0.8)
     base_color_texture: int | None = None
+    opacity: float = 1.0  # times the base colour texture's alpha and the vertex colour's
+    alpha_mode: AlphaMode = "opaque"
+    alpha_cutoff: float = 0.5
     metallic: float = 0.0
     roughness: float = 1.0
-    metallic_roughness_texture: int | None = None
+    metallic_roughness_texture: int | None = None  # G roughness, B metallic
     ior: float = 1.5
     emission: Vec3 = (0.0, 0.0, 0.0)
     emission_texture: int | None = None
     double_sided: bool = False
+    normal_texture: int | None = None
+    normal_scale: float = 1.0
+    specular: float = 1.0
+    specular_texture: int | None = None  # A
+    specular_color: Vec3 = (1.0, 1.0, 1.0)
+    specular_color_texture: int | None = None
+    clearcoat: float = 0.0
+    clearcoat_texture: int | None = None  # R
+    clearcoat_roughness: float = 0.0
+    clearcoat_roughness_texture: int | None = None  # G
+    clearcoat_normal_texture: int | None = None
+    clearcoat_normal_scale: float = 1.0
+    sheen_color: Vec3 = (0.0, 0.0, 0.0)
+    sheen_color_texture: int | None = None
+    sheen_roughness: float = 0.0
+    sheen_roughness_texture: int | None = None  # A
+    transmission: float = 0.0
+    transmission_texture: int | None = None  # R
+    thin: bool = False
+    attenuation_color: Vec3 = (1.0, 1.0, 1.0)  # what is left of white after attenuation_distance
+    attenuation_distance: float = float("inf")
+    anisotropy: float = 0.0
+    anisotropy_rotation: float = 0.0  # radians, counter-clockwise from the tangent
+    anisotropy_texture: int | None = None  # RG direction, B strength
+    iridescence: float = 0.0
+    iridescence_texture: int | None = None  # R
+    iridescence_ior: float = 1.3
+    iridescence_thickness: tuple[float, float] = (100.0, 400.0)  # nanometres
+    iridescence_thickness_texture: int | None = None  # G
+    dispersion: float = 0.0  # 20 / Abbe number
+    diffuse_transmission: float = 0.0
+    diffuse_transmission_texture: int | None = None  # A
+    diffuse_transmission_color: Vec3 = (1.0, 1.0, 1.0)
+    diffuse_transmission_color_texture: int | None = None
+    eta: Vec3 = (0.0, 0.0, 0.0)  # a conductor's complex index of refraction is eta + i k, at the primaries
+    k: Vec3 = (1.0, 1.0, 1.0)
+    shininess: float = 32.0
 
 
 @dataclass
@@ -84,6 +140,9 @@ class Mesh:
     normals: F32 | None = None  # (V, 3), need not be unit
     uvs: F32 | None = None  # (V, 2)
     material: int = 0
+    uvs1: F32 | None = None  # (V, 2), the second set
+    colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
+    tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
 
 
 @dataclass
@@ -93,6 +152,7 @@ class Instance:
     mesh: int
     transform: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     material: int | None = None
+    name: str = ""  # instances of one name are one object in the object id AOV; "": one of its own
 
 
 @dataclass
@@ -103,6 +163,25 @@ class Sphere:
     radius: float
     material: int = 0
     name: str = "sphere"
+
+
+@dataclass
+class Light:
+    """A light without a body: seen by what it lights, never by a ray that happens to meet it.
+
+    intensity: radiant intensity (point, spot: radiance units times area) or irradiance at normal incidence (directional).
+    radius (point, spot) and angle (directional: the degrees it spans, 0.53 for the sun) soften its shadows.
+    """
+
+    kind: LightKind
+    intensity: Vec3 = (1.0, 1.0, 1.0)
+    position: Vec3 = (0.0, 0.0, 0.0)
+    direction: Vec3 = (0.0, -1.0, 0.0)  # in which it shines
+    radius: float = 0.0
+    angle: float = 0.0
+    inner_cone: float = 0.0  # half angles, degrees: full within, dark beyond the outer
+    outer_cone: float = 45.0
+    name: str = "light"
 
 
 @dataclass
@@ -135,6 +214,7 @@ class SceneDescription:
     meshes: list[Mesh] = field(default_factory=list)
     instances: list[Instance] = field(default_factory=list)
     spheres: list[Sphere] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)

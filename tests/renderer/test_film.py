@@ -39,8 +39,9 @@ def film_of(values, height=2, width=3):
 def test_planes_do_not_overlap_and_fill_the_film():
     from renderer import film
 
-    planes = [film.COLOR, film.COLOR_EVEN, film.ALBEDO, film.NORMAL]
-    used = [i for plane in planes for i in range(plane.start, plane.stop)] + [DEPTH, SAMPLES, SAMPLES_EVEN]
+    planes = [film.COLOR, film.COLOR_EVEN, film.ALBEDO, film.NORMAL, film.POSITION]
+    used = [i for plane in planes for i in range(plane.start, plane.stop)]
+    used += [DEPTH, SAMPLES, SAMPLES_EVEN, film.OBJECT, film.MATERIAL]
     assert sorted(used) == list(range(CHANNELS))
 
 

@@ -26,7 +26,7 @@ def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
-        t[i], primitive[i], uv[i, 0], uv[i, 1] = closest_hit(bvh, stack, origin, direction, t_max[i])
+        t[i], primitive[i], uv[i, 0], uv[i, 1], _ = closest_hit(bvh, stack, origin, direction, t_max[i])
         shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i])
 
 

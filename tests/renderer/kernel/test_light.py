@@ -18,12 +18,13 @@ from tests.renderer.judge import assert_uniform, direction_test, limit
 N = 300_000
 TESTS = 12
 P = (0.1, -0.2, 0.3)
+NO_NORMAL = (np.float32(0.0), np.float32(0.0), np.float32(0.0))
 
 
 @entry
 def _sample(made, p, u, direction, end, radiance, pdf):
     for i in range(len(u)):
-        light = sample_light(made, (p[0], p[1], p[2]), u[i, 0], (u[i, 1], u[i, 2]))
+        light = sample_light(made, (p[0], p[1], p[2]), NO_NORMAL, u[i, 0], (u[i, 1], u[i, 2]))
         pdf[i] = light.pdf
         for k in range(3):
             direction[i, k] = light.direction[k]
@@ -38,12 +39,12 @@ def _density(made, stack, p, direction, pdf):
     for i in range(len(direction)):
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
         pdf[i] = environment_light_pdf(made, d)
-        t, primitive, u, v = closest_hit(made.bvh, stack, o, d, np.float32(np.inf))
-        if primitive != NO_PRIMITIVE:
-            surface = surface_at(made, o, d, t, primitive, u, v)
+        hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf))
+        if hit.primitive != NO_PRIMITIVE:
+            surface = surface_at(made, o, d, hit)
             if surface.light >= 0:
                 cosine = -vec.dot(surface.geometric, d)
-                pdf[i] += primitive_light_pdf(made, surface.light, o, surface.point, cosine)
+                pdf[i] += primitive_light_pdf(made, surface.light, o, NO_NORMAL, surface.point, cosine)
 
 
 def sample(made, p=P, n=N, seed=0):
