@@ -2,7 +2,7 @@
 
 Every array is C-contiguous and read-only (Numba compiles read-only arrays as a type of their own, so that one rule keeps
 one compiled kernel for memory-mapped and freshly built scenes alike: `seal` applies it). A primitive's number is its
-triangle's index, or T + its sphere's index.
+triangle's index, or T + its sphere's index; lights without a body go on from there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = npt.NDArray[Any]
 
 
 class CompiledScene(NamedTuple):
-    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights."""
+    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual."""
 
     bvh: Bvh
 
@@ -47,9 +47,11 @@ class CompiledScene(NamedTuple):
     texture: Array  # (X, 6) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1)
     texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
 
-    light_primitive: Array  # (L,) i32: the emitting primitive; environments are not in this list
+    light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
-    light_area: Array  # (L,) f32
+    light_area: Array  # (L,) f32, 0 for punctual lights
+    punctual_kind: Array  # (K,) i32: renderer.kernel.punctual's POINT, SPOT, DIRECTIONAL
+    punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
@@ -85,6 +87,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
     "light_area": ("<f4", ("L",)),
+    "punctual_kind": ("<i4", ("K",)),
+    "punctual": ("<f4", ("K", 12)),
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
@@ -142,7 +146,7 @@ def check(arrays: dict[str, Array]) -> None:
         ("sphere_material", 0, lengths["M"]),
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
-        ("light_primitive", 0, primitives),
+        ("light_primitive", 0, primitives + lengths["K"]),
         ("material_texture", -1, lengths["X"]),
     ):
         array = arrays[name]

@@ -16,6 +16,7 @@ from renderer.scene.geometry import MAX_COORDINATE, flatten
 from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
+from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.studio import light_studio
 from renderer.settings import View
 
@@ -41,8 +42,9 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     say("packing textures", 0.25)
     packed = pack(description)
     say("listing lights", 0.4)
+    punctual = tabulate_punctual(description.lights, bounds)
     lights = list_lights(
-        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material
+        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material, punctual.power
     )
     if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
         light_studio(description)
@@ -76,6 +78,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
         light_area=lights.area,
+        punctual_kind=punctual.kind,
+        punctual=punctual.row,
         environment=environment.radiance,
         environment_marginal=environment.marginal,
         environment_conditional=environment.conditional,
