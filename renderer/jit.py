@@ -79,8 +79,8 @@ import llvmlite.binding as llvm  # noqa: E402
 from llvmlite import ir  # noqa: E402
 from numba import njit, types  # noqa: E402
 from numba.core import cgutils  # noqa: E402
-from numba.np.arrayobj import populate_array  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
+from numba.np.arrayobj import populate_array  # noqa: E402
 
 if TARGET == "x86-64-v3":
     _has = llvm.get_host_cpu_features()
@@ -108,17 +108,17 @@ def out_of_line(typingctx: Any) -> Any:
     return types.void(), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic(prefer_literal=True)
 def local_floats(typingctx: Any, count: Any) -> Any:
     """An array of `count` float32, a literal, on the machine's stack: it lives as long as the function that calls this.
 
     Not zeroed. It may be handed down to subroutines, never returned.
     """
     array = types.Array(types.float32, 1, "C")
+    length = count.literal_value
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         word = context.get_value_type(types.float32)
-        length = count.literal_value
         memory = cgutils.alloca_once(builder, ir.ArrayType(word, length))
         size = context.get_constant(types.intp, length)
         item = context.get_constant(types.intp, 4)
@@ -127,7 +127,7 @@ def local_floats(typingctx: Any, count: Any) -> Any:
         populate_array(view, data=first, shape=[size], strides=[item], itemsize=item, meminfo=None)
         return view._getvalue()
 
-    return array(types.int64), codegen
+    return array(count), codegen
 
 
 def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:

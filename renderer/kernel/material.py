@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.jit import device
-from renderer.kernel import rows, vec
+from renderer.kernel import rows
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
 from renderer.kernel.bsdf.glass import sample_glass
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness

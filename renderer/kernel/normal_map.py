@@ -79,9 +79,9 @@ def map_normal(color, strength, s, t, n, geometric, wo):
 
 @device
 def shading_frame(scene, surface, wo):
-    """(s, t, n): right-handed unless texture coordinates are mirrored, n on the viewer's side, s along the tangent where it counts.
+    """(s, t, n), orthonormal: n on the viewer's side, s along the tangent where that counts.
 
-    wo: unit, towards the viewer, in world space.
+    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space.
     """
     n = surface.shading
     flags = scene.material_flags[surface.material]

@@ -176,7 +176,7 @@ def _absorption(m: Material) -> np.ndarray:
 def conductor_reflectance(cosine: np.ndarray, eta: float, k: float) -> np.ndarray:
     """Fresnel reflectance of unpolarised light at a conductor eta + i k, in float64 (Born & Wolf, 14.4)."""
     sine2 = 1 - cosine**2
-    root = np.sqrt((eta * eta - k * k - sine2 + 0j + 2j * eta * k))
+    root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)
     s = (cosine - root) / (cosine + root)
     index2 = (eta + 1j * k) ** 2
     p = (index2 * cosine - root) / (index2 * cosine + root)

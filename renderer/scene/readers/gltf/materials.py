@@ -96,7 +96,7 @@ class Materials:
             return
         amount = extension.number("transmissionFactor", 0.0)
         textured = "transmissionTexture" in extension or material.metallic_roughness_texture is not None
-        if amount >= 0.999 and material.roughness <= _GLASS_ROUGHNESS and material.metallic == 0 and not textured:
+        if amount >= 0.999 and (material.roughness or 0.0) <= _GLASS_ROUGHNESS and material.metallic == 0 and not textured:
             material.kind = "glass"
         elif amount > 0:
             self._shelf.warn(f"Material {material.name}: partial or rough transmission is not rendered yet; it is opaque.")
