@@ -44,7 +44,7 @@ def srgb(rgb: F32) -> F32:
 def hue(rgb: F32) -> F32:
     """A clip that keeps the hue: a pixel above 1 is scaled by its greatest channel, where `srgb` turns orange into yellow."""
     peak = np.maximum(np.maximum(rgb[..., 0], rgb[..., 1]), rgb[..., 2])[..., None]
-    return rgb / np.maximum(peak, np.float32(1))
+    return np.divide(rgb, np.maximum(peak, 1), dtype=np.float32)
 
 
 def reinhard(rgb: F32) -> F32:
