@@ -155,7 +155,7 @@ def test_one_image_in_several_textures_is_packed_once():
     description.materials = [Material(base_color_texture=0), Material(base_color_texture=1)]
     scene = compile_scene(description)
     assert scene.texel.shape == (6, 4)
-    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1], [0, 3, 2, 2, 2, 1]]
+    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1, 0], [0, 3, 2, 2, 2, 1, 0]]
 
 
 def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
