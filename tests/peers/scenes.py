@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere, Texture
 from renderer.scene.load import read
 from renderer.scene.normals import smoothed
 from renderer.settings import RenderSettings, View
@@ -127,6 +127,17 @@ def textured_floor_and_smooth_normals() -> Case:
         environment=Environment(color=gray(0.3)),
     )
     return description, _settings(_view())
+
+
+@_case
+def point_spot_and_directional_light() -> Case:
+    lights = [
+        Light("point", (6.0, 5.0, 3.0), position=(-1.5, 2.0, 1.5)),
+        Light("spot", (3.0, 6.0, 12.0), position=(1.8, 3.0, 1.0), direction=(-0.4, -1.0, -0.3), inner_cone=22.0, outer_cone=22.0),
+        Light("directional", (0.6, 0.6, 0.5), direction=(-1.0, -2.0, -0.5)),
+    ]
+    description = _scene([WHITE, Material(base_color=gray(0.5))], [FLOOR, box(1, 0.5, (0, 0.5, 0))], lights=lights)
+    return description, _settings(_view(), 3)
 
 
 @_case
