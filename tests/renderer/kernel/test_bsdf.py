@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.jit import entry
-from renderer.kernel.bsdf.glass import fresnel_dielectric
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric
 from renderer.kernel.material import LAYER_SLOTS, Material, eval_material, sample_material
 from renderer.kernel.rows import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
 from tests.renderer.judge import chi_squared, direction_test, limit
@@ -20,8 +20,8 @@ ANGLES = (0, 45, 80)
 
 
 @entry
-def _sample(kind, base, metallic, roughness, eta, layers, wo, u, wi, weight, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, eta, layers)
+def _sample(kind, base, metallic, roughness, f0, f90, eta, layers, wo, u, wi, weight, pdf):
+    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, (f0, f0, f0), f90, eta, layers)
     for i in range(len(u)):
         w = (wo[i, 0], wo[i, 1], wo[i, 2])
         d, f, p, scale = sample_material(material, w, u[i, 0], (u[i, 1], u[i, 2]))
@@ -33,8 +33,8 @@ def _sample(kind, base, metallic, roughness, eta, layers, wo, u, wi, weight, pdf
 
 
 @entry
-def _eval(kind, base, metallic, roughness, eta, layers, wo, wi, f, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, eta, layers)
+def _eval(kind, base, metallic, roughness, f0, f90, eta, layers, wo, wi, f, pdf):
+    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, (f0, f0, f0), f90, eta, layers)
     for i in range(len(wi)):
         value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
         for k in range(3):
@@ -45,7 +45,16 @@ def arguments(model, front=True):
     kind, base, metallic, roughness, ior = model
     eta = np.float32(ior if front else 1 / ior)
     layers = np.zeros(LAYER_SLOTS, np.float32)
-    return np.int32(kind), np.array(base, np.float32), np.float32(metallic), np.float32(roughness), eta, layers
+    return (
+        np.int32(kind),
+        np.array(base, np.float32),
+        np.float32(metallic),
+        np.float32(roughness),
+        np.float32(((ior - 1) / (ior + 1)) ** 2),
+        np.float32(1),
+        eta,
+        layers,
+    )
 
 
 def many(vector, n):
