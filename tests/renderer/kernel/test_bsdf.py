@@ -151,8 +151,7 @@ def test_scattering_is_reciprocal(model):
 
 @pytest.mark.parametrize("degrees", [0, 30, 60, 70, 80])
 def test_no_more_light_leaves_than_came(degrees):
-    """White of every metallic and roughness, by the mean weight and by integrating eval; not much less, unless single
-    scattering off rough metal loses it."""
+    """White of every metallic and roughness, by the mean weight and by integrating eval; and no less to half a per cent."""
     z, turn = np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(400) + 0.5) / 400 * 2 * np.pi, indexing="ij")
     r = np.sqrt(1 - z * z)
     grid = np.stack([r * np.cos(turn), r * np.sin(turn), z], -1).reshape(-1, 3)
@@ -162,8 +161,7 @@ def test_no_more_light_leaves_than_came(degrees):
             _, weight, _, _ = sample(model, tilted(degrees), 20_000)
             error = weight[:, 0].std() / np.sqrt(len(weight))
             albedo = weight[:, 0].mean(dtype=np.float64)
-            assert albedo <= 1.005 + limit(45) * error
-            assert metallic > 0 or albedo > 0.7
+            assert abs(albedo - 1) <= 0.005 + limit(45) * error
             integral = evaluate(model, tilted(degrees), grid)[0][:, 0].mean(dtype=np.float64) * 2 * np.pi
             assert abs(albedo - integral) < limit(45) * error + 4e-3
 
@@ -186,7 +184,7 @@ def test_extremes_stay_finite(roughness, degrees):
         wi, weight, pdf, _ = sample(model, tilted(degrees), 20_000)
         for values in (wi, weight, pdf, *evaluate(model, tilted(degrees), wi)):
             assert np.isfinite(values).all()
-        assert weight.max() < 1.05 if metallic == 1 else weight.max() < 25
+        assert weight.max() < 20
 
 
 def test_mirror():
