@@ -43,7 +43,14 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     say("listing lights", 0.4)
     punctual = tabulate_punctual(description.lights, bounds)
     lights = list_lights(
-        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material, punctual.power
+        packed.emitted,
+        packed.material[:, 9] != 0,
+        geometry.position,
+        geometry.triangle,
+        geometry.triangle_material,
+        sphere,
+        sphere_material,
+        punctual,
     )
     if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
         light_studio(description)
@@ -71,6 +78,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         texel=packed.texel,
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
+        light_node=lights.node,
+        light_child=lights.child,
         light_area=lights.area,
         punctual_kind=punctual.kind,
         punctual=punctual.row,
