@@ -52,6 +52,8 @@ class CompiledScene(NamedTuple):
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
+    light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
+    light_child: Array  # (Y, 3) i32
     light_area: Array  # (L,) f32, 0 for punctual lights
     punctual_kind: Array  # (K,) i32: renderer.kernel.punctual's POINT, SPOT, DIRECTIONAL
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
@@ -91,6 +93,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "texture_transform": ("<f4", ("X", 6)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
+    "light_node": ("<f4", ("Y", 12)),
+    "light_child": ("<i4", ("Y", 3)),
     "light_area": ("<f4", ("L",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
@@ -152,6 +156,7 @@ def check(arrays: dict[str, Array]) -> None:
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
+        ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
     ):
         array = arrays[name]
