@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from renderer.bvh.build import Instances, build
 from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
+from renderer.scene.environment import are_accents, choose_environment, tabulate_environment
 from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, place
-from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
+from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
@@ -43,9 +45,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     packed = pack(description)
     say("listing lights", 0.4)
     punctual = tabulate_punctual(description.lights, bounds)
-    lights = list_lights(
-        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material, punctual.power
-    )
+    double_sided = np.array([m.double_sided for m in description.materials], bool)
+    lights = list_lights(packed.emitted, double_sided, geometry, sphere, sphere_material, punctual)
     if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
         light_studio(description)
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
@@ -76,12 +77,16 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         sphere_light=lights.sphere_light,
         sphere_object=np.array(number_objects(description).sphere, np.int32),
         material_kind=packed.material_kind,
+        material_flags=packed.material_flags,
         material=packed.material,
         material_texture=packed.material_texture,
         texture=packed.texture,
+        texture_transform=packed.texture_transform,
         texel=packed.texel,
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
+        light_node=lights.node,
+        light_child=lights.child,
         light_area=lights.area,
         punctual_kind=punctual.kind,
         punctual=punctual.row,
@@ -171,8 +176,11 @@ def _aimed(view: View, bounds: np.ndarray) -> View:
     if distance <= 1e-3 * float(np.linalg.norm(bounds[1] - bounds[0])):
         return view
     x, y, z = (float(c) for c in eye + forward * distance)
-    return View(view.eye, (x, y, z), view.up, view.fov)
+    focus = view.focus
+    if focus is None and view.aperture > 0:  # what was sharp stays sharp
+        focus = float(np.linalg.norm(target - eye))
+    return replace(view, target=(x, y, z), focus=focus)
 
 
 def _view_dict(view: View) -> dict[str, Any]:
-    return {"eye": list(view.eye), "target": list(view.target), "up": list(view.up), "fov": view.fov}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(view).items()}
