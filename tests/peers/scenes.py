@@ -143,7 +143,7 @@ def point_spot_and_directional_light() -> Case:
 
 @_case
 def white_rough_metal() -> Case:
-    return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.15)), _settings(
+    return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.1)), _settings(
         _view()
     )
 
