@@ -28,6 +28,7 @@ __all__ = [
     "SceneDescription",
     "Sphere",
     "Texture",
+    "UvTransform",
     "Wrap",
 ]
 
@@ -37,6 +38,7 @@ MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong",
 AlphaMode = Literal["opaque", "mask", "blend"]
 LightKind = Literal["point", "spot", "directional"]
 Wrap = Literal["repeat", "mirror", "clamp"]
+UvTransform = tuple[float, float, float, float, float, float]
 
 
 @dataclass
@@ -59,7 +61,7 @@ class Texture:
     wrap_s: Wrap = "repeat"
     wrap_t: Wrap = "repeat"
     uv_set: int = 0  # 0 or 1
-    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    transform: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 @dataclass
@@ -85,7 +87,7 @@ class Material:
     alpha_mode: AlphaMode = "opaque"
     alpha_cutoff: float = 0.5
     metallic: float = 0.0
-    roughness: float = 1.0
+    roughness: float | None = None  # None: smooth glass and conductors, 1 for the rest
     metallic_roughness_texture: int | None = None  # G roughness, B metallic
     ior: float = 1.5
     emission: Vec3 = (0.0, 0.0, 0.0)
