@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -150,8 +151,9 @@ def _aimed(view: View, bounds: np.ndarray) -> View:
     if distance <= 1e-3 * float(np.linalg.norm(bounds[1] - bounds[0])):
         return view
     x, y, z = (float(c) for c in eye + forward * distance)
-    return View(view.eye, (x, y, z), view.up, view.fov)
+    focus = view.focus if view.focus is not None or view.aperture == 0 else float(np.linalg.norm(target - eye))
+    return replace(view, target=(x, y, z), focus=focus)
 
 
 def _view_dict(view: View) -> dict[str, Any]:
-    return {"eye": list(view.eye), "target": list(view.target), "up": list(view.up), "fov": view.fov}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(view).items()}

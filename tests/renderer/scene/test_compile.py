@@ -254,7 +254,7 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     compiled = compile_scene(description)
     summary = summarise(description, compiled)
     assert [c["name"] for c in summary["cameras"]] == ["front", AUTO_CAMERA]
-    assert summary["cameras"][0]["view"] == {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30}
+    assert View.from_json(summary["cameras"][0]["view"]) == View((0, 0, 9), (0, 0, 0), (0, 1, 0), 30)
     assert summary["bounds"] == [[-1, -1.5, -1.5], [5.5, 1.5, 1.5]]
     assert summary["counts"]["triangles"] == 12
     assert summary["counts"]["spheres"] == 1
