@@ -15,6 +15,7 @@ from renderer.scene.description import F32, Camera, SceneDescription
 from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, flatten
 from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
+from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.studio import light_studio
@@ -59,12 +60,17 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         position=geometry.position,
         normal=geometry.normal,
         uv=geometry.uv,
+        uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
+        color=geometry.color,
+        tangent=geometry.tangent,
         triangle=geometry.triangle,
         triangle_material=geometry.triangle_material,
         triangle_light=lights.triangle_light,
+        triangle_object=geometry.triangle_object,
         sphere=sphere,
         sphere_material=sphere_material,
         sphere_light=lights.sphere_light,
+        sphere_object=np.array(number_objects(description).sphere, np.int32),
         material_kind=packed.material_kind,
         material=packed.material,
         material_texture=packed.material_texture,
@@ -89,7 +95,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene.
+    cameras: the file's own, then always one named "auto" that frames the scene. objects, materials: their names in the order
+    of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
     cameras = [
         Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
@@ -108,6 +115,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
             "textures": len(compiled.texture),
             "lights": len(compiled.light_primitive),
         },
+        "objects": number_objects(description).names,
+        "materials": [m.name for m in description.materials],
         "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
         "animations": list(description.animations),
         "warnings": list(description.warnings),

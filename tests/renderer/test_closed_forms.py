@@ -195,7 +195,7 @@ def test_a_textured_light_shines_by_its_texels():
 def test_cornell_box_has_the_mean_of_the_peers():
     description = read(SCENES, "cornell-box.yaml")
     view = description.cameras[0].view
-    sums = render_frame(compile_scene(description), RenderSettings(96, 96, view, max_depth=8), 192)
+    sums = render_frame(compile_scene(description), RenderSettings(96, 96, view, max_depth=8, filter="box"), 192)
     assert_mean(sums, 0.1471, slack=0.01 - 3 * 0.003, most_error=0.003)
 
 
