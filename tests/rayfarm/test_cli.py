@@ -131,7 +131,7 @@ def test_info_is_for_people_and_programs() -> None:
         (["render", str(CORNELL), "-o", "out.png", "--camera", "side"], 1, "no camera 'side'"),
         (["render", str(CORNELL), "-o", "out.png", "--integrator", "magic"], 1, "integrator is 'magic'"),
         (["render", str(CORNELL), "-o", "out.png", "--aov", "albedo"], 1, "--aov needs an .exr"),
-        (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "--aov 'mood' is not known"),
+        (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "aov 'mood' is not known"),
         (["render", str(CORNELL), "-o", "out.png", "--size=8x8", "--tile=4,4,8,8"], 1, "--tile reaches out"),
         (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
         (["render", str(CORNELL)], 2, "--output"),
