@@ -22,9 +22,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
-FOR_USE = ("worker", "local")
-FOR_TESTS = ("worker", "local", "test")
-FOR_BENCHMARKS = ("worker", "local", "test", "peers")
+FOR_USE = ("worker", "denoise", "local")
+FOR_TESTS = ("worker", "denoise", "local", "test")
+FOR_BENCHMARKS = ("worker", "denoise", "local", "test", "peers")
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
