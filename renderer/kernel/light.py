@@ -60,7 +60,8 @@ def _sample_triangle(scene, number, area, p, u):
     if not (square > _ZERO and abs(projected) > _ZERO):
         return _nothing()
     uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
-    radiance = emission(scene, scene.triangle_material[number], uv, projected > _ZERO)
+    uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
+    radiance = emission(scene, scene.triangle_material[number], uv, uv1, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
 
@@ -108,7 +109,8 @@ def _sample_sphere(scene, number, p, u):
         if cosine == _ZERO:
             return _nothing()
         pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
-    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), cone or cosine > _ZERO)
+    uv = sphere_uv(normal)
+    radiance = emission(scene, scene.sphere_material[number], uv, uv, cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, False)
 

@@ -10,6 +10,7 @@ import numpy as np
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2
+from renderer.kernel.rows import TEXTURED
 
 __all__ = ["Surface", "leave", "sphere_uv", "surface_at", "triangle_point"]
 
@@ -168,8 +169,7 @@ def _facing(shading, geometric, wo):
 
 @device
 def _is_textured(scene, material):
-    row = scene.material_texture
-    return max(row[material, 0], row[material, 1], row[material, 2]) >= 0
+    return scene.material_flags[material] & TEXTURED != 0
 
 
 @device

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
+from renderer.kernel.rows import COLUMNS, SLOTS
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "flat", "nested", "seal"]
 
@@ -40,11 +41,13 @@ class CompiledScene(NamedTuple):
     sphere_light: Array  # (S,) i32: its light, or -1
     sphere_object: Array  # (S,) i32
 
-    material_kind: Array  # (M,) i32: renderer.kernel.material's DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS
-    material: Array  # (M, 10) f32: base colour 3, emission 3, metallic, roughness, ior, double-sided (0/1)
-    material_texture: Array  # (M, 3) i32: base colour, emission, metallic-roughness; -1 for none
+    material_kind: Array  # (M,) i32: kinds, flags, columns and slots are named in renderer/kernel/rows.py
+    material_flags: Array  # (M,) i32
+    material: Array  # (M, COLUMNS) f32
+    material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
 
-    texture: Array  # (X, 6) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1)
+    texture: Array  # (X, 7) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set
+    texture_transform: Array  # (X, 6) f32: the rows of the 2x3 matrix that UVs go through
     texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
@@ -81,9 +84,11 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "sphere_light": ("<i4", ("S",)),
     "sphere_object": ("<i4", ("S",)),
     "material_kind": ("<i4", ("M",)),
-    "material": ("<f4", ("M", 10)),
-    "material_texture": ("<i4", ("M", 3)),
-    "texture": ("<i4", ("X", 6)),
+    "material_flags": ("<i4", ("M",)),
+    "material": ("<f4", ("M", COLUMNS)),
+    "material_texture": ("<i4", ("M", SLOTS)),
+    "texture": ("<i4", ("X", 7)),
+    "texture_transform": ("<f4", ("X", 6)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
     "light_area": ("<f4", ("L",)),

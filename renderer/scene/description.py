@@ -87,7 +87,7 @@ class Material:
     alpha_mode: AlphaMode = "opaque"
     alpha_cutoff: float = 0.5
     metallic: float = 0.0
-    roughness: float = 1.0
+    roughness: float | None = None  # None: smooth glass and conductors, 1 for the rest
     metallic_roughness_texture: int | None = None  # G roughness, B metallic
     ior: float = 1.5
     emission: Vec3 = (0.0, 0.0, 0.0)

@@ -191,7 +191,9 @@ def _bsdf(mi: Any, description: SceneDescription, material: Material) -> dict[st
 
 def _scattering(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
     base = _base(mi, description, material)
-    alpha = material.roughness**2
+    smooth = material.kind in ("glass", "conductor")
+    roughness = material.roughness if material.roughness is not None else 0.0 if smooth else 1.0
+    alpha = roughness**2
     if material.kind == "diffuse":
         return {"type": "diffuse", "reflectance": base}
     if material.kind == "mirror":

@@ -5,7 +5,8 @@ import pytest
 
 from renderer.jit import entry
 from renderer.kernel.bsdf.glass import fresnel_dielectric
-from renderer.kernel.material import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR, Material, eval_material, sample_material
+from renderer.kernel.material import LAYER_SLOTS, Material, eval_material, sample_material
+from renderer.kernel.rows import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
 from tests.renderer.judge import chi_squared, direction_test, limit
 
 WHITE = (1.0, 1.0, 1.0)
@@ -19,11 +20,11 @@ ANGLES = (0, 45, 80)
 
 
 @entry
-def _sample(kind, base, metallic, roughness, ior, front, wo, u, wi, weight, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, ior)
+def _sample(kind, base, metallic, roughness, eta, layers, wo, u, wi, weight, pdf):
+    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, eta, layers)
     for i in range(len(u)):
         w = (wo[i, 0], wo[i, 1], wo[i, 2])
-        d, f, p, scale = sample_material(material, front, w, u[i, 0], (u[i, 1], u[i, 2]))
+        d, f, p, scale = sample_material(material, w, u[i, 0], (u[i, 1], u[i, 2]))
         for k in range(3):
             wi[i, k] = d[k]
             weight[i, k] = f[k]
@@ -32,17 +33,19 @@ def _sample(kind, base, metallic, roughness, ior, front, wo, u, wi, weight, pdf)
 
 
 @entry
-def _eval(kind, base, metallic, roughness, ior, wo, wi, f, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, ior)
+def _eval(kind, base, metallic, roughness, eta, layers, wo, wi, f, pdf):
+    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, eta, layers)
     for i in range(len(wi)):
         value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
         for k in range(3):
             f[i, k] = value[k]
 
 
-def arguments(model):
+def arguments(model, front=True):
     kind, base, metallic, roughness, ior = model
-    return np.int32(kind), np.array(base, np.float32), np.float32(metallic), np.float32(roughness), np.float32(ior)
+    eta = np.float32(ior if front else 1 / ior)
+    layers = np.zeros(LAYER_SLOTS, np.float32)
+    return np.int32(kind), np.array(base, np.float32), np.float32(metallic), np.float32(roughness), eta, layers
 
 
 def many(vector, n):
@@ -53,7 +56,7 @@ def sample(model, wo, n=200_000, front=True, seed=0):
     """(wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
-    _sample(*arguments(model), front, many(wo, n), u, wi, weight, pdf)
+    _sample(*arguments(model, front), many(wo, n), u, wi, weight, pdf)
     return wi, weight, pdf[:, 0], pdf[:, 1]
 
 
