@@ -26,7 +26,7 @@ def weights():
     """(3, W): how much each wavelength of equal-energy white adds to red, green and blue; each row's sum is 1."""
 
     def lobe(height, middle, below, above):
-        t = (WAVELENGTHS - middle) * np.where(WAVELENGTHS < middle, below, above)
+        t = (WAVELENGTHS - middle) * np.where(middle > WAVELENGTHS, below, above)
         return height * np.exp(-0.5 * t * t)
 
     # Wyman, Sloan and Shirley 2013, the multi-lobe fit of the CIE 1931 observer.
