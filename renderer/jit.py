@@ -39,7 +39,7 @@ def _source_hash() -> str:
     """A hash of all that decides the machine code and the arrays it reads: our sources, the compiler, the target."""
     total = hashlib.sha256(f"{version('numba')} {version('llvmlite')} {TARGET}".encode())
     root = Path(__file__).parent
-    for path in sorted(root.rglob("*.py")):
+    for path in sorted([*root.rglob("*.py"), *root.rglob("*.npy")]):  # kernels hold tables as constants
         total.update(path.relative_to(root).as_posix().encode() + b"\0")
         total.update(path.read_bytes() + b"\0")
     return total.hexdigest()

@@ -15,6 +15,7 @@ from renderer.bvh.traverse import new_stack
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, render_tile
 from renderer.kernel.camera import camera_frame
+from renderer.kernel.options import kernel_options
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
@@ -69,9 +70,7 @@ def _render(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: i
         scene,
         new_stack(),
         camera_frame(settings),
-        np.uint32(settings.seed),
-        settings.max_depth,
-        np.float32(2.0**settings.film_exponent),
+        kernel_options(settings),
         tile.x,
         tile.y,
         first,

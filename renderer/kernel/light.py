@@ -1,4 +1,5 @@
-"""Light sampling: a light is chosen (the environment by a set probability, the others by power), then a point or direction.
+"""Light sampling: a light is chosen (the environment by a set probability, few others by power, many by a tree), then a point
+or direction.
 
 Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light; lights without a
 body have a file of their own.
@@ -14,6 +15,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.kernel.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.material import emission
 from renderer.kernel.punctual import sample_punctual
 from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
@@ -129,7 +131,12 @@ def sample_light(scene, p, n, choice, u):
         return _nothing()
     if environment_chance > _ZERO:
         choice = (choice - environment_chance) / (_ONE - environment_chance)
-    light, _, chance = choose(scene.light_cdf, choice)
+    if len(scene.light_node) > 0:
+        light, chance = choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
+        if chance == _ZERO:
+            return _nothing()
+    else:
+        light, _, chance = choose(scene.light_cdf, choice)
     primitive = scene.light_primitive[light]
     triangles = len(scene.triangle)
     if primitive < triangles:
@@ -158,7 +165,11 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
     """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
 
     cosine: under which p sees the light's surface."""
-    chance = (scene.light_cdf[light + 1] - scene.light_cdf[light]) * (_ONE - scene.environment_frame[3])
+    if len(scene.light_node) > 0:
+        chance = tree_chance(scene.light_node, scene.light_child, p, n, light)
+    else:
+        chance = scene.light_cdf[light + 1] - scene.light_cdf[light]
+    chance *= _ONE - scene.environment_frame[3]
     primitive = scene.light_primitive[light]
     triangles = len(scene.triangle)
     d = vec.sub(hit, p)

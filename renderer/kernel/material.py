@@ -46,6 +46,8 @@ class Material(NamedTuple):
     base: tuple[float, float, float]
     metallic: float
     roughness: float
+    f0: tuple[float, float, float]  # of the dielectric, facing,
+    f90: float  # and grazing
     eta: float  # index of refraction beyond the surface over the one on the viewer's side
     layers: Any  # (LAYER_SLOTS,), of the rarer kinds; else not filled
 
@@ -78,7 +80,9 @@ def fetch_material(scene, surface, frame, layers):
             roughness *= g
             metallic *= b
     base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
-    return Material(kind, base, metallic, roughness, ior if surface.front else _ONE / ior, layers)
+    f90 = row[number, rows.SPECULAR]
+    f0 = (row[number, rows.F0] * f90, row[number, rows.F0 + 1] * f90, row[number, rows.F0 + 2] * f90)
+    return Material(kind, base, metallic, roughness, f0, f90, ior if surface.front else _ONE / ior, layers)
 
 
 @device
@@ -134,7 +138,9 @@ def is_specular(material):
 def eval_material(material, wo, wi):
     """(f |cos|, pdf) of a pair of local directions."""
     if material.kind == METALLIC_ROUGHNESS:
-        return eval_and_pdf_metallic_roughness(material.base, material.metallic, material.roughness, wo, wi)
+        return eval_and_pdf_metallic_roughness(
+            material.base, material.metallic, material.roughness, material.f0, material.f90, wo, wi
+        )
     if material.kind == DIFFUSE:
         return eval_diffuse(material.base, wo, wi), pdf_diffuse(wo, wi)
     return _BLACK, _ZERO
@@ -149,7 +155,9 @@ def sample_material(material, wo, choose, u):
         wi, weight, pdf = sample_diffuse(material.base, wo, u)
         return wi, weight, pdf, _ONE
     if material.kind == METALLIC_ROUGHNESS:
-        wi, weight, pdf = sample_metallic_roughness(material.base, material.metallic, material.roughness, wo, choose, u)
+        wi, weight, pdf = sample_metallic_roughness(
+            material.base, material.metallic, material.roughness, material.f0, material.f90, wo, choose, u
+        )
         return wi, weight, pdf, _ONE
     if material.kind == MIRROR:
         wi, weight = sample_mirror(material.base, wo)

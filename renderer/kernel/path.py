@@ -36,6 +36,9 @@ class PathResult(NamedTuple):
     albedo: tuple[float, float, float]  # of the first hit; 0 where nothing is hit
     normal: tuple[float, float, float]  # its shading normal, on the viewer's side
     depth: float  # its distance
+    position: tuple[float, float, float]
+    object: int  # 1 + its number; 0 where nothing is hit
+    material: int  # likewise
     rays: int
 
 
@@ -50,13 +53,15 @@ def power_heuristic(a, b):
 
 
 @device
-def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
-    """The path of one sample of one pixel, from the ray o + t d on; max_depth counts its segments. A PathResult."""
+def trace_path(scene, stack, o, d, options, pixel, sample):
+    """The path of one sample of one pixel, from the ray o + t d on. A PathResult. options: renderer.kernel.options.Options."""
     radiance = _BLACK
     throughput = _WHITE
     albedo = _BLACK
     first_normal = _BLACK
+    position = _BLACK
     depth = _ZERO
+    object_id = material_id = 0
     rays = 0
     point = o  # the last vertex,
     normal = _BLACK  # its shading normal,
@@ -64,7 +69,7 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
     unscaled = _ONE  # eta**2 of the medium the path is in
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)  # the rarer materials' textures, looked up
-    for segment in range(max_depth):
+    for segment in range(options.max_depth):
         hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
         if hit.primitive == NO_PRIMITIVE:
@@ -86,16 +91,19 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
         if segment == 0:
             albedo = material.base
             first_normal = frame[2]
+            position = surface.point
             depth = hit.t
-        if segment + 1 == max_depth:
+            object_id = 1 + surface.object
+            material_id = 1 + surface.material
+        if segment + 1 == options.max_depth:
             break
 
-        r0 = uniform4(seed, pixel, sample, np.uint32(2 * segment + 1))
-        r1 = uniform4(seed, pixel, sample, np.uint32(2 * segment + 2))
+        r0 = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 1))
+        r1 = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
         s, q, n = frame
         wo = vec.to_local(s, q, n, wo_world)
         if lit and not is_specular(material):
-            light = sample_light(scene, surface.point, surface.shading, r0[0], (r0[1], r0[2]))
+            light = sample_light(scene, surface.point, surface.shading, r0[2], (r0[0], r0[1]))
             facing = vec.dot(light.direction, surface.geometric)
             if light.pdf > _ZERO and facing > _ZERO and vec.maximum(light.radiance) > _ZERO:
                 f, scatter_pdf = eval_material(material, wo, vec.to_local(s, q, n, light.direction))
@@ -109,7 +117,7 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
                         arriving = vec.scale(vec.mul(f, light.radiance), weight)
                         radiance = vec.add(radiance, vec.mul(throughput, arriving))
 
-        wi, weight, pdf, thinned = sample_material(material, wo, r1[0], (r1[1], r1[2]))
+        wi, weight, pdf, thinned = sample_material(material, wo, r1[2], (r1[0], r1[1]))
         throughput = vec.mul(throughput, weight)
         unscaled *= thinned
         d = vec.to_world(s, q, n, wi)
@@ -124,4 +132,4 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
         point = surface.point
         normal = n
         o = leave(surface.point, surface.error, surface.geometric, d)
-    return PathResult(radiance, albedo, first_normal, depth, rays)
+    return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)

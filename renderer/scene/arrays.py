@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 from renderer.kernel.rows import COLUMNS, SLOTS
 
@@ -22,11 +22,19 @@ Array = npt.NDArray[Any]
 
 
 class CompiledScene(NamedTuple):
-    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual."""
+    """What the kernel reads.
+
+    I instances, V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual.
+    """
 
     bvh: Bvh
 
-    position: Array  # (V, 3) f32, world space
+    to_world: Array  # (I, 3, 4) f64, from each instance's space: a matrix and, last column, a translation
+    instance_stretch: Array  # (I,) f32: the most that to_world makes of a length of 1
+    instance_material: Array  # (I,) i32: its triangles' material, or -1 where they have their own
+    instance_object: Array  # (I,) i32
+
+    position: Array  # (V, 3) f32, world space; an instance's own where its triangles are
     normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
     uv: Array  # (V, 2) f32
     uv1: Array  # (V, 2) f32, or no rows where no texture looks there
@@ -35,7 +43,7 @@ class CompiledScene(NamedTuple):
     triangle: Array  # (T, 3) i32 into the vertices
     triangle_material: Array  # (T,) i32
     triangle_light: Array  # (T,) i32: its light, or -1
-    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py)
+    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py); an instance's counts instead
     sphere: Array  # (S, 4) f32: centre, radius
     sphere_material: Array  # (S,) i32
     sphere_light: Array  # (S,) i32: its light, or -1
@@ -52,6 +60,8 @@ class CompiledScene(NamedTuple):
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
+    light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
+    light_child: Array  # (Y, 3) i32
     light_area: Array  # (L,) f32, 0 for punctual lights
     punctual_kind: Array  # (K,) i32: renderer.kernel.punctual's POINT, SPOT, DIRECTIONAL
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
@@ -69,6 +79,12 @@ class CompiledScene(NamedTuple):
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
     "bvh.packet": ("<f4", ("P", PACKET_ROWS, WIDTH)),
+    "bvh.to_local": ("<f8", ("I", 3, 4)),
+    "to_world": ("<f8", ("I", 3, 4)),
+    "bvh.instance_root": ("<i4", ("I",)),
+    "instance_stretch": ("<f4", ("I",)),
+    "instance_material": ("<i4", ("I",)),
+    "instance_object": ("<i4", ("I",)),
     "position": ("<f4", ("V", 3)),
     "normal": ("<f4", ("V", 3)),
     "uv": ("<f4", ("V", 2)),
@@ -91,6 +107,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "texture_transform": ("<f4", ("X", 6)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
+    "light_node": ("<f4", ("Y", 12)),
+    "light_child": ("<i4", ("Y", 3)),
     "light_area": ("<f4", ("L",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
@@ -111,7 +129,7 @@ def flat(scene: CompiledScene) -> dict[str, Array]:
 def nested(arrays: dict[str, Array]) -> CompiledScene:
     """The scene of these arrays: the reverse of `flat`."""
     rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
-    return CompiledScene(bvh=Bvh(arrays["bvh.node"], arrays["bvh.packet"]), **rest)
+    return CompiledScene(bvh=Bvh(*(arrays[f"bvh.{name}"] for name in Bvh._fields)), **rest)
 
 
 def seal(scene: CompiledScene) -> CompiledScene:
@@ -149,9 +167,12 @@ def check(arrays: dict[str, Array]) -> None:
         ("triangle", 0, lengths["V"]),
         ("triangle_material", 0, lengths["M"]),
         ("sphere_material", 0, lengths["M"]),
+        ("instance_material", -1, lengths["M"]),
+        ("bvh.instance_root", 0, lengths["N"]),
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
+        ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
     ):
         array = arrays[name]
@@ -167,7 +188,9 @@ def check(arrays: dict[str, Array]) -> None:
     if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
-    if not -2 * lengths["P"] <= int(children.min()) <= int(children.max()) < lengths["N"]:
+    leaves = ~children[children < 0]
+    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["P"])
+    if int(children.max()) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:

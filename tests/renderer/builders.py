@@ -65,7 +65,8 @@ def scene(
 def settings(
     eye: tuple[float, ...], target: tuple[float, ...], fov: float = 1.0, size: int = 24, **more: object
 ) -> RenderSettings:
-    """A square picture; `up` is chosen so that any line of sight will do."""
+    """A square picture, its pixels squares; `up` is chosen so that any line of sight will do."""
+    more.setdefault("filter", "box")
     sight = np.subtract(target, eye)
     up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)
     return RenderSettings(size, size, View(tuple(eye), tuple(target), up, fov), **more)

@@ -19,7 +19,7 @@ import httpx
 import numpy as np
 import redis
 
-from renderer.film import CHANNELS, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLES, SAMPLES_EVEN, Sums, digest
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, DEPTH, NORMAL, SAMPLES, SAMPLES_HALF, Sums, digest, in_half
 from renderer.settings import Tile
 from worker.contract import (
     HEARTBEAT_TTL_S,
@@ -48,12 +48,12 @@ def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
             word = (word ^ (word >> np.uint64(15))) * np.uint64(0x2C1B3C6D)
             value = (word >> np.uint64(4) & np.uint64(0xFFFFFF)).astype(np.int64)  # 0 ... 1 in the film's quantum
             sums[COLOR][channel] += value
-            if sample % 2 == 0:
-                sums[COLOR_EVEN][channel] += value
+            if in_half(sample):
+                sums[COLOR_HALF][channel] += value
         sums[NORMAL][2] += 1 << 24
         sums[DEPTH] += 2 << 24
         sums[SAMPLES] += 1
-        sums[SAMPLES_EVEN] += sample % 2 == 0
+        sums[SAMPLES_HALF] += in_half(sample)
     return sums
 
 

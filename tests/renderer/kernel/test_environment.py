@@ -6,7 +6,7 @@ import pytest
 from renderer.jit import entry
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.scene.description import Environment, Image, SceneDescription
-from renderer.scene.lights import tabulate_environment
+from renderer.scene.environment import tabulate_environment
 from tests.renderer.judge import chi_squared
 
 N = 300_000

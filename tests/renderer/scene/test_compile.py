@@ -1,5 +1,7 @@
 """Descriptions compiled: what the kernel reads is what the author meant."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -87,7 +89,7 @@ def test_too_many_triangles_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("renderer.scene.geometry.MAX_TRIANGLES", 10)
     description = described(shapes.quad("q"))
     description.instances *= 6
-    with pytest.raises(SceneError, match="fewer instances"):
+    with pytest.raises(SceneError, match="Simplify"):
         compile_scene(description)
 
 
@@ -254,11 +256,33 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     compiled = compile_scene(description)
     summary = summarise(description, compiled)
     assert [c["name"] for c in summary["cameras"]] == ["front", AUTO_CAMERA]
-    assert summary["cameras"][0]["view"] == {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30}
+    assert View.from_json(summary["cameras"][0]["view"]) == View((0, 0, 9), (0, 0, 0), fov=30)
     assert summary["bounds"] == [[-1, -1.5, -1.5], [5.5, 1.5, 1.5]]
     assert summary["counts"]["triangles"] == 12
     assert summary["counts"]["spheres"] == 1
     assert (summary["animations"], summary["warnings"], summary["defaults"]) == (["spin"], ["w"], {"spp": 4})
+
+
+def test_a_lens_stays_focused_when_its_target_moves_along_the_line_of_sight():
+    description = described(shapes.cube("a"))
+    description.cameras = [Camera("lens", View((0, 0, 9), (0, 0, 8.5), aperture=0.1)), Camera("flat", View((0, 0, 9), (0, 0, 8)))]
+    description.cameras[1].view = replace(description.cameras[1].view, projection="orthographic", height=3.0)
+    lens, flat, _ = (View.from_json(c["view"]) for c in summarise(description, compile_scene(description))["cameras"])
+    assert (lens.target, lens.focus) == ((0, 0, 0), 0.5)
+    assert (flat.projection, flat.height, flat.focus) == ("orthographic", 3.0, None)
+
+
+def test_objects_and_materials_are_named_in_the_order_of_their_numbers():
+    description = described(shapes.cube("a"), shapes.quad("b"), shapes.quad("c"))
+    description.materials = [Material("red"), Material("blue")]
+    description.instances[0].name = description.instances[2].name = "table"
+    description.spheres = [Sphere((4, 0, 0), 1.0, 0, "ball"), Sphere((7, 0, 0), 1.0, 1, "ball")]
+    compiled = compile_scene(description)
+    summary = summarise(description, compiled)
+    assert summary["objects"] == ["table", "b", "ball", "ball"]
+    assert summary["materials"] == ["red", "blue"]
+    assert compiled.triangle_object.tolist() == [0] * 12 + [1] * 2 + [0] * 2
+    assert compiled.sphere_object.tolist() == [2, 3]
 
 
 def test_a_files_own_camera_may_be_called_auto():
