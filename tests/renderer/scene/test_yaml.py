@@ -14,7 +14,7 @@ from renderer.scene.description import MaterialKind
 from renderer.scene.geometry import flatten
 from renderer.scene.load import read
 from renderer.scene.readers.metals import METALS
-from renderer.settings import FILTERS, INTEGRATORS, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, View
+from renderer.settings import FILTERS, INTEGRATORS, MISTAKES, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, View
 from tests.renderer.scene.builders import Gltf
 
 QUAD = "shapes:\n  - {type: quad}\n"
