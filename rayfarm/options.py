@@ -15,22 +15,31 @@ from renderer.settings import Tile, Vec3
 __all__ = [
     "Aov",
     "Denoise",
-    "Output",
     "Server",
     "denoised_name",
     "environment_of",
     "find_camera",
+    "parse_pixel",
     "parse_size",
     "parse_tile",
     "parse_vec3",
 ]
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear).")]
 Aov = Annotated[
-    str | None, typer.Option(metavar="NAME,...", help=f"Further layers of an .exr: {', '.join(AOVS)}; `all` for every one.")
+    str | None,
+    typer.Option(
+        metavar="NAME,...",
+        help=f"Further layers of an .exr: {', '.join(AOVS)}; `all` for every one.",
+        rich_help_panel="What is written",
+    ),
 ]
 Denoise = Annotated[
-    bool, typer.Option("--denoise", help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.")
+    bool,
+    typer.Option(
+        "--denoise",
+        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.",
+        rich_help_panel="What is written",
+    ),
 ]
 Server = Annotated[
     str | None,
@@ -70,6 +79,17 @@ def parse_tile(text: str) -> Tile:
     except ValueError:
         raise CommandError(f"--tile is {text!r}; it takes X,Y,W,H in pixels as --tile 128,64,32,32") from None
     return Tile(x, y, w, h)
+
+
+def parse_pixel(text: str) -> tuple[int, int]:
+    """A pixel from `X,Y`, counted from the upper left."""
+    try:
+        x, y = (int(part) for part in text.split(","))
+    except ValueError:
+        x = y = -1
+    if min(x, y) < 0:
+        raise CommandError(f"--pixel is {text!r}; it takes X,Y, counted from the upper left, as --pixel 480,270")
+    return x, y
 
 
 def environment_of(text: str | None) -> tuple[Path | None, Vec3 | None]:

@@ -179,12 +179,22 @@ class SceneOut(BaseModel):
     thumbnail: str | None
 
 
+class BadSampleOut(BaseModel):
+    """A sample that was NaN or infinite, and so left out."""
+
+    x: int
+    y: int
+    sample: int
+    reproduce: str = Field(description="a command that follows its path and prints it")
+
+
 class FrameOut(BaseModel):
     """One picture of a job."""
 
     number: int
     samples: int
     bad_samples: int
+    bad: list[BadSampleOut] = Field(description="the first of them")
     progress: float
 
 
