@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -15,6 +15,7 @@ from renderer.settings import Tile, Vec3
 __all__ = [
     "Aov",
     "Denoise",
+    "Env",
     "Server",
     "denoised_name",
     "environment_of",
@@ -24,6 +25,8 @@ __all__ = [
     "parse_tile",
     "parse_vec3",
 ]
+
+SKY = "sky:"
 
 Aov = Annotated[
     str | None,
@@ -92,19 +95,43 @@ def parse_pixel(text: str) -> tuple[int, int]:
     return x, y
 
 
-def environment_of(text: str | None) -> tuple[Path | None, Vec3 | None]:
-    """An environment's image file, or its colour; both None where none is given."""
+class Env(NamedTuple):
+    """Light from all around: an image file, a linear colour, or a sky's sun (elevation and azimuth); at most one of them."""
+
+    image: Path | None = None
+    color: Vec3 | None = None
+    sky: tuple[float, float] | None = None
+
+
+def environment_of(text: str | None) -> Env:
+    """What --env means; all None where it is not given."""
     if text is None:
-        return None, None
+        return Env()
+    if text.startswith(SKY):
+        return Env(sky=_sky(text))
     path = Path(text).expanduser()
     if path.is_file():
-        return path, None
+        return Env(image=path)
     if text.count(",") == 2:
         color = parse_vec3(text, "--env")
         if min(color) < 0:
             raise CommandError(f"--env is {text!r}; light cannot be negative")
-        return None, color
-    raise CommandError(f"--env is {text!r}; there is no such file, and a colour is three numbers as --env 1,1,1")
+        return Env(color=color)
+    raise CommandError(
+        f"--env is {text!r}; there is no such file, a colour is three numbers as --env 1,1,1, a sky --env sky:30,120"
+    )
+
+
+def _sky(text: str) -> tuple[float, float]:
+    try:
+        numbers = [float(part) for part in text.removeprefix(SKY).split(",")]
+    except ValueError:
+        numbers = []
+    if not 1 <= len(numbers) <= 2 or not -90 <= numbers[0] <= 90 or not abs(numbers[-1]) <= 360:
+        raise CommandError(
+            f"--env is {text!r}; it takes the sun's elevation, -90 to 90 degrees, and perhaps its azimuth, as --env sky:30,120"
+        )
+    return numbers[0], numbers[1] if len(numbers) == 2 else 0.0
 
 
 def find_camera(cameras: list[dict[str, Any]], camera: str) -> dict[str, Any]:

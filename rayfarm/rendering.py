@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rayfarm.console import Ticker, bar
 from rayfarm.errors import CommandError
+from rayfarm.options import Env
 from rayfarm.scene_files import opened
 from renderer.settings import RenderSettings, Tile
 
@@ -34,7 +35,7 @@ class Clock:
         self._last = now
 
 
-def load_scene(scene: Path, environment: Path | None, clock: Clock, brute: bool = False) -> tuple[CompiledScene, dict[str, Any]]:
+def load_scene(scene: Path, environment: Env, clock: Clock, brute: bool = False) -> tuple[CompiledScene, dict[str, Any]]:
     """The compiled scene and its summary; brute: without a BVH.
 
     Read first: a wrong file is told before half a minute of compiling.
@@ -45,7 +46,9 @@ def load_scene(scene: Path, environment: Path | None, clock: Clock, brute: bool 
 
     with bar() as progress:
         step = progress.add_task("reading", total=None)
-        with opened(scene, environment) as (folder, main, inside):
+        with opened(scene, environment.image) as (folder, main, inside):
+            if environment.sky is not None:
+                inside = "sky:{:g},{:g}".format(*environment.sky)
             description = read(folder, main, inside)
         clock.mark("load_s")
         progress.update(step, description="loading the kernels (the first time compiles them: half a minute)")

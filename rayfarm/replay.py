@@ -21,7 +21,7 @@ def show_path(
     compiled: CompiledScene, settings: RenderSettings, summary: dict[str, Any], x: int, y: int, sample: int, as_json: bool
 ) -> None:
     """Print the vertices of a sample's path and its value: what the film gets of it."""
-    from renderer.render import replay
+    from renderer.render import replay  # type: ignore[attr-defined]
 
     path = replay(compiled, settings, x, y, sample)
     vertices = [_named(vertex._asdict(), summary) for vertex in path.vertices]

@@ -98,7 +98,7 @@ def render(
         raise CommandError("--sample and --json go with --pixel X,Y")
     planes = _aovs(aov, output)
     rectangle = options.parse_tile(tile) if tile else None
-    environment, _ = picture.environment()
+    environment = picture.environment()
     if not output.parent.is_dir():
         raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
     if denoise and not is_available():
@@ -140,7 +140,7 @@ def render(
 
 def _replay(scene: Path, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool) -> None:
     x, y = options.parse_pixel(pixel)
-    compiled, summary = load_scene(scene, picture.environment()[0], Clock(), no_bvh)
+    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh)
     settings = picture.settings(summary["cameras"], summary["defaults"])
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
