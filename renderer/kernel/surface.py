@@ -15,7 +15,10 @@ from renderer.kernel.rows import TEXTURED
 __all__ = ["Surface", "departure", "hit_material", "leave", "sphere_uv", "surface_at", "triangle_point"]
 
 _ZERO = np.float32(0.0)
+_THIRD = np.float32(1.0 / 3.0)
+_QUARTER = np.float32(0.25)
 _HALF = np.float32(0.5)
+_SQRT3 = np.float32(math.sqrt(3.0))
 _ONE = np.float32(1.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
@@ -82,6 +85,21 @@ def triangle_point(position, triangle, number, u, v):
     c = _row3(position, triangle[number, 2])
     error = _ERROR * ((_ONE - u - v) * _magnitude(a) + u * _magnitude(b) + v * _magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
+
+
+@device
+def _inward(position, triangle, number, point, normal):
+    """From a triangle's point to its centroid, and a lower bound of the inscribed circle's radius.
+
+    Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
+    leaves the room. Moved towards the centroid by its rounding error over that radius, it does not.
+    """
+    a = _row3(position, triangle[number, 0])
+    b = _row3(position, triangle[number, 1])
+    c = _row3(position, triangle[number, 2])
+    center = vec.scale(vec.add(a, vec.add(b, c)), _THIRD)
+    perimeter = _magnitude(vec.sub(b, a)) + _magnitude(vec.sub(c, a)) + _magnitude(vec.sub(c, b))
+    return vec.sub(center, point), math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
 
 
 @device
@@ -240,6 +258,7 @@ def surface_at(scene, o, d, hit):
     if primitive < triangles:
         # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
+        inward, radius = _inward(scene.position, scene.triangle, primitive, point, normal)
         upright = normal
         if hit.instance >= 0:
             normal = _normal_to_world(scene.bvh.to_local, hit.instance, normal)
@@ -264,13 +283,17 @@ def surface_at(scene, o, d, hit):
         if hit.instance >= 0:
             point = _point_to_world(scene.to_world, hit.instance, point, _ONE)
             shadow_point = _point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
+            inward = _point_to_world(scene.to_world, hit.instance, inward, _ZERO)
             error = scene.instance_stretch[hit.instance] * error + _ERROR * _magnitude(point)
+            radius *= scene.instance_stretch[hit.instance]
             shading = _normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
             if len(scene.tangent) > 0:
                 tangent = _tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
+        inward = vec.scale(inward, min(_QUARTER * error, _QUARTER * radius) / radius if radius > _ZERO else _ZERO)
+        point, shadow_point = vec.add(point, inward), vec.add(shadow_point, inward)
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         if len(scene.uv1) > 0:
             uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v)
