@@ -29,7 +29,7 @@ def _wander(scene, stack, o, d, u, bounces):
             s, t = vec.basis(surface.geometric)
             local = square_to_cosine_hemisphere((u[i, b, 0], u[i, b, 1]))
             direction = vec.to_world(s, t, surface.geometric, local)
-            origin = departure(surface, True)
+            origin = departure(surface, True, direction)
 
 
 def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: int = 0) -> np.ndarray:
@@ -56,7 +56,7 @@ def _touch(scene, stack, o, d, u, met, hits):
             s, t = vec.basis(surface.geometric)
             local = square_to_cosine_hemisphere((u[i, 0], u[i, 1]))
             away = vec.to_world(s, t, surface.geometric, local)
-            met[i] = any_hit(scene.bvh, stack, departure(surface, True), away, _FAR)
+            met[i] = any_hit(scene.bvh, stack, departure(surface, True, away), away, _FAR)
 
 
 def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
