@@ -212,10 +212,13 @@ def render_sheet(name: str, spp: int) -> Picture.Image:
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", choices=[[], *SHEETS], help="all where none is named")
+    parser.add_argument("names", nargs="*", metavar="name", help="all where none is named")
     parser.add_argument("-o", "--output", type=Path, default=DEFAULT)
     parser.add_argument("--spp", type=int, default=128)
     options = parser.parse_args()
+    for name in options.names:
+        if name not in SHEETS:
+            parser.error(f"there is no sheet {name}; known are {', '.join(SHEETS)}")
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.names or SHEETS:
         path = options.output / f"{name}.jpg"
