@@ -12,6 +12,8 @@ import { showError } from "./tray.js";
 /** @typedef {import("./types.js").Job} Job */
 
 const MORE_SAMPLES = 256;
+/** Of the samples that were left out, so many are named. */
+const BAD_NAMED = 3;
 /** States from which a job goes on where it stopped: its film stays. */
 const STOPPED = ["paused", "cancelled", "failed"];
 
@@ -97,10 +99,17 @@ export function progressPanel() {
         fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
       }
       bad.hidden = job.bad_samples === 0;
-      setText(bad, `${plural(job.bad_samples, "sample")} came out as no number and were left out.`);
+      setText(bad, badSentence(job));
       tick();
     },
   };
+}
+
+/** @param {Job} job */
+function badSentence({ bad_samples: n, frames }) {
+  const where = (frames?.[0]?.bad ?? []).slice(0, BAD_NAMED).map(({ x, y, sample }) => `pixel ${x}, ${y} sample ${sample}`);
+  const first = where.length ? ` First: ${where.join("; ")}.` : "";
+  return `${plural(n, "sample")} came out as no number and ${n === 1 ? "was" : "were"} left out.${first}`;
 }
 
 /** @param {Job} job what "12" samples are out of */

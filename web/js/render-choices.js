@@ -38,6 +38,13 @@ export const PROJECTIONS = [
   { name: "panorama", label: "Panorama", hint: "All around the eye, twice as wide as high." },
 ];
 
+/** @type {Choice[]} */
+export const MISTAKES = [
+  { name: "", label: "None", hint: "Other renderers' errors, to see what each does to a picture." },
+  { name: "light-cutoff", label: "Lights cut off by distance", hint: "Far light samples are dropped but still counted: the picture darkens." },
+  { name: "attenuation", label: "Attenuation twice", hint: "Radiance falls by the squared distance once more: the picture darkens." },
+];
+
 /** What a request leaves out and no scene file says: RenderSettings' own values. */
 export const DEFAULTS = {
   integrator: "path",
@@ -50,6 +57,8 @@ export const DEFAULTS = {
   roulette: /** @type {number | null} */ (null),
   light_samples: 1,
   ao_distance: 0,
+  ambient: [0, 0, 0],
+  mistake: "",
 };
 
 /** @param {Choice[]} choices @param {string | undefined} name @returns {string | undefined} */
