@@ -40,12 +40,13 @@ export function progressPanel() {
   const speed = h("dd");
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
-  const bad = h("p", { class: "quiet small", hidden: true });
+  const bad = h("div", { class: "quiet small", hidden: true });
   /** @type {Job | null} */
   let latest = null;
   let heard = 0;
   /** @type {string | null} */
   let shownError = null;
+  let shownBad = 0;
   const tick = () => {
     if (!latest) return;
     const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
@@ -99,7 +100,11 @@ export function progressPanel() {
         fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
       }
       bad.hidden = job.bad_samples === 0;
-      setText(bad, badSentence(job));
+      if (job.bad_samples !== shownBad) {
+        shownBad = job.bad_samples;
+        const replay = job.frames?.[0]?.bad?.[0]?.reproduce;
+        fill(bad, h("p", null, badSentence(job)), replay && h("p", null, "To see how the first came about:"), replay && command(replay));
+      }
       tick();
     },
   };

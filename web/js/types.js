@@ -48,7 +48,7 @@
  * @property {number} samples in the film: every pixel of every frame counted
  * @property {number} samples_per_s of the moment; 0 where it is not being rendered
  * @property {number} bad_samples that were NaN or infinite, and left out
- * @property {{bad?: {x: number, y: number, sample: number}[]}[]} [frames] with the first samples that were left out
+ * @property {{bad?: {x: number, y: number, sample: number, reproduce?: string}[]}[]} [frames] with the first samples that were left out
  * @property {number} created unix seconds
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height

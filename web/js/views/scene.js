@@ -210,7 +210,8 @@ function turnable(picture, form, life) {
   };
   const start = () => {
     const { width = 1, height = 1 } = form.request();
-    turner = viewTurner(form, width / height, () => (stop(), button.focus()));
+    const seen = picture.querySelector("img")?.src ?? "";
+    turner = viewTurner(form, width / height, seen, () => (stop(), button.focus()));
     fill(box, turner.element);
     /** @type {HTMLElement | null} */ (turner.element.querySelector(".turner"))?.focus({ preventScroll: true });
   };
