@@ -43,8 +43,16 @@ export function advancedFields(defaults) {
   /** Settings with a field of their own, and that field. @type {Partial<Record<keyof typeof DEFAULTS, HTMLElement>>} */
   const fields = {
     max_depth: field("Max depth", depth, "Path segments, the camera's included."),
-    light_samples: field("Light samples", lightSamples, "Shadow rays where the camera looks; in Whitted's way, 1 is a sharp shadow."),
-    roulette: field("Roulette", roulette, "The chance with which a path goes on at each bounce; empty: as much as it still carries."),
+    light_samples: field(
+      "Light samples",
+      lightSamples,
+      "Shadow rays where the camera looks; in Whitted's way, 1 is a sharp shadow.",
+    ),
+    roulette: field(
+      "Roulette",
+      roulette,
+      "The chance with which a path goes on at each bounce; empty: as much as it still carries.",
+    ),
     clamp_indirect: field("Indirect clamp", clamp, "Cuts fireflies from bounced light, and some light with them."),
     ao_distance: field("AO distance", distance, "What is farther away than this does not occlude."),
     ambient: field("Ambient light", ambient, "A constant in place of all light from wall to wall."),

@@ -103,7 +103,12 @@ export function progressPanel() {
       if (job.bad_samples !== shownBad) {
         shownBad = job.bad_samples;
         const replay = job.frames?.[0]?.bad?.[0]?.reproduce;
-        fill(bad, h("p", null, badSentence(job)), replay && h("p", null, "To see how the first came about:"), replay && command(replay));
+        fill(
+          bad,
+          h("p", null, badSentence(job)),
+          replay && h("p", null, "To see how the first came about:"),
+          replay && command(replay),
+        );
       }
       tick();
     },
@@ -112,7 +117,9 @@ export function progressPanel() {
 
 /** @param {Job} job */
 function badSentence({ bad_samples: n, frames }) {
-  const where = (frames?.[0]?.bad ?? []).slice(0, BAD_NAMED).map(({ x, y, sample }) => `pixel ${x}, ${y} sample ${sample}`);
+  const where = (frames?.[0]?.bad ?? [])
+    .slice(0, BAD_NAMED)
+    .map(({ x, y, sample }) => `pixel ${x}, ${y} sample ${sample}`);
   const first = where.length ? ` First: ${where.join("; ")}.` : "";
   return `${plural(n, "sample")} came out as no number and ${n === 1 ? "was" : "were"} left out.${first}`;
 }

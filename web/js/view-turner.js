@@ -44,7 +44,12 @@ export function viewTurner(form, aspect, meanwhile, done) {
     over,
   );
   const said = h("p", { class: "small quiet", role: "status" });
-  const pick = h("button", { class: "button", type: "button", "aria-pressed": "false" }, icon("target"), "Pick the focus");
+  const pick = h(
+    "button",
+    { class: "button", type: "button", "aria-pressed": "false" },
+    icon("target"),
+    "Pick the focus",
+  );
   const element = h(
     "div",
     { class: "turner-box" },
@@ -82,7 +87,11 @@ export function viewTurner(form, aspect, meanwhile, done) {
   surface.style.aspectRatio = `${size.width} / ${size.height}`;
   const resizing = new ResizeObserver(() => {
     picture.resize();
-    viewport.show(Math.min(viewport.canvas.width / size.width, viewport.canvas.height / size.height), size.width / 2, size.height / 2);
+    viewport.show(
+      Math.min(viewport.canvas.width / size.width, viewport.canvas.height / size.height),
+      size.width / 2,
+      size.height / 2,
+    );
     picture.draw();
   });
   resizing.observe(surface);
@@ -106,7 +115,9 @@ export function viewTurner(form, aspect, meanwhile, done) {
     surface.classList.toggle("picking", on);
     setText(
       said,
-      on ? "Click what is to be sharp." : "Drag turns, with Shift or two fingers it moves; the wheel goes nearer and farther.",
+      on
+        ? "Click what is to be sharp."
+        : "Drag turns, with Shift or two fingers it moves; the wheel goes nearer and farther.",
     );
   };
   pick.addEventListener("click", () => setPicking(!picking));
