@@ -99,7 +99,7 @@ def _spread(m, roughness):
     along = alpha + (_ONE - alpha) * strength * strength
     m[ALPHA_X] = along
     m[ALPHA_Y] = alpha
-    m[rows.ROUGHNESS] = math.sqrt(math.sqrt(along * alpha)) if strength != _ZERO else roughness
+    m[rows.ROUGHNESS] = math.sqrt(_HALF * (along + alpha)) if strength != _ZERO else roughness
 
 
 @subroutine
