@@ -107,7 +107,7 @@ def fetch_material(scene, surface, frame, layers):
 @device
 def transmits(material):
     """Whether light from behind it is scattered towards the viewer, so that lights on both sides count."""
-    return material.two_sided
+    return material.kind == GLASS or material.two_sided
 
 
 @subroutine
