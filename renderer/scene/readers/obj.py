@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.image.read import IMAGE_SUFFIXES
+from renderer.scene.closed import is_closed
 from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
@@ -37,7 +38,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     for name, faces in _stretches(said).items():
         mesh = _mesh(name or PurePosixPath(main).stem, said, faces)
         if mesh is not None:
-            mesh.material = materials.number(name, has_uvs=mesh.uvs is not None)
+            mesh.material = materials.number(name, mesh)
             description.meshes.append(smoothed(mesh))
             description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
@@ -104,7 +105,6 @@ class _Materials:
         self, file: str, libraries: list[str], files: SceneFiles, shelf: TextureShelf, description: SceneDescription
     ) -> None:
         self._file, self._files, self._shelf, self._description = file, files, shelf, description
-        self._numbers: dict[str | None, int] = {}
         self._found: dict[str, Material] = {}
         for library in libraries:
             name = files.find(library, file)
@@ -117,18 +117,19 @@ class _Materials:
                 self._found.update(read_mtl(files, n, shelf))
         self._bare = not libraries
 
-    def number(self, name: str | None, has_uvs: bool) -> int:
-        if name not in self._numbers:
-            material = self._found.get(name or "")
-            if material is None:
-                material = Material(name or "default")
-                if self._bare and has_uvs:
-                    material.base_color_texture = self._lone_texture(material)
-                elif name is not None and self._found:
-                    self._shelf.warn(f"{self._file}: no material file describes {name[:120]}; it is grey.")
-            self._description.materials.append(material)
-            self._numbers[name] = len(self._description.materials) - 1
-        return self._numbers[name]
+    def number(self, name: str | None, mesh: Mesh) -> int:
+        """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
+        material = self._found.get(name or "")
+        if material is None:
+            material = Material(name or "default")
+            if self._bare and mesh.uvs is not None:
+                material.base_color_texture = self._lone_texture(material)
+            elif name is not None and self._found:
+                self._shelf.warn(f"{self._file}: no material file describes {name[:120]}; it is grey.")
+        if material.kind == "glass":
+            material.thin = not is_closed(mesh.positions, mesh.triangles)
+        self._description.materials.append(material)
+        return len(self._description.materials) - 1
 
     def _lone_texture(self, material: Material) -> int | None:
         images = self._files.siblings(self._file, IMAGE_SUFFIXES)
