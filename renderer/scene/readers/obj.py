@@ -17,6 +17,7 @@ from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import read_mtl
 from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.textures import TextureShelf
+from renderer.scene.unique import unique_rows
 
 __all__ = ["read"]
 
@@ -88,14 +89,8 @@ def _mesh(name: str, said: Statements, faces: npt.NDArray[np.int64]) -> Mesh | N
 
 def _joined(corners: I32) -> tuple[I32, I32]:
     """Corners that are the same made one vertex: the (V, 3) vertices, and the vertex of each corner."""
-    low = corners.min(axis=0).astype(np.int64)
-    span = corners.max(axis=0) - low + 1
-    if float(span[0]) * float(span[1]) * float(span[2]) < 2.0**62:
-        key = ((corners[:, 0] - low[0]) * span[1] + (corners[:, 1] - low[1])) * span[2] + (corners[:, 2] - low[2])
-        _, first, number = np.unique(key, return_index=True, return_inverse=True)
-    else:
-        _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-    return corners[first], number.reshape(-1).astype(np.int32)
+    first, number = unique_rows(corners)
+    return corners[first], number.astype(np.int32)
 
 
 class _Materials:
