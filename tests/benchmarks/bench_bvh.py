@@ -104,7 +104,7 @@ def _bytes(bvh: Bvh) -> int:
 
 
 def _bunny() -> tuple[Any, Any]:
-    """The sample files' bunny, 70 thousand triangles; a terrain as large where they are not there."""
+    """The sample files' bunny; a terrain of 70 thousand triangles where they are not there."""
     folder = Path(os.environ.get("RAYFARM_ASSETS") or Path(__file__).parents[3] / "shared" / "assets")
     if not (folder / "bunny.ply").exists():
         return _terrain(187)
