@@ -43,11 +43,12 @@ def test_the_choices_are_the_renderers(page: Page) -> None:
         const lists = Object.entries(m).filter(([, list]) => Array.isArray(list));
         return Object.fromEntries(lists.map(([name, list]) => [name, list.map((choice) => choice.name)]));"""
     assert call(page, "render-choices", names) == {
-        name: list(getattr(settings, name)) for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "PROJECTIONS")
+        name: list(getattr(settings, name))
+        for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "PROJECTIONS", "MISTAKES")
     }
     fields = settings.RenderSettings.__dataclass_fields__
     for name, value in call(page, "render-choices", "return m.DEFAULTS;").items():
-        assert fields[name].default == value, name
+        assert fields[name].default == (tuple(value) if isinstance(value, list) else value), name
 
 
 def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
@@ -86,6 +87,19 @@ def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
     assert asked["integrator"] == "ao"
     assert asked["ao_distance"] == 2.5
     assert "max_depth" not in asked
+
+
+def test_whitteds_constant_is_a_grey_and_a_mistake_is_asked_for_by_name(page: Page) -> None:
+    open_form(page)
+    expect(page.get_by_label("Ambient light")).to_be_hidden()
+    page.get_by_label("Integrator").select_option("whitted")
+    expect(page.get_by_label("Finding lights")).to_be_hidden()
+    page.get_by_label("Ambient light").fill("0.1")
+    page.get_by_label("Mistake on purpose").select_option("attenuation")
+    page.get_by_label("Near plane").fill("1.5")
+    asked = submitted(page)
+    assert (asked["integrator"], asked["ambient"], asked["mistake"]) == ("whitted", [0.1, 0.1, 0.1], "attenuation")
+    assert asked["view"]["near"] == 1.5
 
 
 def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:

@@ -126,14 +126,7 @@ function open(page, job, life) {
     h("div", { class: "job-line" }, line.element),
     picture.element,
     picture.statusBar,
-    h(
-      "aside",
-      { class: "side", "aria-label": "Picture" },
-      progress.element,
-      look.element,
-      save.element,
-      details(job),
-    ),
+    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, look.element, save.element, details(job)),
   );
 
   return (next) => {

@@ -153,7 +153,9 @@ function ready(page, scene, life) {
     (job) => jobRow(job, life),
   );
   const listJobs = () => {
-    const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job));
+    const own = (jobs.value ?? []).filter(
+      (job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job),
+    );
     showJobs(own);
     pictures.hidden = own.length === 0;
     const finished = own.find(({ state }) => state === "finished");
@@ -210,11 +212,17 @@ function turnable(picture, form, life) {
   };
   const start = () => {
     const { width = 1, height = 1 } = form.request();
-    turner = viewTurner(form, width / height, () => (stop(), button.focus()));
+    const seen = picture.querySelector("img")?.src ?? "";
+    turner = viewTurner(form, width / height, seen, () => (stop(), button.focus()));
     fill(box, turner.element);
     /** @type {HTMLElement | null} */ (turner.element.querySelector(".turner"))?.focus({ preventScroll: true });
   };
-  const button = h("button", { class: "button turn-button", type: "button", onclick: start }, icon("turn"), "Turn the view");
+  const button = h(
+    "button",
+    { class: "button turn-button", type: "button", onclick: start },
+    icon("turn"),
+    "Turn the view",
+  );
   const box = h("div", { class: "view-box" }, picture, button);
   form.element.addEventListener("change", () => turner?.refresh());
   life.add(stop);
