@@ -21,6 +21,7 @@ from renderer.image.tonemap import apply
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.readers.metals import METALS
 from renderer.scene.studio import studio_image
 from renderer.settings import RenderSettings, View
 
@@ -63,6 +64,11 @@ def metal_roughness() -> Sweep:
 @_sheet
 def metallic() -> Sweep:
     return _sweep("metallic", _TENTHS, base_color=_GOLD)
+
+
+@_sheet
+def named_metals() -> Sweep:
+    return [(name, Material(kind="conductor", eta=eta, k=k, roughness=0.15)) for name, (eta, k) in list(METALS.items())[:8]]
 
 
 @_sheet
