@@ -125,15 +125,20 @@ def test_lights_are_chosen_by_power():
     assert scene.light_cdf[-1] == 1
 
 
-def test_textured_emission_counts_by_its_mean():
-    pixels = np.zeros((2, 2, 4), np.uint8)
-    pixels[0, 0] = 255
-    description = described(shapes.quad("a"), shapes.quad("b"))
-    description.images, description.textures = [Image("i", pixels)], [Texture(0)]
+def test_textured_emission_counts_by_its_mean_over_each_triangle():
+    """Left half white, right half black, on a square cut along the diagonal from lower left to upper right."""
+    pixels = np.zeros((64, 64, 4), np.uint8)
+    pixels[:, :32] = 255
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    uvs = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
+    description = described(Mesh("screen", corners, faces, uvs=uvs), Mesh("lamp", corners, faces, material=1))
+    description.images, description.textures = [Image("i", pixels)], [Texture(0, "clamp", "clamp")]
     description.materials = [Material(emission=(1, 1, 1), emission_texture=0), Material(emission=(1, 1, 1))]
-    description.meshes[1].material = 1
-    powers = np.array([0.1, 0.1, 0.4, 0.4])
-    np.testing.assert_allclose(np.diff(compile_scene(description).light_cdf), 0.99 * powers + 0.01 / 4, rtol=1e-5)
+    scene = compile_scene(description)
+    chance = np.diff(scene.light_cdf)[scene.triangle_light].astype(float)
+    powers = np.array([0.95 * 0.25 + 0.025, 0.95 * 0.75 + 0.025, 1.0, 1.0])
+    np.testing.assert_allclose(chance, 0.99 * powers / powers.sum() + 0.01 / 4, rtol=0.06)  # from 64 points
 
 
 def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
