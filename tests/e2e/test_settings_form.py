@@ -57,6 +57,24 @@ def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
     assert submitted(page) == {**plain, "environment": {"strength": 1}}
 
 
+def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
+    """All that a finished job was rendered with, but what is the scene's own anyway."""
+    view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
+    chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
+    light = {"environment": (0.123456, 2.0, 0.5), "environment_strength": 0.7}
+    rendered = settings.RenderSettings(640, 320, view, max_depth=5, roulette=0.8, **chosen, **light)  # type: ignore[arg-type]
+    job = {"settings": rendered.to_json(), "spp": 21, "noise": None, "seconds": 90}
+    body = """
+        window.asked = null;
+        const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
+        document.body.replaceChildren(form.element);"""
+    call(page, "settings-form", body, {"scene": SCENE, "job": job})
+    asked = submitted(page)
+    assert settings.View.from_json(asked.pop("view")) == view
+    size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}
+    assert asked == {**size, **chosen, "environment": {"color": [0.123456, 2.0, 0.5], "strength": 0.7}}
+
+
 def test_what_is_changed_is_asked_for(page: Page) -> None:
     open_form(page)
     page.get_by_label("Aperture").fill("0.1")

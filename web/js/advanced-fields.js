@@ -8,6 +8,16 @@ import { DEFAULTS, FILTERS, MISTAKES, SAMPLERS, SAMPLINGS } from "./render-choic
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 
 /**
+ * What a picture was asked to be beside the renderer's own settings.
+ *
+ * @typedef {object} Beside
+ * @property {number | null} [noise] relative
+ * @property {number | null} [seconds]
+ * @property {import("./types.js").Vec3 | null} [environment]
+ * @property {number} [environment_strength]
+ */
+
+/**
  * What an integrator looks at; the rest is not shown, and not sent.
  *
  * @type {Record<string, (keyof typeof DEFAULTS)[]>}
@@ -21,12 +31,29 @@ const READ_BY = {
 
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
+ * @param {Record<string, any>} [first] what the fields show first, where that is something else
  * @returns {{element: HTMLDetailsElement, show: (integrator: string) => void, get: () => Partial<JobRequest>}}
  */
-export function advancedFields(defaults) {
-  const start = { ...DEFAULTS, ...defaults };
-  const noise = numberInput({ min: 0.01, max: 1000, step: "any", required: false, placeholder: "off" });
-  const seconds = numberInput({ min: 1, max: 1e7, step: "any", required: false, placeholder: "off" });
+export function advancedFields(defaults, first = {}) {
+  const own = { ...DEFAULTS, ...defaults };
+  /** @type {typeof own & Beside} */
+  const start = { ...own, ...first };
+  const noise = numberInput({
+    value: start.noise ? start.noise * 100 : "",
+    min: 0.01,
+    max: 1000,
+    step: "any",
+    required: false,
+    placeholder: "off",
+  });
+  const seconds = numberInput({
+    value: start.seconds ?? "",
+    min: 1,
+    max: 1e7,
+    step: "any",
+    required: false,
+    placeholder: "off",
+  });
   const depth = numberInput({ value: start.max_depth, min: 1, max: 1024 });
   const seed = numberInput({ value: start.seed, min: 0, max: 2 ** 32 - 1 });
   const lightSamples = numberInput({ value: start.light_samples, min: 1, max: 64 });
@@ -34,7 +61,7 @@ export function advancedFields(defaults) {
   const clamp = optional(start.clamp_indirect || null, { min: 0, max: 1e9, placeholder: "off" });
   const distance = optional(start.ao_distance || null, { min: 0, max: 1e15, placeholder: "no limit" });
   const ambient = numberInput({ value: start.ambient[0], min: 0, max: 1e9, step: "any" });
-  const environment = environmentFields();
+  const environment = environmentFields(start);
   const sampling = choiceField("Finding lights", SAMPLINGS, start.sampling);
   const mistake = choiceField("Mistake on purpose", MISTAKES, start.mistake);
   const sampler = choiceField("Sampler", SAMPLERS, start.sampler);
@@ -113,10 +140,12 @@ export function advancedFields(defaults) {
       ...(noise.value && { noise: noise.valueAsNumber / 100 }),
       ...(seconds.value && { seconds: seconds.valueAsNumber }),
       ...Object.fromEntries(
-        Object.entries(values()).filter(([name, value]) => isRead(name) && value !== /** @type {any} */ (start)[name]),
+        Object.entries(values()).filter(
+          ([name, value]) => isRead(name) && String(value) !== String(/** @type {any} */ (own)[name]),
+        ),
       ),
-      ...(sampler.get() !== start.sampler && { sampler: sampler.get() }),
-      ...(filter.get() !== start.filter && { filter: filter.get() }),
+      ...(sampler.get() !== own.sampler && { sampler: sampler.get() }),
+      ...(filter.get() !== own.filter && { filter: filter.get() }),
       seed: seed.valueAsNumber,
       environment: environment.get(),
     }),

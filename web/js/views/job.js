@@ -157,6 +157,12 @@ function details(job) {
     { class: "side-section", "aria-label": "Details" },
     h("h2", null, "Details"),
     h(
+      "a",
+      { class: "button again", href: `${linkTo("scenes", job.scene)}?like=${job.id}` },
+      icon("refresh"),
+      "Render with other settings",
+    ),
+    h(
       "dl",
       { class: "facts number" },
       rows

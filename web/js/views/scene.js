@@ -7,7 +7,7 @@ import { bytes, count } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { isPassing } from "../preview.js";
-import { go, linkTo, setTitle } from "../router.js";
+import { go, here, linkTo, setTitle } from "../router.js";
 import { settingsForm } from "../settings-form.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
@@ -161,7 +161,7 @@ function ready(page, scene, life) {
     const finished = own.find(({ state }) => state === "finished");
     picture.update(scene, finished && imageUrl(finished.id, "jpg", { width: 800, v: finished.samples }));
   };
-  const form = settingsForm(scene, async (request) => {
+  const submit = async (/** @type {import("../types.js").JobRequest} */ request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
@@ -170,7 +170,9 @@ function ready(page, scene, life) {
     } catch (error) {
       showError("The picture was not started", error);
     }
-  });
+  };
+  const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
+  const form = settingsForm(scene, submit, like);
   const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
