@@ -21,9 +21,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
-FOR_USE = ("worker", "local")
-FOR_TESTS = ("worker", "local", "test")
-FOR_BENCHMARKS = ("worker", "local", "test", "peers")
+FOR_USE = ("worker", "denoise", "local")
+FOR_TESTS = ("worker", "denoise", "local", "test")
+FOR_BENCHMARKS = ("worker", "denoise", "local", "test", "peers")
 TYPESCRIPT = VENV / "typescript"
 
 

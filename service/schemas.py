@@ -232,3 +232,4 @@ class WorkerOut(BaseModel):
     started: float
     samples_per_s: float = Field(description="of one slot")
     current: list[dict[str, Any]]
+    denoises: bool = Field(description="whether it has Open Image Denoise")

@@ -154,7 +154,8 @@ def sample_light(scene, p, n, choice, u):
     n is zero where the point is lit from all sides."""
     environment_chance = scene.environment_frame[3]
     if choice < environment_chance:
-        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, u)
+        choice /= environment_chance
+        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, choice, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
         return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance, False)
     if len(scene.light_primitive) == 0:

@@ -69,7 +69,9 @@ class CompiledScene(NamedTuple):
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
     environment_conditional: Array  # (H, W + 1) f32: cdf within a row
-    environment_frame: Array  # (4,) f32: cos and sin of the rotation, mean radiance, probability of choosing it over the lights
+    # (12,) f32: cos and sin of the rotation, mean luminance, probability of choosing it over the lights; the sun's direction 3,
+    # 1 - cos of its half angle (0: no sun), its radiance 3, its share of the environment's samples
+    environment_frame: Array
 
     bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
 
@@ -115,7 +117,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
-    "environment_frame": ("<f4", (4,)),
+    "environment_frame": ("<f4", (12,)),
     "bounds": ("<f4", (2, 3)),
     "texel": ("|u1", ("Q", 4)),
 }

@@ -52,7 +52,6 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)
     chance = choose_environment(environment, lights.power, bounds)
-    rotation = environment.rotation
     say("building the BVH", 0.5)
     instances = Instances(placement.first, placement.group, placement.to_world) if len(placement.group) else None
     bvh = build(geometry.position, geometry.triangle, sphere, instances, brute)
@@ -93,7 +92,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         environment=environment.radiance,
         environment_marginal=environment.marginal,
         environment_conditional=environment.conditional,
-        environment_frame=np.array([np.cos(rotation), np.sin(rotation), environment.mean, chance], np.float32),
+        environment_frame=environment.frame(chance),
         bounds=bounds,
     )
     scene = seal(scene)

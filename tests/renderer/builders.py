@@ -43,10 +43,10 @@ def scene(
     materials: list[Material],
     meshes: tuple[Mesh, ...] = (),
     spheres: tuple[Sphere, ...] = (),
-    environment: float | np.ndarray | None = None,
+    environment: float | np.ndarray | Environment | None = None,
     lights: tuple[Light, ...] = (),
 ) -> CompiledScene:
-    """The compiled scene; environment: a constant radiance, or an image (h, w, 3) float32."""
+    """The compiled scene; environment: a constant radiance, an image (h, w, 3) float32, or a whole one."""
     description = SceneDescription(
         meshes=list(meshes),
         instances=[Instance(i) for i in range(len(meshes))],
@@ -57,6 +57,8 @@ def scene(
     if isinstance(environment, np.ndarray):
         description.images.append(Image("sky", environment.astype(np.float32), srgb=False))
         description.environment = Environment(image=0)
+    elif isinstance(environment, Environment):
+        description.environment = environment
     elif environment is not None:
         description.environment = Environment(color=gray(environment))
     return compile_scene(description)
