@@ -15,7 +15,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, local_floats
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
-from renderer.kernel.light import choose_light, sample_light, sample_one_light
+from renderer.kernel.light import LightSample, choose_light, sample_light, sample_one_light
 from renderer.kernel.material import LAYER_SLOTS, emission, eval_material, fetch_material, is_specular, sample_material
 from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import NO_MISTAKE
@@ -83,7 +83,8 @@ def _look_at_light(scene, p, normal, middle, choice, u):
         return sample_light(scene, p, normal, choice, u)
     light, of_light = choose_light(scene, p, normal, (choice - chance) / (_ONE - chance) if chance > _ZERO else choice)
     sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light))
-    return sample._replace(pdf=sample.pdf * (_ONE - chance) * of_light)
+    pdf = sample.pdf * (_ONE - chance) * of_light
+    return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 
 
 @device
@@ -118,9 +119,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_vertex(log, row, MISSED, 0, 0, hit.t, _ZERO, o, d, d, throughput, radiance)
-            radiance = vec.add(
-                radiance, vec.mul(throughput, environment_radiance(scene.environment, scene.environment_frame, d))
-            )
+            radiance = vec.add(radiance, vec.mul(throughput, environment_radiance(scene.environment, scene.environment_frame, d)))
             if row < len(log):
                 record_light(log, row, EMITTED, radiance)
             break
