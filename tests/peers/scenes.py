@@ -131,6 +131,26 @@ def textured_floor_and_smooth_normals() -> Case:
 
 
 @_case
+def thin_lens() -> Case:
+    description = _scene(
+        [WHITE, emitter(5.0), Material(base_color=(0.7, 0.2, 0.1))],
+        [FLOOR, _ceiling(1, 1.2), box(2, 0.4, (-0.9, 0.4, -2.0)), box(2, 0.4, (0.2, 0.4, 0.3)), box(2, 0.3, (1.0, 0.3, 2.4))],
+        environment=Environment(color=(0.3, 0.4, 0.6)),
+    )
+    return description, _settings(_view(aperture=0.5, focus=5.2), 4)
+
+
+@_case
+def orthographic() -> Case:
+    description = _scene(
+        [WHITE, emitter(5.0), Material(base_color=(0.2, 0.5, 0.7))],
+        [FLOOR, _ceiling(1, 1.2), box(2, 0.6, (-0.7, 0.6, 0)), box(2, 0.3, (0.9, 0.3, 0.8))],
+        environment=Environment(color=gray(0.2)),
+    )
+    return description, _settings(_view(projection="orthographic", height=3.0), 4)
+
+
+@_case
 def point_spot_and_directional_light() -> Case:
     lights = [
         Light("point", (6.0, 5.0, 3.0), position=(-1.5, 2.0, 1.5)),
@@ -143,7 +163,7 @@ def point_spot_and_directional_light() -> Case:
 
 @_case
 def white_rough_metal() -> Case:
-    return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.3)), _settings(
+    return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.1)), _settings(
         _view()
     )
 

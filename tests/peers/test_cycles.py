@@ -1,6 +1,6 @@
 """Side by side with Blender's Cycles: both read the same GLB files and render the same view.
 
-Needs a Python with bpy, which wants another numpy than ours: `python3 farm.py test --peers` makes one in .venv-cycles.
+Needs a Python with bpy, which wants another numpy than ours: `python3 farm.py peers` makes one in .venv-cycles.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def sheet(tmp_path_factory) -> Path:
     """A folder with every GLB of the sheet, and Cycles' picture of it beside it."""
     python = _python_with_bpy()
     if python is None:
-        pytest.skip("no Python with bpy is here; `python3 farm.py test --peers` makes one")
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     folder = tmp_path_factory.mktemp("sheet")
     common = {"size": SIZE, "samples": SPP, "max_depth": DEPTH, "sky": SKY}
     jobs = [{"glb": str(path), "exr": str(path.with_suffix(".exr")), **common} for path in write_sheet(folder).values()]

@@ -1,8 +1,8 @@
 /** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
 
-import { channelOf } from "./channels.js";
+import { DENOISED, channelOf } from "./channels.js";
 import { count } from "./format.js";
-import { FILTERS, INTEGRATORS, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
+import { FILTERS, INTEGRATORS, MISTAKES, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
 
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {Record<string, any>} Settings */
@@ -21,12 +21,15 @@ const ROWS = [
   ["Light samples", ({ light_samples: n }) => n && `${n} light sample${n === 1 ? "" : "s"}`],
   ["Indirect clamp", ({ clamp_indirect: clamp }) => (clamp ? `clamp ${clamp}` : "no clamp")],
   ["AO distance", ({ ao_distance: d }) => (d ? `AO ${d}` : "no limit")],
+  ["Ambient light", ({ ambient }) => ambient && `ambient ${ambient.map(short).join(", ")}`],
+  ["Mistake", ({ mistake }) => (mistake ? labelOf(MISTAKES, mistake) : "no mistake")],
   ["Pixel filter", ({ filter }) => labelOf(FILTERS, filter)],
   ["Samples per pixel", (_, { spp, noise }) => (noise == null ? spp && `${count(spp)} spp` : `noise ${noise * 100} %`)],
   ["Seed", ({ seed }) => `seed ${seed}`],
   ["Projection", ({ view }) => labelOf(PROJECTIONS, view?.projection)],
   ["Aperture", ({ view }) => view?.aperture != null && `aperture ${short(view.aperture)}`],
   ["Focus distance", ({ view }) => (view?.focus == null ? "at the target" : `focus ${short(view.focus)}`)],
+  ["Near plane", ({ view }) => view?.near != null && `near ${short(view.near)}`],
   ["Camera at", ({ view }) => view?.eye?.map(short).join(", ")],
   ["Environment", ({ environment, environment_strength: strength }) => JSON.stringify([environment, strength])],
   ["Size", (_, { width, height }) => `${width}×${height}`],
@@ -57,9 +60,11 @@ export function differences(a, b) {
  */
 export function sideNames(left, right) {
   const rows = differences(left.job, right.job).slice(0, NAMED_BY);
+  const isDenoised = [left.channel, right.channel].includes(DENOISED);
   const name = (/** @type {"a" | "b"} */ key, /** @type {{job: Job, channel: string}} */ { channel }) => {
     const parts = rows.map((row) => row[key]);
-    if (left.channel !== right.channel || parts.length === 0) parts.push(channelOf(channel).label);
+    if (left.channel !== right.channel || parts.length === 0)
+      parts.push(isDenoised && channel === "" ? "Raw" : channelOf(channel).label);
     return parts.join(", ");
   };
   return [name("a", left), name("b", right)];

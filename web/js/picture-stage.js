@@ -50,8 +50,10 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   const view = made instanceof FilmView ? made : null;
   const zoom = zoomControls(() => view);
   const divider = wipeDivider(wiped);
-  const tags = ["left", "right"].map((edge) => h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }));
-  const readouts = h("div", { class: "readouts grow" });
+  const tags = ["left", "right"].map((edge) =>
+    h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }),
+  );
+  const readouts = h("div", { class: "readouts" });
   const element = h(
     "div",
     { class: "stage-box" },

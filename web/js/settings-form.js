@@ -16,20 +16,45 @@ import { sizeFields } from "./size-fields.js";
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 
 /**
+ * @typedef {object} SettingsForm
+ * @property {HTMLFormElement} element
+ * @property {() => void} update the farm's speed may have changed
+ * @property {() => JobRequest} request as the form is now
+ * @property {() => import("./types.js").View} view
+ * @property {(view: import("./types.js").View) => void} turn to a view of the user's own
+ * @property {(distance: number) => void} focus
+ */
+
+/**
  * @param {Scene} scene ready
  * @param {(request: JobRequest) => Promise<void>} submit
- * @returns {{element: HTMLFormElement, update: () => void}} update: the farm's speed may have changed
+ * @param {import("./types.js").Job | null} [like] a picture whose settings the form shows first
+ * @returns {SettingsForm}
  */
-export function settingsForm(scene, submit) {
+export function settingsForm(scene, submit, like = null) {
   const { defaults } = scene;
+  /** @type {Record<string, any>} */
+  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
   const estimate = h("p", { class: "quiet small number" });
   const update = () => setText(estimate, costOf(scene, size.get(), quality.get()));
-  const size = sizeFields(defaults, () => update());
+  const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
-  const quality = qualityFields(defaults, () => update());
-  const advanced = advancedFields(defaults);
+  const quality = qualityFields({ ...defaults, ...first }, () => update());
+  const advanced = advancedFields(defaults, first);
   const own = defaults.integrator ?? DEFAULTS.integrator;
-  const integrator = choiceField("Integrator", INTEGRATORS, own, () => advanced.show(integrator.get()));
+  const integrator = choiceField("Integrator", INTEGRATORS, first.integrator ?? own, () =>
+    advanced.show(integrator.get()),
+  );
+  if (like?.settings) camera.turn(like.settings.view);
+  /** @returns {JobRequest} */
+  const request = () => ({
+    scene: scene.id,
+    ...camera.get(),
+    ...size.get(),
+    spp: quality.get(),
+    ...(integrator.get() !== own && { integrator: integrator.get() }),
+    ...advanced.get(),
+  });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
@@ -39,14 +64,7 @@ export function settingsForm(scene, submit) {
     }
     render.disabled = true;
     try {
-      await submit({
-        scene: scene.id,
-        ...camera.get(),
-        ...size.get(),
-        spp: quality.get(),
-        ...(integrator.get() !== own && { integrator: integrator.get() }),
-        ...advanced.get(),
-      });
+      await submit(request());
     } finally {
       render.disabled = false;
     }
@@ -62,7 +80,7 @@ export function settingsForm(scene, submit) {
     h("div", { class: "submit" }, estimate, render),
   );
   update();
-  return { element, update };
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus };
 }
 
 /**

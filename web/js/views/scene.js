@@ -6,13 +6,15 @@ import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../farm.js"
 import { bytes, count } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
-import { go, linkTo, setTitle } from "../router.js";
+import { isPassing } from "../preview.js";
+import { go, here, linkTo, setTitle } from "../router.js";
 import { settingsForm } from "../settings-form.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
 import { announce, showError } from "../tray.js";
 import { choose } from "../uploads.js";
+import { viewTurner } from "../view-turner.js";
 import { jobRow } from "./job-row.js";
 import { removeScene, thumbnail } from "./scene-card.js";
 
@@ -151,13 +153,15 @@ function ready(page, scene, life) {
     (job) => jobRow(job, life),
   );
   const listJobs = () => {
-    const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id));
+    const own = (jobs.value ?? []).filter(
+      (job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job),
+    );
     showJobs(own);
     pictures.hidden = own.length === 0;
     const finished = own.find(({ state }) => state === "finished");
     picture.update(scene, finished && imageUrl(finished.id, "jpg", { width: 800, v: finished.samples }));
   };
-  const form = settingsForm(scene, async (request) => {
+  const submit = async (/** @type {import("../types.js").JobRequest} */ request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
@@ -166,7 +170,10 @@ function ready(page, scene, life) {
     } catch (error) {
       showError("The picture was not started", error);
     }
-  });
+  };
+  const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
+  const form = settingsForm(scene, submit, like);
+  const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
   life.add(hidden.subscribe(listJobs));
@@ -183,11 +190,45 @@ function ready(page, scene, life) {
     h(
       "div",
       { class: "scene-columns" },
-      h("div", { class: "scene-about" }, picture.element, warnings(scene), facts(scene), pictures),
+      h("div", { class: "scene-about" }, view, warnings(scene), facts(scene), pictures),
       h("section", { class: "panel", "aria-label": "Render" }, form.element),
     ),
   );
   return () => {};
+}
+
+/**
+ * The scene's picture, with a button that takes the view into the hand.
+ *
+ * @param {HTMLElement} picture
+ * @param {import("../settings-form.js").SettingsForm} form
+ * @param {Disposer} life
+ */
+function turnable(picture, form, life) {
+  /** @type {ReturnType<typeof viewTurner> | null} */
+  let turner = null;
+  const stop = () => {
+    turner?.dispose();
+    turner = null;
+    fill(box, picture, button);
+  };
+  const start = () => {
+    const { width = 1, height = 1 } = form.request();
+    const seen = picture.querySelector("img")?.src ?? "";
+    turner = viewTurner(form, width / height, seen, () => (stop(), button.focus()));
+    fill(box, turner.element);
+    /** @type {HTMLElement | null} */ (turner.element.querySelector(".turner"))?.focus({ preventScroll: true });
+  };
+  const button = h(
+    "button",
+    { class: "button turn-button", type: "button", onclick: start },
+    icon("turn"),
+    "Turn the view",
+  );
+  const box = h("div", { class: "view-box" }, picture, button);
+  form.element.addEventListener("change", () => turner?.refresh());
+  life.add(stop);
+  return box;
 }
 
 /** @param {Scene} scene */
