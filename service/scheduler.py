@@ -100,8 +100,8 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
-        others = sum(1 for report in self._workers.ready() if report.kind == job.kind)
-        enough_workers = len(set(trouble.workers)) >= min(FAILURES_ALLOWED, others)
+        able = {report.name for report in self._workers.ready() if report.kind == job.kind}
+        enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may have it again and again before another gets it.
         is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
         if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
