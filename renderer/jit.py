@@ -130,7 +130,7 @@ def local_floats(typingctx: Any, count: Any) -> Any:
     return array(count), codegen
 
 
-def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:
+def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool = True) -> Function:
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
     options: Any = {
         "cache": True,
@@ -139,6 +139,9 @@ def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:
         "error_model": "numpy",
         "_nrt": heap,
         "forceinline": inline,
+        # Half of the compiler's time goes into unpacking a scene's arrays for callers in Python, which few functions have.
+        "no_cpython_wrapper": not from_python,
+        "no_cfunc_wrapper": True,
     }
     return njit(**options)(function)
 
@@ -163,9 +166,9 @@ def device(function: Function) -> Function:
     Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Kept on disk
     too, so that every further kernel finds it typed and optimised.
     """
-    return _compiled(function, heap=False, inline=True)
+    return _compiled(function, heap=False, inline=True, from_python=False)
 
 
 def subroutine(function: Function) -> Function:
     """A device function that stays one, if it is large: for code that is seldom run, or called in many places."""
-    return _compiled(function, heap=False, inline=False)
+    return _compiled(function, heap=False, inline=False, from_python=False)

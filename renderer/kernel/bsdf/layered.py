@@ -297,7 +297,7 @@ def _glass(m, eta, wo, wi):
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(_dielectric_f0(m))
         return eval_and_pdf_pane(f0, m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, i)
-    return eval_and_pdf_rough_glass(eta, m[ALPHA_X], m[ALPHA_Y], o, i)
+    return eval_and_pdf_rough_glass(eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, i)
 
 
 @subroutine
@@ -411,7 +411,7 @@ def sample_layered(m, eta, wo, choose, u):
         if m[IS_PANE] != _ZERO:
             i = sample_pane(vec.maximum(_dielectric_f0(m)), m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
         else:
-            i = sample_rough_glass(eta, m[ALPHA_X], m[ALPHA_Y], o, rest, u)
+            i = sample_rough_glass(eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
             scale = eta * eta if i[2] < _ZERO else _ONE
         wi = _turned_back(m, i)
         above = wi[2] > _ZERO
