@@ -18,7 +18,9 @@ from renderer.kernel.bsdf.glass_energy import glass_albedo, glass_mean_albedo
 from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, sample_visible_normal, smith_lambda
 from renderer.kernel.warp import square_to_cosine_hemisphere
 
-__all__ = ["eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
+__all__ = ["SMOOTH_GLASS", "eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
+
+SMOOTH_GLASS = np.float32(0.03)  # roughness below which glass and metal are taken for smooth
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
