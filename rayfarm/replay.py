@@ -21,13 +21,12 @@ def show_path(
     compiled: CompiledScene, settings: RenderSettings, summary: dict[str, Any], x: int, y: int, sample: int, as_json: bool
 ) -> None:
     """Print the vertices of a sample's path and its value: what the film gets of it."""
-    from renderer.render import replay  # type: ignore[attr-defined]
+    from renderer.render import replay
 
     path = replay(compiled, settings, x, y, sample)
     vertices = [_named(vertex._asdict(), summary) for vertex in path.vertices]
-    value = [float(c) for c in path.value]
     if as_json:
-        found = {"pixel": [x, y], "sample": sample, "value": value, "vertices": vertices}
+        found = {"pixel": [x, y], "sample": sample, "value": path.value, "vertices": vertices}
         print(json.dumps(_plain(found), indent=1))
         return
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -37,9 +36,8 @@ def show_path(
     for number, vertex in enumerate(vertices):
         table.add_row(str(number), *(_text(field) for field in vertex.values()))
     out.print(table)
-    out.print(f"Sample {sample} of pixel {x},{y}: {_text(value)}", markup=False)
-    if not all(math.isfinite(c) for c in value):
-        out.print("It is not finite, and so left out of the film.")
+    value = "not finite, and so left out of the film" if path.value is None else _text(path.value)
+    out.print(f"Sample {sample} of pixel {x},{y}: {value}", markup=False)
 
 
 def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
