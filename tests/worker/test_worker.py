@@ -177,7 +177,7 @@ def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
             report = made.report()
             return report is not None and report.state == "ready"
 
-        wait_until(ready, 120, "the worker is ready")
+        wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
         yield made
         process.terminate()
         try:
