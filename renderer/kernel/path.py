@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
@@ -11,13 +9,27 @@ from renderer.jit import device, local_floats
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
-from renderer.kernel.material import LAYER_SLOTS, emission, eval_material, fetch_material, is_specular, sample_material
+from renderer.kernel.material import (
+    LAYER_SLOTS,
+    disperse,
+    emission,
+    eval_material,
+    fetch_material,
+    is_specular,
+    sample_material,
+    transmits,
+)
 from renderer.kernel.normal_map import shading_frame
+from renderer.kernel.options import BSDF, NO_MISTAKE, UNIFORM
+from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
+from renderer.kernel.rows import DISPERSIVE, UNLIT
 from renderer.kernel.sampler import uniform4
-from renderer.kernel.surface import leave, surface_at
-from renderer.kernel.visibility import transmittance
+from renderer.kernel.strategy import mistaken, power_heuristic, share_of_light, special_bounce
+from renderer.kernel.surface import departure, surface_at
+from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed, limited
+from renderer.kernel.visibility import MAX_PASSED, transmittance
 
-__all__ = ["PathResult", "power_heuristic", "trace_path"]
+__all__ = ["trace_path"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -25,36 +37,17 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 _ROULETTE_FROM = 4  # segments that every path may have; dark ones end soon after
-_LEAST_PDF, _MOST_PDF = np.float32(1e-18), np.float32(1e18)  # whose squares float32 still holds
+_INDIRECT = 3  # segments from which on light counts as indirect
 _MOST_SURVIVAL = np.float32(0.95)
 
 
-class PathResult(NamedTuple):
-    """What one path brought home: float32, colours in linear Rec.709."""
-
-    radiance: tuple[float, float, float]
-    albedo: tuple[float, float, float]  # of the first hit; 0 where nothing is hit
-    normal: tuple[float, float, float]  # its shading normal, on the viewer's side
-    depth: float  # its distance
-    position: tuple[float, float, float]
-    object: int  # 1 + its number; 0 where nothing is hit
-    material: int  # likewise
-    rays: int
-
-
 @device
-def power_heuristic(a, b):
-    """The weight of a sample whose own density is a and the other strategy's b (Veach 1997): with b's, they sum to 1.
+def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
+    """The path of one sample of one pixel, from the ray o + t d on, d unit: a PathResult.
 
-    a > 0."""
-    a = min(max(a, _LEAST_PDF), _MOST_PDF)
-    b = min(b, _MOST_PDF)
-    return a * a / (a * a + b * b)
-
-
-@device
-def trace_path(scene, stack, o, d, options, pixel, sample):
-    """The path of one sample of one pixel, from the ray o + t d on. A PathResult. options: renderer.kernel.options.Options."""
+    options: renderer.kernel.options.Options; log: rows for renderer.kernel.record, none in pictures. special: None compiles
+    the path tracer for pictures, which leaves out what `is_special` settings ask for; else all is in.
+    """
     radiance = _BLACK
     throughput = _WHITE
     albedo = _BLACK
@@ -63,73 +56,128 @@ def trace_path(scene, stack, o, d, options, pixel, sample):
     depth = _ZERO
     object_id = material_id = 0
     rays = 0
+    segment = 0  # those that end at a vertex
+    passed = 0  # surfaces without effect, by their alpha
     point = o  # the last vertex,
-    normal = _BLACK  # its shading normal,
+    normal = _BLACK  # the side that it is lit from (its shading normal; zero: both),
     pdf = _ZERO  # and the density with which its BSDF gave d; 0 after the camera and after specular bounces
     unscaled = _ONE  # eta**2 of the medium the path is in
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
+    if special is not None and (options.sampling == BSDF or options.sampling == UNIFORM):
+        lit = len(scene.punctual_kind) > 0
     layers = local_floats(LAYER_SLOTS)  # the rarer materials' textures, looked up
-    for segment in range(options.max_depth):
+    while True:
         hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
+        row = segment + passed
+        limit = options.clamp if segment + 1 >= _INDIRECT else _ZERO
         if hit.primitive == NO_PRIMITIVE:
-            emitted = environment_radiance(scene.environment, scene.environment_frame, d)
-            weight = power_heuristic(pdf, environment_light_pdf(scene, d)) if pdf > _ZERO else _ONE
-            radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
+            if row < len(log):
+                record_vertex(log, row, MISSED, 0, 0, hit.t, pdf, o, d, d, throughput, radiance)
+            if pdf >= _ZERO:
+                emitted = environment_radiance(scene.environment, scene.environment_frame, d)
+                weight = power_heuristic(pdf, environment_light_pdf(scene, d)) if pdf > _ZERO else _ONE
+                radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), limit))
+            if row < len(log):
+                record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
+        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
+        if not (surface.front or through):
+            throughput = attenuated(scene, surface.material, throughput, point, surface.point)
+        if row < len(log):
+            record_vertex(
+                log, row, PASSED if through else SURFACE, 1 + surface.object, 1 + surface.material, hit.t, pdf, surface.point,
+                surface.shading, d, throughput, radiance,
+            )  # fmt: skip
+        if through:
+            passed += 1
+            if passed == MAX_PASSED:
+                break
+            o = departure(surface, False, d)
+            continue
         wo_world = vec.neg(d)
-        if surface.light >= 0:
+        if surface.light >= 0 and pdf >= _ZERO:
             emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
             weight = _ONE
             if pdf > _ZERO:
                 cosine = vec.dot(surface.geometric, wo_world)
                 weight = power_heuristic(pdf, primitive_light_pdf(scene, surface.light, point, normal, surface.point, cosine))
-            radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
+            if special is not None and options.mistake != NO_MISTAKE and segment > 0:
+                weight *= mistaken(options.mistake, point, surface.point)
+            radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), limit))
         frame = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, frame, layers)
+        if scene.material_flags[surface.material] & DISPERSIVE != 0:
+            u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))[0]
+            material, throughput = disperse(scene, surface, material, throughput, u)
         if segment == 0:
             albedo = material.base
             first_normal = frame[2]
             position = surface.point
-            depth = hit.t
+            depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
             object_id = 1 + surface.object
             material_id = 1 + surface.material
-        if segment + 1 == options.max_depth:
+        if material.kind == UNLIT:
+            radiance = vec.add(radiance, limited(vec.mul(throughput, material.base), limit))
+        if row < len(log):
+            record_light(log, row, EMITTED, radiance)
+        if segment + 1 == options.max_depth or material.kind == UNLIT:
             break
 
-        r0 = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 1))
-        r1 = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
         s, q, n = frame
         wo = vec.to_local(s, q, n, wo_world)
-        if lit and not is_specular(material):
-            light = sample_light(scene, surface.point, surface.shading, r0[2], (r0[0], r0[1]))
-            facing = vec.dot(light.direction, surface.geometric)
-            if light.pdf > _ZERO and facing > _ZERO and vec.maximum(light.radiance) > _ZERO:
-                f, scatter_pdf = eval_material(material, wo, vec.to_local(s, q, n, light.direction))
-                if vec.maximum(f) > _ZERO:
-                    start = leave(surface.point, surface.error, surface.geometric, light.direction)
-                    rays += 1
-                    visible = transmittance(scene, stack, start, light.end)
-                    if visible > _ZERO:
-                        balance = _ONE if light.alone else power_heuristic(light.pdf, scatter_pdf)
-                        weight = visible * balance / light.pdf
-                        arriving = vec.scale(vec.mul(f, light.radiance), weight)
-                        radiance = vec.add(radiance, vec.mul(throughput, arriving))
+        specular = is_specular(material)
+        normal = _BLACK if transmits(material) else n
+        if lit and not specular:
+            count = 1
+            if special is not None and segment == 0:
+                count = options.light_samples
+            limit = options.clamp if segment + 2 >= _INDIRECT else _ZERO
+            for k in range(count):
+                number = np.uint32(sample * np.uint32(count) + np.uint32(k))
+                r = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
+                light = sample_light(scene, surface.point, normal, r[2], (r[0], r[1]))
+                if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
+                    wi = vec.to_local(s, q, n, light.direction)
+                    f, scatter_pdf = eval_material(material, wo, wi)
+                    if vec.maximum(f) > _ZERO:
+                        start = departure(surface, wi[2] > _ZERO, light.direction)
+                        rays += 1
+                        weight = transmittance(scene, stack, start, light.end, options.transparent) / light.pdf
+                        if weight > _ZERO:
+                            if special is None:
+                                weight *= _ONE if light.alone else power_heuristic(light.pdf, scatter_pdf)
+                            else:
+                                share = share_of_light(options.sampling, light.pdf, scatter_pdf, light.alone)
+                                weight *= share / np.float32(count)
+                                if options.mistake != NO_MISTAKE:
+                                    weight *= mistaken(options.mistake, surface.point, light.end)
+                            arriving = vec.scale(vec.mul(f, light.radiance), weight)
+                            radiance = vec.add(radiance, limited(vec.mul(throughput, arriving), limit))
+            if row < len(log):
+                record_light(log, row, DIRECT, radiance)
 
-        wi, weight, pdf, thinned = sample_material(material, wo, r1[2], (r1[0], r1[1]))
+        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
+        if special is None:
+            wi, weight, pdf, thinned = sample_material(material, wo, r[2], (r[0], r[1]))
+        else:
+            wi, weight, pdf, thinned = special_bounce(material, options.sampling, wo, r[2], (r[0], r[1]))
         throughput = vec.mul(throughput, weight)
         unscaled *= thinned
         d = vec.to_world(s, q, n, wi)
-        # A bent shading normal may send light through the surface, or back from behind it: neither exists.
-        if vec.maximum(throughput) <= _ZERO or (vec.dot(d, surface.geometric) > _ZERO) != (wi[2] > _ZERO):
+        if vec.maximum(throughput) <= _ZERO:
             break
-        if segment + 1 >= _ROULETTE_FROM:
+        if options.roulette > _ZERO:
+            if r[3] >= options.roulette:
+                break
+            throughput = vec.scale(throughput, _ONE / options.roulette)
+        elif segment + 1 >= _ROULETTE_FROM:
             survival = min(vec.maximum(throughput) * unscaled, _MOST_SURVIVAL)
-            if r0[3] >= survival:
+            if r[3] >= survival:
                 break
             throughput = vec.scale(throughput, _ONE / survival)
         point = surface.point
-        normal = n
-        o = leave(surface.point, surface.error, surface.geometric, d)
+        o = departure(surface, wi[2] > _ZERO, d)
+        segment += 1
     return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)
