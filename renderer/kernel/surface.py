@@ -16,6 +16,7 @@ __all__ = ["Surface", "departure", "hit_material", "leave", "sphere_uv", "surfac
 
 _ZERO = np.float32(0.0)
 _THIRD = np.float32(1.0 / 3.0)
+_EIGHTH = np.float32(0.125)
 _QUARTER = np.float32(0.25)
 _HALF = np.float32(0.5)
 _SQRT3 = np.float32(math.sqrt(3.0))
@@ -32,7 +33,11 @@ _MOST_BEND = np.float32(math.cos(math.radians(45.0)))
 _LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
-_ERROR = np.float32(32 * 2.0**-24)
+_ERROR = np.float32(20 * 2.0**-24)
+_INWARD = np.float32(1.5)  # of that, away from the triangle's edges: enough for walls that meet under 35 degrees
+_SLIVER = np.float32(0.25 * 2.0**-24)
+_FURTHEST = np.float32(12.0)
+_TINY = np.float32(1e-30)
 _SPHERE_ERROR = np.float32(1e-14)
 
 
@@ -93,17 +98,20 @@ def triangle_point(position, triangle, number, u, v):
 
 @device
 def _inward(position, triangle, number, point, normal):
-    """From a triangle's point to its centroid, and a lower bound of the inscribed circle's radius.
+    """From a triangle's point to its centroid, a lower bound of the inscribed circle's radius, and how far rays may miss it.
 
     Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
-    leaves the room. Moved towards the centroid by its rounding error over that radius, it does not.
+    leaves the room; so may what starts off it by `error`, where the walls meet under an acute angle. Moved towards the centroid
+    by a multiple of `error` over that radius, it does not. In slivers the move is limited, so that it cannot be seen; and there
+    float32 is worse at the distance at which a ray meets the triangle: by its length squared over its width.
     """
     a = _row3(position, triangle[number, 0])
     b = _row3(position, triangle[number, 1])
     c = _row3(position, triangle[number, 2])
     center = vec.scale(vec.add(a, vec.add(b, c)), _THIRD)
     perimeter = _magnitude(vec.sub(b, a)) + _magnitude(vec.sub(c, a)) + _magnitude(vec.sub(c, b))
-    return vec.sub(center, point), math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
+    radius = math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
+    return vec.sub(center, point), radius, min(_SLIVER * perimeter * perimeter / max(radius, _TINY), _EIGHTH * radius)
 
 
 @device
@@ -269,7 +277,8 @@ def surface_at(scene, o, d, hit):
     if primitive < triangles:
         # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
-        inward, radius = _inward(scene.position, scene.triangle, primitive, point, normal)
+        inward, radius, miss = _inward(scene.position, scene.triangle, primitive, point, normal)
+        error = max(error, miss)
         upright = normal
         if hit.instance >= 0:
             normal = _normal_to_world(scene.bvh.to_local, hit.instance, normal)
@@ -295,15 +304,16 @@ def surface_at(scene, o, d, hit):
             point = _point_to_world(scene.to_world, hit.instance, point, _ONE)
             shadow_point = _point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
             inward = _point_to_world(scene.to_world, hit.instance, inward, _ZERO)
-            error = scene.instance_stretch[hit.instance] * error + _ERROR * _magnitude(point)
-            radius *= scene.instance_stretch[hit.instance]
+            error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * _magnitude(point)
+            radius *= scene.instance_stretch[hit.instance, 1]
             shading = _normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
             if len(scene.tangent) > 0:
                 tangent = _tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
-        inward = vec.scale(inward, min(_QUARTER * error, _QUARTER * radius) / radius if radius > _ZERO else _ZERO)
+        far = max(_magnitude(inward), _TINY)
+        inward = vec.scale(inward, min(_INWARD * error / max(radius, _TINY), min(_QUARTER, _FURTHEST * error / far)))
         point, shadow_point = vec.add(point, inward), vec.add(shadow_point, inward)
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         if len(scene.uv1) > 0:
