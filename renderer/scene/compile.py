@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bvh.build import Instances, build
+from renderer.bvh.build import build
+from renderer.bvh.instances import Instances
 from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
