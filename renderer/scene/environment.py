@@ -91,10 +91,14 @@ def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> Environ
     return tables._replace(mean=mean, contrast=contrast, sun=np.array([*direction, one_minus_cos, *radiance, share]))
 
 
-def relit(scene: CompiledScene, color: tuple[float, float, float] | None, strength: float) -> CompiledScene:
-    """The scene in an environment of that colour (None: its own) and strength. Its file stays as it is: only small arrays
-    are new."""
-    if color is None and strength == 1:
+def relit(
+    scene: CompiledScene, color: tuple[float, float, float] | None, strength: float, rotation: float = 0.0
+) -> CompiledScene:
+    """The scene in an environment of that colour (None: its own) and strength, turned by so many degrees more.
+
+    Its file stays as it is: only small arrays are new.
+    """
+    if color is None and strength == 1 and rotation == 0:
         return scene
     factor = np.float32(strength)
     frame = scene.environment_frame.copy()
@@ -103,6 +107,9 @@ def relit(scene: CompiledScene, color: tuple[float, float, float] | None, streng
         marginal, conditional = scene.environment_marginal, scene.environment_conditional
         frame[2] *= factor
         frame[8:11] *= factor
+        cosine, sine = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
+        frame[0], frame[1] = frame[0] * cosine - frame[1] * sine, frame[1] * cosine + frame[0] * sine
+        frame[4], frame[6] = frame[4] * cosine + frame[6] * sine, frame[6] * cosine - frame[4] * sine
     else:
         environment = np.array(color, np.float32).reshape(1, 1, 3) * factor
         marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)

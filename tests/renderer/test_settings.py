@@ -38,6 +38,7 @@ VIEW = View((0, 1, 5), (0, 1, 0))
         ("seed", 1 << 32),
         ("integrator", "magic"),
         ("environment_strength", -1.0),
+        ("environment_rotation", 361.0),
         ("environment_strength", math.nan),
         ("environment", (0.0, -1.0, 0.0)),
         ("environment", (0.0, math.nan, 0.0)),
@@ -117,6 +118,7 @@ def test_a_view_that_sees_nothing_is_refused(changes, sentence):
         ambient=st.tuples(*[st.floats(0, 1e9)] * 3),
         environment=st.none() | st.tuples(*[st.floats(0, 1e9)] * 3),
         environment_strength=st.floats(0, 1e6),
+        environment_rotation=st.floats(-360, 360),
     )
 )
 def test_json_gives_the_same_settings_to_the_bit(settings):
