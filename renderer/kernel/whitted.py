@@ -134,7 +134,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
                 record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
-        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
+        through = options.transparent and is_passed(scene, surface, options, pixel, sample, row)
         if not (surface.front or through):
             throughput = attenuated(scene, surface.material, throughput, point, surface.point)
         if row < len(log):
