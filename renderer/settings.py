@@ -7,7 +7,8 @@ these. Plain numpy-free data, so that the service and the client can build and c
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, asdict, dataclass, fields
 from typing import Any, NamedTuple
 
 from renderer.errors import SettingsError
@@ -16,14 +17,17 @@ __all__ = [
     "FILTERS",
     "INTEGRATORS",
     "MAX_DEPTH",
+    "MAX_LIGHT_SAMPLES",
     "MAX_SIZE",
     "MAX_SPP",
+    "OPTIONAL",
     "PROJECTIONS",
     "SAMPLERS",
     "SAMPLINGS",
     "RenderSettings",
     "Tile",
     "View",
+    "chosen",
     "tiles_of",
 ]
 
@@ -167,6 +171,20 @@ class RenderSettings:
         view = View.from_json(data.pop("view"))
         environment = data.pop("environment", None)
         return cls(view=view, environment=None if environment is None else tuple(environment), **data)
+
+
+# What a request may leave to the scene file, and the scene file to the defaults.
+OPTIONAL = tuple(
+    field.name
+    for field in fields(RenderSettings)
+    if field.default is not MISSING and not field.name.startswith(("environment", "film"))
+)
+
+
+def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """The optional settings that are asked for, and of the others those that the scene file's `defaults` hold."""
+    both = {name: asked.get(name) if asked.get(name) is not None else defaults.get(name) for name in OPTIONAL}
+    return {name: value for name, value in both.items() if value is not None}
 
 
 class Tile(NamedTuple):

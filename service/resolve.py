@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from renderer.errors import SettingsError
-from renderer.settings import RenderSettings, View
+from renderer.settings import RenderSettings, View, chosen
 from service.models import Job, Scene
 
 __all__ = ["DEFAULT_SPP", "NOISE_SPP", "default_tile_size", "resolve"]
@@ -34,18 +34,13 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if width * height > max_pixels:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
     environment = request.get("environment") or {}
-    optional = {
-        name: request[name] if request.get(name) is not None else defaults[name]
-        for name in ("max_depth", "seed", "integrator")
-        if request.get(name) is not None or defaults.get(name) is not None
-    }
     settings = RenderSettings(
         width=width,
         height=height,
         view=_view(request, info.get("cameras") or []),
         environment=tuple(environment["color"]) if environment.get("color") is not None else None,
         environment_strength=environment.get("strength", 1.0),
-        **optional,
+        **chosen(request, defaults),
     )
     if job.spp is None:
         if job.noise is not None:

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from renderer.errors import SettingsError
-from renderer.settings import INTEGRATORS, MAX_DEPTH, MAX_SIZE, MAX_SPP, View
+from renderer.settings import (
+    FILTERS,
+    INTEGRATORS,
+    MAX_DEPTH,
+    MAX_LIGHT_SAMPLES,
+    MAX_SIZE,
+    MAX_SPP,
+    OPTIONAL,
+    PROJECTIONS,
+    SAMPLERS,
+    SAMPLINGS,
+    RenderSettings,
+    View,
+)
 
 __all__ = [
     "CameraOut",
@@ -24,9 +37,15 @@ __all__ = [
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
 Vec3 = tuple[Finite, Finite, Finite]
+Length = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e12)]
 Radiance = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e6)]
 SceneStatus = Literal["preparing", "ready", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
+
+
+def _one_of(names: tuple[str, ...]) -> dict[str, Any]:
+    """For the OpenAPI page; RenderSettings itself refuses what is not known."""
+    return {"enum": [*names, None]}
 
 
 class Strict(BaseModel):
@@ -36,17 +55,21 @@ class Strict(BaseModel):
 
 
 class ViewModel(Strict):
-    """A perspective camera in world space; fov is vertical, in degrees."""
+    """A camera in world space; lengths in the scene's unit."""
 
     eye: Vec3
     target: Vec3
     up: Vec3 = (0.0, 1.0, 0.0)
-    fov: float = Field(40.0, ge=0.01, le=179.0)
+    fov: float = Field(40.0, ge=0.01, le=179.0, description="vertical field of view in degrees; perspective")
+    projection: str = Field("perspective", json_schema_extra={"enum": list(PROJECTIONS)})
+    aperture: Length = Field(0.0, description="radius of the lens; 0 is a pinhole, sharp everywhere")
+    focus: Length | None = Field(None, description="distance of the plane that is sharp; the target's where left out")
+    height: Length = Field(2.0, description="what an orthographic camera shows from top to bottom")
 
     @model_validator(mode="after")
     def _possible(self) -> ViewModel:
         try:
-            View(self.eye, self.target, self.up, self.fov)
+            View(**dict(self))
         except SettingsError as error:
             raise ValueError(str(error)) from None
         return self
@@ -73,9 +96,20 @@ class JobIn(Strict):
     seconds: float | None = Field(None, gt=0.0, le=1e7, description="wall-clock time spent on rendering")
     frames: str | int = Field("0", description="only 0: a still")
     fps: float = Field(24.0, gt=0.0, le=1000.0)
-    integrator: str | None = None
+    integrator: str | None = Field(None, json_schema_extra=_one_of(INTEGRATORS), description="how light is followed")
     max_depth: int | None = Field(None, ge=1, le=MAX_DEPTH, description="path segments, the camera's included")
-    seed: int | None = Field(None, ge=0, lt=1 << 32)
+    sampling: str | None = Field(None, json_schema_extra=_one_of(SAMPLINGS), description="how paths find lights")
+    roulette: float | None = Field(
+        None, ge=0.05, le=1.0, description="probability with which paths go on; by throughput where left out"
+    )
+    clamp_indirect: float | None = Field(
+        None, ge=0.0, le=1e9, allow_inf_nan=False, description="the most that indirect light adds to a sample; 0: no limit"
+    )
+    light_samples: int | None = Field(None, ge=1, le=MAX_LIGHT_SAMPLES, description="shadow rays at the camera's first hit")
+    ao_distance: Length | None = Field(None, description="how far ambient occlusion looks; 0: to infinity")
+    sampler: str | None = Field(None, json_schema_extra=_one_of(SAMPLERS), description="where random numbers come from")
+    filter: str | None = Field(None, json_schema_extra=_one_of(FILTERS), description="the pixel filter")
+    seed: int | None = Field(None, ge=0, lt=1 << 32, description="another seed, another noise")
     environment: EnvironmentIn | None = None
     priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
     tile_size: int | None = Field(None, ge=8, le=512)
@@ -87,11 +121,14 @@ class JobIn(Strict):
             raise ValueError('animation is not rendered yet; leave frames out, or give "0"')
         return "0"
 
-    @field_validator("integrator")
+    @field_validator(*OPTIONAL)
     @classmethod
-    def _known(cls, value: str | None) -> str | None:
-        if value is not None and value not in INTEGRATORS:
-            raise ValueError(f"{value!r} is no integrator; known are {', '.join(INTEGRATORS)}")
+    def _possible(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is not None:
+            try:
+                RenderSettings(1, 1, View((0, 0, 1), (0, 0, 0)), **{str(info.field_name): value})
+            except SettingsError as error:
+                raise ValueError(str(error)) from None
         return value
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ tasks.py      the two tasks
 prepare.py    prepare: from untrusted files to a compiled scene, a thumbnail and a summary
 bounded.py    runs that in a child with bounds on memory and time
 render.py     render_batch: maps the compiled scene, renders, packs the sums
+reproduce.py  the command that shows a failure again, without a farm
 results.py    the way back: events and sums on the stream
 link.py       HTTP to the service: manifests, and blobs both ways
 cache.py      blobs by hash, fetched once, or mapped from the service's own files

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections import OrderedDict
 from typing import Any
@@ -13,8 +12,9 @@ from renderer.scene.compiled import CompiledScene, load
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums
 from worker.link import LinkError, RefusedError
+from worker.reproduce import batch_command
 
-__all__ = ["batch_event", "failure", "render", "reproduce"]
+__all__ = ["batch_event", "failure", "render"]
 
 # Mapped scenes that a slot keeps open. They cost address space; their pages are shared with every other slot.
 OPEN_SCENES = 8
@@ -47,7 +47,8 @@ def render(worker: WorkerContext, batch: RenderBatch) -> Result:
 
 def failure(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
     """The event of a batch that could not be rendered."""
-    return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": reproduce(batch)})
+    command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
+    return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command})
 
 
 def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[str, Any]:
@@ -62,21 +63,6 @@ def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[st
         "count": batch.count,
         "worker": worker.name,
     }
-
-
-def reproduce(batch: RenderBatch) -> str:
-    """The command that renders the same samples without a farm; SCENE stands for the uploaded file."""
-    s, view = batch.settings, batch.settings.view
-    words = ["rayfarm", "render", "SCENE", "-o", "batch.exr"]
-    for name, value in (("--eye", view.eye), ("--target", view.target), ("--up", view.up), ("--tile", batch.tile)):
-        words += [f"{name}={','.join(repr(v) for v in value)}"]
-    words += [f"--fov={view.fov!r}", f"--size={s.width}x{s.height}", f"--max-depth={s.max_depth}", f"--seed={s.seed}"]
-    words += [f"--integrator={s.integrator}", f"--first={batch.first}", f"--spp={batch.count}", "--threads=1"]
-    if s.environment is not None:
-        words.append(f"--env={','.join(repr(v) for v in s.environment)}")
-    if s.environment_strength != 1.0:
-        words.append(f"--env-strength={s.environment_strength!r}")
-    return shlex.join(words)
 
 
 def _scene(worker: WorkerContext, sha256: str) -> CompiledScene:

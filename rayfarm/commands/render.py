@@ -14,6 +14,7 @@ import typer
 from rayfarm import options
 from rayfarm.console import Ticker, bar, err
 from rayfarm.errors import CommandError
+from rayfarm.picture import DEFAULT_SPP, Picture, takes_picture
 from rayfarm.scene_files import opened
 from renderer.settings import RenderSettings, Tile
 
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["register"]
 
 AOVS = ("albedo", "normal", "depth")
-DEFAULT_SIZE = (960, 540)
-DEFAULT_SPP = 64
-DEFAULT_DEPTH = 8
 
 
 def register(app: typer.Typer) -> None:
@@ -35,23 +33,11 @@ def register(app: typer.Typer) -> None:
     app.command("render")(render)
 
 
+@takes_picture
 def render(
     scene: Annotated[Path, typer.Argument(help="A scene file (.yaml .glb .gltf .obj .dae .ply .stl .off), a folder, or a .zip.")],
     output: options.Output,
-    camera: options.Camera = None,
-    eye: options.Eye = None,
-    target: options.Target = None,
-    up: options.Up = None,
-    fov: options.Fov = None,
-    size: options.Size = None,
-    spp: options.Spp = None,
-    noise: options.Noise = None,
-    time_limit: options.TimeLimit = None,
-    max_depth: options.MaxDepth = None,
-    integrator: options.Integrator = None,
-    seed: options.Seed = 0,
-    env: options.Env = None,
-    env_strength: options.EnvStrength = 1.0,
+    picture: Picture = Picture(),
     aov: Annotated[str | None, typer.Option(metavar="NAME,...", help=f"Further channels of an .exr: {', '.join(AOVS)}.")] = None,
     exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.")] = 0.0,
     tonemap: Annotated[str, typer.Option(metavar="CURVE", help="Tone curve; .png and .jpg only.")] = "neutral",
@@ -71,9 +57,8 @@ def render(
       rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
     """
     aovs = _aovs(aov, output)
-    width_height = options.parse_size(size) if size else None
     rectangle = options.parse_tile(tile) if tile else None
-    environment, color = options.environment_of(env)
+    environment, _ = picture.environment()
     if not output.parent.is_dir():
         raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
 
@@ -92,21 +77,12 @@ def render(
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
 
     defaults = summary["defaults"]
-    width, height = width_height or (defaults.get("width", DEFAULT_SIZE[0]), defaults.get("height", DEFAULT_SIZE[1]))
-    settings = RenderSettings(
-        width=width,
-        height=height,
-        view=options.choose_view(summary["cameras"], camera, eye, target, up, fov),
-        max_depth=max_depth or defaults.get("max_depth", DEFAULT_DEPTH),
-        integrator=integrator or defaults.get("integrator", "path"),
-        seed=seed,
-        environment=color,
-        environment_strength=env_strength,
-    )
-    count = spp or defaults.get("spp", DEFAULT_SPP)
+    settings = picture.settings(summary["cameras"], defaults)
+    width, height = settings.width, settings.height
+    count = picture.spp or defaults.get("spp", DEFAULT_SPP)
     done = RenderStats()
     if tile is None and first == 0:
-        sums = _frame(compiled, settings, count, threads, noise, time_limit, done)
+        sums = _frame(compiled, settings, count, threads, picture.noise, picture.time_limit, done)
     else:
         sums = _part(compiled, settings, rectangle or Tile(0, 0, width, height), first, count, done)
     clock.mark("render_s")

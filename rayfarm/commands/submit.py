@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +12,7 @@ from rayfarm import options
 from rayfarm.client import Client
 from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.picture import Picture, takes_picture
 from rayfarm.scene_files import belonging
 
 __all__ = ["register", "server_url"]
@@ -35,25 +35,13 @@ def server_url(server: str | None) -> str:
     return here.url if here else "http://127.0.0.1:8000"
 
 
+@takes_picture
 def submit(
     scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it names are taken along.")],
     server: options.Server = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Wait, and write the picture: .png .exr or .jpg.")] = None,
-    camera: options.Camera = None,
-    eye: options.Eye = None,
-    target: options.Target = None,
-    up: options.Up = None,
-    fov: options.Fov = None,
-    size: options.Size = None,
-    spp: options.Spp = None,
-    noise: options.Noise = None,
-    time_limit: options.TimeLimit = None,
-    max_depth: options.MaxDepth = None,
-    integrator: options.Integrator = None,
-    seed: options.Seed = 0,
-    env: options.Env = None,
-    env_strength: options.EnvStrength = 1.0,
+    picture: Picture = Picture(),
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
@@ -71,8 +59,7 @@ def submit(
         if not output.parent.is_dir():
             raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
         wait = True
-    width_height = options.parse_size(size) if size else None
-    environment, color = options.environment_of(env)
+    environment, _ = picture.environment()
     files: dict[str, Path] = belonging(scene)
     inside = None
     if environment is not None:
@@ -86,23 +73,7 @@ def submit(
         ready = _prepared(farm, uploaded)
         for warning in ready.get("warnings", []):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
-        request: dict[str, Any] = {
-            "width": width_height and width_height[0],
-            "height": width_height and width_height[1],
-            "spp": spp,
-            "noise": noise,
-            "seconds": time_limit,
-            "max_depth": max_depth,
-            "integrator": integrator,
-            "seed": seed,
-            "environment": {"color": color, "strength": env_strength},
-            "priority": priority,
-        }
-        if eye or target or up or fov is not None:
-            request["view"] = asdict(options.choose_view(ready["cameras"], camera, eye, target, up, fov))
-        elif camera is not None:
-            request["camera"] = options.find_camera(ready["cameras"], camera)["name"]
-        job = farm.submit(ready["id"], **{key: value for key, value in request.items() if value is not None})
+        job = farm.submit(ready["id"], priority=priority, **picture.request(ready["cameras"]))
         out.print(job["id"], markup=False)
         if wait:
             _wait(farm, job["id"], output)

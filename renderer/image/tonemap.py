@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer.errors import SettingsError
 
-__all__ = ["CURVES", "agx", "apply", "encode_srgb", "filmic", "neutral", "reinhard", "srgb"]
+__all__ = ["CURVES", "agx", "apply", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
 
 F32 = npt.NDArray[np.float32]
 
@@ -39,6 +39,12 @@ def neutral(rgb: F32) -> F32:
 def srgb(rgb: F32) -> F32:
     """No curve: clipped at 1."""
     return np.minimum(rgb, np.float32(1))
+
+
+def hue(rgb: F32) -> F32:
+    """A clip that keeps the hue: a pixel above 1 is scaled by its greatest channel, where `srgb` turns orange into yellow."""
+    peak = np.maximum(np.maximum(rgb[..., 0], rgb[..., 1]), rgb[..., 2])[..., None]
+    return np.divide(rgb, np.maximum(peak, 1), dtype=np.float32)
 
 
 def reinhard(rgb: F32) -> F32:
@@ -85,6 +91,7 @@ def agx(rgb: F32) -> F32:
 _FUNCTIONS: dict[str, Callable[[F32], F32]] = {
     "neutral": neutral,
     "srgb": srgb,
+    "hue": hue,
     "reinhard": reinhard,
     "filmic": filmic,
     "agx": agx,

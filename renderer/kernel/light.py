@@ -1,6 +1,7 @@
 """Light sampling: a light is chosen (the environment by a set probability, the others by power), then a point or direction.
 
-Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light.
+Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light; lights without a
+body have a file of their own.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.kernel.material import emission
+from renderer.kernel.punctual import sample_punctual
 from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
 from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 
@@ -130,8 +132,12 @@ def sample_light(scene, p, n, choice, u):
     triangles = len(scene.triangle)
     if primitive < triangles:
         sample = _sample_triangle(scene, primitive, scene.light_area[light], p, u)
-    else:
+    elif primitive < triangles + len(scene.sphere):
         sample = _sample_sphere(scene, primitive - triangles, p, u)
+    else:
+        number = primitive - triangles - len(scene.sphere)
+        w, end, radiance, density = sample_punctual(scene.punctual_kind, scene.punctual, number, p, u)
+        sample = LightSample(w, end, radiance, density, True)
     pdf = sample.pdf * (_ONE - environment_chance) * chance
     return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 

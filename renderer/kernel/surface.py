@@ -19,6 +19,9 @@ _ONE = np.float32(1.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
 _NO_UV = (_ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE, _ONE)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _UNIT = np.float32(1e-6)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
@@ -36,6 +39,11 @@ class Surface(NamedTuple):
     front: bool  # whether the viewer is on the triangle's counter-clockwise side, or outside the sphere
     material: int
     light: int  # its number among the lights, or -1
+    object: int  # its number in the object id AOV
+    uv1: tuple[float, float]  # the second set
+    color: tuple[float, float, float, float]  # the vertices' RGBA, white where they have none
+    tangent: tuple[float, float, float, float]  # unit, and the bitangent's sign; zeros where the material needs none
+    shadow_point: tuple[float, float, float]  # where rays start that scatter back: `point`, lifted off a smooth triangle's facet
 
 
 @device
@@ -47,6 +55,17 @@ def _row3(array, i):
 def _mix3(a, b, c, u, v):
     w = _ONE - u - v
     return w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], w * a[2] + u * b[2] + v * c[2]
+
+
+@device
+def _row4(array, i):
+    return array[i, 0], array[i, 1], array[i, 2], array[i, 3]
+
+
+@device
+def _mix4(a, b, c, u, v):
+    first = _mix3((a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2]), u, v)
+    return first[0], first[1], first[2], (_ONE - u - v) * a[3] + u * b[3] + v * c[3]
 
 
 @device
@@ -97,6 +116,44 @@ def sphere_point(sphere, number, o, d, t):
 
 
 @device
+def _lift(point, corner, normal, geometric, side):
+    """From a facet's point up to the plane through a corner, square to the normal there; nothing where that is below it.
+
+    side: 1, or -1 where the corner's normal points to the side that the viewer is not on.
+    """
+    height = side * vec.dot(vec.sub(point, corner), normal)
+    if height < _ZERO and side * vec.dot(normal, geometric) > _ZERO:
+        return vec.scale(normal, -side * height)
+    return _BLACK
+
+
+@device
+def _lifted(scene, point, number, u, v, shading, geometric):
+    """The point moved off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
+
+    A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
+    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021).
+    """
+    i, j, k = scene.triangle[number, 0], scene.triangle[number, 1], scene.triangle[number, 2]
+    side = _ONE if vec.dot(shading, geometric) > _ZERO else -_ONE
+    a = _lift(point, _row3(scene.position, i), _row3(scene.normal, i), geometric, side)
+    b = _lift(point, _row3(scene.position, j), _row3(scene.normal, j), geometric, side)
+    c = _lift(point, _row3(scene.position, k), _row3(scene.normal, k), geometric, side)
+    return vec.add(point, _mix3(a, b, c, u, v))
+
+
+@device
+def _tangent(array, i, j, k, u, v):
+    """The tangent between three vertices; their signs agree (renderer/scene/tangents.py)."""
+    x, y, z, sign = _mix4(_row4(array, i), _row4(array, j), _row4(array, k), u, v)
+    square = x * x + y * y + z * z
+    if not square > _ZERO:
+        return _NO_TANGENT
+    scale = _ONE / math.sqrt(square)
+    return x * scale, y * scale, z * scale, _ONE if sign > _ZERO else -_ONE
+
+
+@device
 def _facing(shading, geometric, wo):
     """The shading normal on the geometric one's side, and bent towards the viewer where it would look away."""
     if vec.dot(shading, geometric) < _ZERO:
@@ -121,6 +178,7 @@ def surface_at(scene, o, d, hit):
     t, primitive, u, v = hit.t, hit.primitive, hit.u, hit.v
     wo = vec.neg(d)
     triangles = len(scene.triangle)
+    uv1, color, tangent = _NO_UV, _WHITE, _NO_TANGENT
     if primitive < triangles:
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
         square = vec.dot(normal, normal)
@@ -133,21 +191,33 @@ def surface_at(scene, o, d, hit):
         i, j, k = scene.triangle[primitive, 0], scene.triangle[primitive, 1], scene.triangle[primitive, 2]
         shading = _mix3(_row3(scene.normal, i), _row3(scene.normal, j), _row3(scene.normal, k), u, v)
         length2 = vec.dot(shading, shading)
+        shadow_point = point
         if not abs(length2 - _ONE) <= _UNIT:  # smooth, or no normal at all; flat meshes are spared the root
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
+            shadow_point = _lifted(scene, point, primitive, u, v, shading, geometric)
         material = scene.triangle_material[primitive]
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
+        if len(scene.uv1) > 0:
+            uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v)
+        if len(scene.color) > 0:
+            color = _mix4(_row4(scene.color, i), _row4(scene.color, j), _row4(scene.color, k), u, v)
+        if len(scene.tangent) > 0:
+            tangent = _tangent(scene.tangent, i, j, k, u, v)
         light = scene.triangle_light[primitive]
+        number = scene.triangle_object[primitive]
     else:
-        number = primitive - triangles
-        point, error, normal = sphere_point(scene.sphere, number, o, d, t)
+        ball = primitive - triangles
+        point, error, normal = sphere_point(scene.sphere, ball, o, d, t)
+        shadow_point = point
         front = vec.dot(normal, wo) > _ZERO
         geometric = normal if front else vec.neg(normal)
         shading = normal
-        material = scene.sphere_material[number]
+        material = scene.sphere_material[ball]
         uv = sphere_uv(normal) if _is_textured(scene, material) else _NO_UV
-        light = scene.sphere_light[number]
-    return Surface(point, error, geometric, _facing(shading, geometric, wo), uv, front, material, light)
+        light = scene.sphere_light[ball]
+        number = scene.sphere_object[ball]
+    shading = _facing(shading, geometric, wo)
+    return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, shadow_point)
 
 
 @device

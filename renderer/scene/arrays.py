@@ -2,7 +2,7 @@
 
 Every array is C-contiguous and read-only (Numba compiles read-only arrays as a type of their own, so that one rule keeps
 one compiled kernel for memory-mapped and freshly built scenes alike: `seal` applies it). A primitive's number is its
-triangle's index, or T + its sphere's index.
+triangle's index, or T + its sphere's index; lights without a body go on from there.
 """
 
 from __future__ import annotations
@@ -21,19 +21,24 @@ Array = npt.NDArray[Any]
 
 
 class CompiledScene(NamedTuple):
-    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights."""
+    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual."""
 
     bvh: Bvh
 
     position: Array  # (V, 3) f32, world space
     normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
     uv: Array  # (V, 2) f32
+    uv1: Array  # (V, 2) f32, or no rows where no texture looks there
+    color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
+    tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
     triangle: Array  # (T, 3) i32 into the vertices
     triangle_material: Array  # (T,) i32
     triangle_light: Array  # (T,) i32: its light, or -1
+    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py)
     sphere: Array  # (S, 4) f32: centre, radius
     sphere_material: Array  # (S,) i32
     sphere_light: Array  # (S,) i32: its light, or -1
+    sphere_object: Array  # (S,) i32
 
     material_kind: Array  # (M,) i32: renderer.kernel.material's DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS
     material: Array  # (M, 10) f32: base colour 3, emission 3, metallic, roughness, ior, double-sided (0/1)
@@ -42,9 +47,11 @@ class CompiledScene(NamedTuple):
     texture: Array  # (X, 6) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1)
     texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
 
-    light_primitive: Array  # (L,) i32: the emitting primitive; environments are not in this list
+    light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
-    light_area: Array  # (L,) f32
+    light_area: Array  # (L,) f32, 0 for punctual lights
+    punctual_kind: Array  # (K,) i32: renderer.kernel.punctual's POINT, SPOT, DIRECTIONAL
+    punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
@@ -55,19 +62,24 @@ class CompiledScene(NamedTuple):
 
 
 # Each array's element type and shape, in the file's order: what rays touch most comes first, where it is best aligned.
-# A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E.
+# A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E, E? is E or 0.
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
     "bvh.packet": ("<f4", ("P", PACKET_ROWS, WIDTH)),
     "position": ("<f4", ("V", 3)),
     "normal": ("<f4", ("V", 3)),
     "uv": ("<f4", ("V", 2)),
+    "uv1": ("<f4", ("V?", 2)),
+    "color": ("<f4", ("V?", 4)),
+    "tangent": ("<f4", ("V?", 4)),
     "triangle": ("<i4", ("T", 3)),
     "triangle_material": ("<i4", ("T",)),
     "triangle_light": ("<i4", ("T",)),
+    "triangle_object": ("<i4", ("T",)),
     "sphere": ("<f4", ("S", 4)),
     "sphere_material": ("<i4", ("S",)),
     "sphere_light": ("<i4", ("S",)),
+    "sphere_object": ("<i4", ("S",)),
     "material_kind": ("<i4", ("M",)),
     "material": ("<f4", ("M", 10)),
     "material_texture": ("<i4", ("M", 3)),
@@ -75,6 +87,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
     "light_area": ("<f4", ("L",)),
+    "punctual_kind": ("<i4", ("K",)),
+    "punctual": ("<f4", ("K", 12)),
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
@@ -117,6 +131,8 @@ def check(arrays: dict[str, Array]) -> None:
         if len(actual) != len(shape):
             raise SceneError(f"{name} has {len(actual)} dimensions where {len(shape)} belong")
         for length, expected in zip(actual, shape, strict=True):
+            if isinstance(expected, str) and expected.endswith("?") and length == 0:
+                continue
             if isinstance(expected, str):
                 key, more = expected[0], 1 if expected.endswith("+1") else 0
                 if lengths.setdefault(key, length - more) != length - more:
@@ -130,7 +146,7 @@ def check(arrays: dict[str, Array]) -> None:
         ("sphere_material", 0, lengths["M"]),
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
-        ("light_primitive", 0, primitives),
+        ("light_primitive", 0, primitives + lengths["K"]),
         ("material_texture", -1, lengths["X"]),
     ):
         array = arrays[name]

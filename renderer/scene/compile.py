@@ -14,7 +14,9 @@ from renderer.scene.description import F32, Camera, SceneDescription
 from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, flatten
 from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
+from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
+from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.studio import light_studio
 from renderer.settings import View
 
@@ -40,8 +42,9 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     say("packing textures", 0.25)
     packed = pack(description)
     say("listing lights", 0.4)
+    punctual = tabulate_punctual(description.lights, bounds)
     lights = list_lights(
-        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material
+        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material, punctual.power
     )
     if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
         light_studio(description)
@@ -56,12 +59,17 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         position=geometry.position,
         normal=geometry.normal,
         uv=geometry.uv,
+        uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
+        color=geometry.color,
+        tangent=geometry.tangent,
         triangle=geometry.triangle,
         triangle_material=geometry.triangle_material,
         triangle_light=lights.triangle_light,
+        triangle_object=geometry.triangle_object,
         sphere=sphere,
         sphere_material=sphere_material,
         sphere_light=lights.sphere_light,
+        sphere_object=np.array(number_objects(description).sphere, np.int32),
         material_kind=packed.material_kind,
         material=packed.material,
         material_texture=packed.material_texture,
@@ -70,6 +78,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
         light_area=lights.area,
+        punctual_kind=punctual.kind,
+        punctual=punctual.row,
         environment=environment.radiance,
         environment_marginal=environment.marginal,
         environment_conditional=environment.conditional,
@@ -84,7 +94,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene.
+    cameras: the file's own, then always one named "auto" that frames the scene. objects, materials: their names in the order
+    of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
     cameras = [
         Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
@@ -103,6 +114,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
             "textures": len(compiled.texture),
             "lights": len(compiled.light_primitive),
         },
+        "objects": number_objects(description).names,
+        "materials": [m.name for m in description.materials],
         "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
         "animations": list(description.animations),
         "warnings": list(description.warnings),

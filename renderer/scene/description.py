@@ -28,6 +28,7 @@ __all__ = [
     "SceneDescription",
     "Sphere",
     "Texture",
+    "UvTransform",
     "Wrap",
 ]
 
@@ -37,6 +38,7 @@ MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong",
 AlphaMode = Literal["opaque", "mask", "blend"]
 LightKind = Literal["point", "spot", "directional"]
 Wrap = Literal["repeat", "mirror", "clamp"]
+UvTransform = tuple[float, float, float, float, float, float]
 
 
 @dataclass
@@ -59,7 +61,7 @@ class Texture:
     wrap_s: Wrap = "repeat"
     wrap_t: Wrap = "repeat"
     uv_set: int = 0  # 0 or 1
-    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    transform: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 @dataclass

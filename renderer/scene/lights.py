@@ -18,7 +18,7 @@ __all__ = [
     "tabulate_environment",
 ]
 
-
+_SPREAD = 0.01  # of the choices fall on all lights evenly
 _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
@@ -50,11 +50,19 @@ class EnvironmentTables(NamedTuple):
 
 
 def list_lights(
-    emitted: np.ndarray, position: F32, triangle: I32, triangle_material: I32, sphere: F32, sphere_material: I32
+    emitted: np.ndarray,
+    position: F32,
+    triangle: I32,
+    triangle_material: I32,
+    sphere: F32,
+    sphere_material: I32,
+    punctual_power: np.ndarray,
 ) -> LightList:
-    """The primitives whose material emits: emitted is (M,) mean luminance of all sides of each material.
+    """The primitives whose material emits, then the punctual lights: emitted is (M,) mean luminance of all sides of each
+    material, punctual_power (K,).
 
-    The chance of choosing a light is its power, pi * area * radiance, over the sum of all.
+    The chance of choosing a light is its power (a primitive's: pi * area * radiance) over the sum of all, but for one choice in
+    a hundred: else float32 would never choose a candle under a stadium's lamps.
     """
     triangles = np.flatnonzero(emitted[triangle_material] > 0) if len(triangle) else np.zeros(0, np.int64)
     a, b, c = (position[triangle[triangles, k]].astype(np.float64) for k in range(3))
@@ -62,15 +70,18 @@ def list_lights(
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
 
-    primitive = np.concatenate([triangles, len(triangle) + spheres]).astype(np.int32)
-    area = np.concatenate([triangle_area, sphere_area])
+    count = len(punctual_power)
+    rest = len(triangle) + len(sphere) + np.arange(count)
+    primitive = np.concatenate([triangles, len(triangle) + spheres, rest]).astype(np.int32)
+    area = np.concatenate([triangle_area, sphere_area, np.zeros(count)])
     radiance = np.concatenate([emitted[triangle_material[triangles]], emitted[sphere_material[spheres]]])
-    power = np.pi * area * radiance
+    power = np.concatenate([np.pi * area[: len(radiance)] * radiance, punctual_power])
     triangle_light = np.full(len(triangle), -1, np.int32)
     triangle_light[triangles] = np.arange(len(triangles))
     sphere_light = np.full(len(sphere), -1, np.int32)
     sphere_light[spheres] = len(triangles) + np.arange(len(spheres))
-    return LightList(primitive, _cdf(power), area.astype(np.float32), triangle_light, sphere_light, float(power.sum()))
+    chance = (1 - _SPREAD) * power / max(power.sum(), 1e-300) + _SPREAD / max(len(power), 1)
+    return LightList(primitive, _cdf(chance), area.astype(np.float32), triangle_light, sphere_light, float(power.sum()))
 
 
 def tabulate_environment(description: SceneDescription) -> EnvironmentTables:

@@ -102,6 +102,8 @@ def _check(main: str, description: SceneDescription) -> None:
 
 
 def _emits(description: SceneDescription) -> bool:
+    if any(max(light.intensity) > 0 for light in description.lights):
+        return True
     used = {s.material for s in description.spheres}
     for instance in description.instances:
         used.add(description.meshes[instance.mesh].material if instance.material is None else instance.material)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 from renderer.scene.description import Instance, SceneDescription
 
@@ -12,7 +13,7 @@ __all__ = ["merge"]
 def merge(part: SceneDescription, whole: SceneDescription, material: int | None = None) -> list[Instance]:
     """Adds `part`'s meshes to `whole`; `material`, of the whole, replaces their own.
 
-    Returns what shows them as the part does, not yet in the whole's list. The part's cameras and environment stay out.
+    Returns what shows them as the part does, not yet in the whole's list. The part's lights, cameras and environment stay out.
     """
     images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
     whole.warnings += [w for w in part.warnings if w not in whole.warnings]
@@ -23,20 +24,14 @@ def merge(part: SceneDescription, whole: SceneDescription, material: int | None 
 
         whole.images += part.images
         whole.textures += [replace(t, image=t.image + images) for t in part.textures]
-        whole.materials += [
-            replace(
-                m,
-                base_color_texture=moved(m.base_color_texture),
-                emission_texture=moved(m.emission_texture),
-                metallic_roughness_texture=moved(m.metallic_roughness_texture),
-            )
-            for m in part.materials
-        ]
+        for m in part.materials:
+            textured: dict[str, Any] = {f.name: moved(getattr(m, f.name)) for f in fields(m) if f.name.endswith("_texture")}
+            whole.materials.append(replace(m, **textured))
     for mesh in part.meshes:
         whole.meshes.append(replace(mesh, material=mesh.material + materials if material is None else material))
     shown = []
     for instance in part.instances:
         own = instance.material
         number = None if own is None or material is not None else own + materials
-        shown.append(Instance(instance.mesh + meshes, instance.transform, number))
+        shown.append(Instance(instance.mesh + meshes, instance.transform, number, instance.name))
     return shown

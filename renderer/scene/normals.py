@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import F32, I32, Mesh
 
-__all__ = ["CREASE_DEGREES", "cofactors", "face_normals", "smoothed"]
+__all__ = ["CREASE_DEGREES", "cofactors", "corner_angles", "face_normals", "smoothed"]
 
 CREASE_DEGREES = 40.0  # edges that bend more stay sharp: a sphere of 16 segments is round, a box is a box
 MAX_VALENCE = 64
@@ -44,7 +44,7 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     faces = face_normals(mesh.positions, triangles)
     length = np.linalg.norm(faces, axis=1, keepdims=True)
     unit = np.divide(faces, length, out=np.zeros_like(faces), where=length > 0)
-    # Vertices that differ in UV alone are one point of the surface. (Adding 0 turns -0 into 0.)
+    # Vertices that differ in UV or colour alone are one point of the surface. (Adding 0 turns -0 into 0.)
     _, first, number = np.unique(mesh.positions + np.float32(0), axis=0, return_index=True, return_inverse=True)
     point = number.reshape(-1)[triangles.reshape(-1)]
 
@@ -55,7 +55,7 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     start, degree = np.repeat(starts, valence), np.repeat(valence, valence)
     rank = np.arange(len(order)) - start
     limit = np.cos(np.radians(crease_degrees))
-    share = unit[face] * _corner_angles(mesh.positions, triangles).reshape(-1, 1)[order]
+    share = unit[face] * corner_angles(mesh.positions, triangles).reshape(-1, 1)[order]
     total = share.copy()
     # Each corner meets every other at its point: in step k all corners look at the one k places further on.
     for k in range(1, min(int(valence.max()), MAX_VALENCE)):
@@ -68,16 +68,17 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     corners[order] = np.divide(total, size, out=total, where=size > 0)
 
     # Corners that agree in vertex and normal stay one vertex.
-    vertex = triangles.reshape(-1) if mesh.uvs is not None else first[point]
+    attributes = (mesh.uvs, mesh.uvs1, mesh.colors)
+    vertex = first[point] if all(a is None for a in attributes) else triangles.reshape(-1)
     key = np.column_stack([vertex, np.rint(corners * 1e4).astype(np.int32)])
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     kept = vertex[first]
-    uvs: F32 | None = None if mesh.uvs is None else mesh.uvs[kept]
     joined = inverse.reshape(-1, 3).astype(np.int32)
-    return Mesh(mesh.name, mesh.positions[kept], joined, corners[first], uvs, mesh.material)
+    uvs, uvs1, colors = (None if a is None else a[kept] for a in attributes)
+    return Mesh(mesh.name, mesh.positions[kept], joined, corners[first], uvs, mesh.material, uvs1, colors)
 
 
-def _corner_angles(positions: F32, triangles: I32) -> F64:
+def corner_angles(positions: F32, triangles: I32) -> F64:
     """(T, 3) radians; 0 in triangles without an area."""
     corners = positions[triangles].astype(np.float64)
     to_next = np.roll(corners, -1, axis=1) - corners

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.image import read
-from renderer.scene.description import Image, SceneDescription, Texture, Wrap
+from renderer.scene.description import Image, SceneDescription, Texture, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 
-__all__ = ["MAX_IMAGE_BYTES", "TextureShelf"]
+__all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
 
+UNMOVED: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 MAX_IMAGE_BYTES = 4 << 30  # of all decoded images of a scene
 
 
 class TextureShelf:
-    """Adds images and textures to a description; the same source or (image, wrap) pair gives the same index again."""
+    """Adds images and textures to a description; the same source or the same use of an image gives the same index again."""
 
     def __init__(self, description: SceneDescription, files: SceneFiles) -> None:
         self._description = description
         self._files = files
         self._images: dict[tuple[str, bool], int | None] = {}
-        self._textures: dict[tuple[int, Wrap, Wrap], int] = {}
+        self._textures: dict[tuple[int, Wrap, Wrap, int, UvTransform], int] = {}
         self._bytes = 0
 
     def warn(self, sentence: str) -> None:
@@ -51,15 +53,33 @@ class TextureShelf:
                 self.warn(f"{error}; rendered without it.")
         return self._images[key]
 
-    def texture(self, image: int | None, wrap_s: Wrap = "repeat", wrap_t: Wrap = "repeat") -> int | None:
-        """The texture of an image and how it repeats; None for an image that could not be had."""
+    def texture(
+        self,
+        image: int | None,
+        wrap_s: Wrap = "repeat",
+        wrap_t: Wrap = "repeat",
+        uv_set: int = 0,
+        transform: UvTransform = UNMOVED,
+    ) -> int | None:
+        """The texture of an image, how it repeats and how it is looked up; None for an image that could not be had."""
         if image is None:
             return None
-        key = (image, wrap_s, wrap_t)
+        key = (image, wrap_s, wrap_t, uv_set, transform)
         if key not in self._textures:
-            self._description.textures.append(Texture(image, wrap_s, wrap_t))
+            self._description.textures.append(Texture(*key))
             self._textures[key] = len(self._description.textures) - 1
         return self._textures[key]
+
+    def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
+        """A texture whose image is made of another's, looked up as that is; `what` tells it from others made of the same."""
+        if texture is None:
+            return None
+        source = self._description.textures[texture]
+        image = self._description.images[source.image]
+        key = (f"\0{what} of image {source.image}", image.srgb)
+        if key not in self._images:
+            self._images[key] = self.add(make(image))
+        return self.texture(self._images[key], source.wrap_s, source.wrap_t, source.uv_set, source.transform)
 
     def find(self, reference: str, beside: str, user: str, srgb: bool = True) -> int | None:
         """The texture that scene file `beside` means by `reference`; where it is missing, a warning that names it and `user`."""

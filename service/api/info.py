@@ -9,7 +9,17 @@ from fastapi import APIRouter
 
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
-from renderer.settings import INTEGRATORS, MAX_DEPTH, MAX_SIZE, MAX_SPP
+from renderer.settings import (
+    FILTERS,
+    INTEGRATORS,
+    MAX_DEPTH,
+    MAX_LIGHT_SAMPLES,
+    MAX_SIZE,
+    MAX_SPP,
+    PROJECTIONS,
+    SAMPLERS,
+    SAMPLINGS,
+)
 from service.farm import FarmDependency
 
 __all__ = ["VERSION", "router"]
@@ -36,8 +46,13 @@ def info(farm: FarmDependency) -> dict[str, Any]:
             "size": MAX_SIZE,
             "spp": MAX_SPP,
             "max_depth": MAX_DEPTH,
+            "light_samples": MAX_LIGHT_SAMPLES,
         },
         "integrators": list(INTEGRATORS),
+        "samplings": list(SAMPLINGS),
+        "samplers": list(SAMPLERS),
+        "filters": list(FILTERS),
+        "projections": list(PROJECTIONS),
         "curves": list(CURVES),
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }

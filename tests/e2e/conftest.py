@@ -10,6 +10,8 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from tests.e2e.site import Site
+
 # SwiftShader draws WebGL on the CPU; the colour profile makes a screenshot's bytes the canvas' bytes; the rest keeps the
 # browser from calling home.
 FLAGS = [
@@ -65,3 +67,19 @@ def watched(browser: Browser) -> Iterator[Watched]:
     page.on("websocket", lambda socket: note(socket.url))
     yield result
     context.close()
+
+
+@pytest.fixture(scope="session")
+def site() -> Iterator[Site]:
+    """The page's files, without a farm."""
+    site = Site()
+    yield site
+    site.server.should_exit = True
+    site.thread.join(5)
+
+
+@pytest.fixture
+def page(watched: Watched, site: Site) -> Page:
+    """An empty document on the page's origin, for its modules."""
+    watched.page.goto(f"{site.url}/blank")
+    return watched.page

@@ -6,7 +6,7 @@ import pytest
 
 from rayfarm import options
 from rayfarm.errors import CommandError
-from renderer.settings import Tile, View
+from renderer.settings import Tile
 
 CAMERAS = [
     {"name": "front", "view": {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40.0}},
@@ -44,18 +44,6 @@ def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
         options.environment_of("1,-1,1")
 
 
-def test_a_camera_is_chosen_by_name_or_number_and_then_changed() -> None:
-    assert options.choose_view(CAMERAS, None, None, None, None, None) == View((0, 1, 5), (0, 1, 0), (0, 1, 0), 40.0)
-    assert options.choose_view(CAMERAS, "top", None, None, None, None).eye == (0, 9, 0)
-    assert options.choose_view(CAMERAS, "1", None, None, None, None).eye == (0, 9, 0)
-    assert options.choose_view(CAMERAS, "0", "1,2,3", None, None, 20.0) == View((1, 2, 3), (0, 1, 0), (0, 1, 0), 20.0)
-
-
 def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
     with pytest.raises(CommandError, match="0: front, 1: top"):
-        options.choose_view(CAMERAS, "side", None, None, None, None)
-
-
-def test_an_impossible_view_says_why() -> None:
-    with pytest.raises(CommandError, match="eye and target are the same point"):
-        options.choose_view(CAMERAS, None, "0,1,0", None, None, None)
+        options.find_camera(CAMERAS, "side")

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.scene.arrays import CompiledScene
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.readers import shapes
 from renderer.settings import RenderSettings, View
 
@@ -44,10 +44,15 @@ def scene(
     meshes: tuple[Mesh, ...] = (),
     spheres: tuple[Sphere, ...] = (),
     environment: float | np.ndarray | None = None,
+    lights: tuple[Light, ...] = (),
 ) -> CompiledScene:
     """The compiled scene; environment: a constant radiance, or an image (h, w, 3) float32."""
     description = SceneDescription(
-        meshes=list(meshes), instances=[Instance(i) for i in range(len(meshes))], spheres=list(spheres), materials=materials
+        meshes=list(meshes),
+        instances=[Instance(i) for i in range(len(meshes))],
+        spheres=list(spheres),
+        materials=materials,
+        lights=list(lights),
     )
     if isinstance(environment, np.ndarray):
         description.images.append(Image("sky", environment.astype(np.float32), srgb=False))

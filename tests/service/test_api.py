@@ -6,13 +6,15 @@ import io
 import json
 import random
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from renderer.settings import Tile
+from renderer.settings import OPTIONAL, Tile, View
+from service.schemas import JobIn, ViewModel
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import expected_sums
@@ -70,6 +72,17 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"view": {"eye": [0, 1e999, 0], "target": [0, 0, 0]}}, "view.eye[1]", ""),
         ({"integrator": "magic"}, "integrator", "known are path"),
         ({"max_depth": 0}, "max_depth", "greater"),
+        ({"sampler": "dice"}, "sampler", "known are sobol"),
+        ({"filter": "fir"}, "filter", "known are blackman-harris"),
+        ({"sampling": "all"}, "sampling", "known are mis"),
+        ({"roulette": 0.01}, "roulette", "greater"),
+        ({"clamp_indirect": -1}, "clamp_indirect", "greater"),
+        ({"light_samples": 0}, "light_samples", "greater"),
+        ({"ao_distance": -1}, "ao_distance", "greater"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "projection": "fish"}}, "view", "known are perspective"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "aperture": -1}}, "view.aperture", "greater"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "focus": 0}}, "view", "focus is 0"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "height": 0}}, "view", "height is 0"),
         ({"seed": -1}, "seed", "greater"),
         ({"environment": {"color": [1, 2]}}, "environment.color[2]", "required"),
         ({"priority": 1000}, "priority", "less"),
@@ -82,6 +95,19 @@ def test_what_is_wrong_in_a_request_is_named(service: Service, scene: str, chang
     found = problem(service.http.post("/api/jobs", content=body, headers={"content-type": "application/json"}), 422)
     assert field in [error["field"] for error in found["errors"]]
     assert says in found["detail"]
+
+
+def test_every_setting_of_the_renderer_can_be_asked_for(service: Service, scene: str) -> None:
+    view = {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 20, "projection": "orthographic"}
+    view |= {"aperture": 0.5, "focus": 3.0, "height": 4.0, "near": 1.0}
+    asked = {"integrator": "direct", "sampler": "independent", "filter": "tent", "sampling": "light", "clamp_indirect": 9.0}
+    asked |= {"roulette": 0.5, "light_samples": 4, "ao_distance": 2.0, "max_depth": 5, "seed": 6}
+    view = {name: value for name, value in view.items() if name in {field.name for field in fields(View)}}
+    job = service.job(service.submit(scene, view=view, **asked))
+    assert job["settings"]["view"] == view
+    assert {name: job["settings"][name] for name in asked} == asked
+    assert set(OPTIONAL) <= set(JobIn.model_fields), "a setting of the renderer is not in the API"
+    assert {field.name for field in fields(View)} == set(ViewModel.model_fields)
 
 
 def test_errors_of_every_kind_are_problems(service: Service) -> None:

@@ -240,7 +240,7 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
     event = bench.next("batch", "batch-failed").event
     assert event["type"] == "batch-failed"
     assert "cannot fetch the scene" in event["error"]
-    assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --eye=0")
+    assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --size=")
 
 
 def busy_with(bench: Bench, count: int) -> bool:

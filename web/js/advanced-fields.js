@@ -1,28 +1,74 @@
-/** What few change: when to stop early, path depth, seed, environment. */
+/** What few change: when to stop early, how light is found, how samples are spread, the environment. */
 
-import { linearOf } from "./colour.js";
 import { h } from "./dom.js";
-import { field, numberInput } from "./fields.js";
+import { environmentFields } from "./environment-fields.js";
+import { choiceField, field, numberInput, setShown } from "./fields.js";
+import { DEFAULTS, FILTERS, SAMPLERS, SAMPLINGS } from "./render-choices.js";
 
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 
 /**
+ * What an integrator looks at; the rest is not shown, and not sent.
+ *
+ * @type {Record<string, (keyof typeof DEFAULTS)[]>}
+ */
+const READ_BY = {
+  path: ["max_depth", "sampling", "light_samples", "roulette", "clamp_indirect"],
+  direct: ["sampling", "light_samples"],
+  whitted: ["max_depth", "light_samples"],
+  ao: ["ao_distance"],
+};
+
+/**
  * @param {Record<string, any>} defaults what the scene file asks for
- * @returns {{element: HTMLDetailsElement, get: () => Pick<JobRequest, "noise" | "seconds" | "max_depth" | "seed" | "environment">}}
+ * @returns {{element: HTMLDetailsElement, show: (integrator: string) => void, get: () => Partial<JobRequest>}}
  */
 export function advancedFields(defaults) {
-  const noise = numberInput({ min: 0.01, max: 100, step: "any", required: false, placeholder: "off" });
-  const seconds = numberInput({ min: 1, step: "any", required: false, placeholder: "off" });
-  const depth = numberInput({ value: defaults.max_depth ?? 8, min: 1, max: 1024 });
-  const seed = numberInput({ value: defaults.seed ?? 0, min: 0, max: 2 ** 32 - 1 });
-  const strength = numberInput({ value: 1, min: 0, max: 1e6, step: "any" });
-  const replace = h("input", { type: "checkbox" });
-  const colour = h("input", { type: "color", value: "#ffffff", "aria-label": "Environment colour" });
-  colour.disabled = true;
-  replace.addEventListener("change", () => (colour.disabled = !replace.checked));
+  const start = { ...DEFAULTS, ...defaults };
+  const noise = numberInput({ min: 0.01, max: 1000, step: "any", required: false, placeholder: "off" });
+  const seconds = numberInput({ min: 1, max: 1e7, step: "any", required: false, placeholder: "off" });
+  const depth = numberInput({ value: start.max_depth, min: 1, max: 1024 });
+  const seed = numberInput({ value: start.seed, min: 0, max: 2 ** 32 - 1 });
+  const lightSamples = numberInput({ value: start.light_samples, min: 1, max: 64 });
+  const roulette = optional(start.roulette, { min: 0.05, max: 1, placeholder: "by throughput" });
+  const clamp = optional(start.clamp_indirect || null, { min: 0, max: 1e9, placeholder: "off" });
+  const distance = optional(start.ao_distance || null, { min: 0, max: 1e15, placeholder: "no limit" });
+  const environment = environmentFields();
+  const sampling = choiceField("Finding lights", SAMPLINGS, start.sampling);
+  const sampler = choiceField("Sampler", SAMPLERS, start.sampler);
+  const filter = choiceField("Pixel filter", FILTERS, start.filter);
 
-  /** @param {...HTMLElement} fields */
-  const pair = (...fields) => h("div", { class: "pair" }, fields);
+  /** Settings with a field of their own, and that field. @type {Partial<Record<keyof typeof DEFAULTS, HTMLElement>>} */
+  const fields = {
+    max_depth: field("Max depth", depth, "Path segments, the camera's included."),
+    light_samples: field("Light samples", lightSamples, "Shadow rays where the camera looks; more soften shadows sooner."),
+    roulette: field("Roulette", roulette, "The chance with which a path goes on; empty: as much as it still carries."),
+    clamp_indirect: field("Indirect clamp", clamp, "Cuts fireflies from bounced light, and some light with them."),
+    ao_distance: field("AO distance", distance, "What is farther away than this does not occlude."),
+    sampling: sampling.element,
+  };
+  /** The current values of what has a field. */
+  const values = () => ({
+    max_depth: depth.valueAsNumber,
+    light_samples: lightSamples.valueAsNumber,
+    roulette: valueOr(roulette, null),
+    clamp_indirect: valueOr(clamp, 0),
+    ao_distance: valueOr(distance, 0),
+    sampling: sampling.get(),
+  });
+  let integrator = start.integrator;
+  const isRead = (/** @type {string} */ name) =>
+    (READ_BY[integrator] ?? []).includes(/** @type {keyof typeof DEFAULTS} */ (name));
+  /** @param {string} next */
+  const show = (next) => {
+    integrator = next;
+    for (const [name, element] of Object.entries(fields)) setShown(element, isRead(name));
+  };
+  show(integrator);
+
+  /** @param {string} title @param {...HTMLElement} content */
+  const group = (title, ...content) =>
+    h("fieldset", { class: "group" }, h("legend", null, title), h("div", { class: "pairs" }, content));
   const element = h(
     "details",
     null,
@@ -30,28 +76,47 @@ export function advancedFields(defaults) {
     h(
       "div",
       { class: "stack" },
-      pair(
-        field("Stop at noise, %", noise, "Ends where the error is this small"),
-        field("Stop after, s", seconds, "Whichever comes first ends it"),
+      group(
+        "Stop early",
+        field("At noise, %", noise, "Each tile ends where its error is this small."),
+        field("After seconds", seconds, "Whichever comes first ends it."),
       ),
-      pair(
-        field("Max depth", depth, "Path segments, the camera's included"),
-        field("Seed", seed, "Another seed, other noise"),
+      group("Light", ...Object.values(fields)),
+      group(
+        "Samples",
+        sampler.element,
+        filter.element,
+        field("Seed", seed, "Another seed, other noise; the same seed, the same bits."),
       ),
-      pair(
-        field("Environment strength", strength),
-        h("div", { class: "field" }, h("label", { class: "check" }, replace, "Replace by colour"), colour),
-      ),
+      group("Environment", ...environment.elements),
     ),
   );
   return {
     element,
+    show,
     get: () => ({
       ...(noise.value && { noise: noise.valueAsNumber / 100 }),
       ...(seconds.value && { seconds: seconds.valueAsNumber }),
-      max_depth: depth.valueAsNumber,
+      ...Object.fromEntries(
+        Object.entries(values()).filter(([name, value]) => isRead(name) && value !== /** @type {any} */ (start)[name]),
+      ),
+      ...(sampler.get() !== start.sampler && { sampler: sampler.get() }),
+      ...(filter.get() !== start.filter && { filter: filter.get() }),
       seed: seed.valueAsNumber,
-      environment: { strength: strength.valueAsNumber, color: replace.checked ? linearOf(colour.value) : null },
+      environment: environment.get(),
     }),
   };
 }
+
+/**
+ * @param {number | null} value
+ * @param {{min: number, max: number, placeholder: string}} options
+ */
+const optional = (value, options) => numberInput({ ...options, value: value ?? "", step: "any", required: false });
+
+/**
+ * @template T
+ * @param {HTMLInputElement} input
+ * @param {T} empty
+ */
+const valueOr = (input, empty) => (input.value ? input.valueAsNumber : empty);

@@ -1,21 +1,19 @@
 /** What a picture is asked to be: the form on a scene's page, and what it will cost. */
 
 import { advancedFields } from "./advanced-fields.js";
+import { cameraFields } from "./camera-fields.js";
 import { h, setText } from "./dom.js";
 import { jobs, workers } from "./farm.js";
-import { field } from "./fields.js";
+import { choiceField } from "./fields.js";
 import { compact, plural, roughly } from "./format.js";
 import { icon } from "./icons.js";
 import { qualityFields } from "./quality-fields.js";
+import { DEFAULTS, INTEGRATORS } from "./render-choices.js";
 import { expectedSpeed } from "./render-presets.js";
 import { sizeFields } from "./size-fields.js";
-import { viewFields } from "./view-fields.js";
 
 /** @typedef {import("./types.js").Scene} Scene */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
-
-const AUTO_CAMERA = "auto"; // the one that every scene has
-const OWN_VIEW = "\0view"; // no camera's name has a NUL in it
 
 /**
  * @param {Scene} scene ready
@@ -23,61 +21,59 @@ const OWN_VIEW = "\0view"; // no camera's name has a NUL in it
  * @returns {{element: HTMLFormElement, update: () => void}} update: the farm's speed may have changed
  */
 export function settingsForm(scene, submit) {
-  const camera = cameraFields(scene);
+  const { defaults } = scene;
   const estimate = h("p", { class: "quiet small number" });
   const update = () => setText(estimate, costOf(scene, size.get(), quality.get()));
-  const size = sizeFields(scene.defaults, () => update());
-  const quality = qualityFields(scene.defaults, () => update());
-  const advanced = advancedFields(scene.defaults);
+  const size = sizeFields(defaults, () => update());
+  const camera = cameraFields(scene, (projection) => size.suit(projection));
+  const quality = qualityFields(defaults, () => update());
+  const advanced = advancedFields(defaults);
+  const own = defaults.integrator ?? DEFAULTS.integrator;
+  const integrator = choiceField("Integrator", INTEGRATORS, own, () => advanced.show(integrator.get()));
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
+    if (!element.checkValidity()) {
+      showFirstProblem(element);
+      return;
+    }
     render.disabled = true;
     try {
-      await submit({ scene: scene.id, ...camera.get(), ...size.get(), spp: quality.get(), ...advanced.get() });
+      await submit({
+        scene: scene.id,
+        ...camera.get(),
+        ...size.get(),
+        spp: quality.get(),
+        ...(integrator.get() !== own && { integrator: integrator.get() }),
+        ...advanced.get(),
+      });
     } finally {
       render.disabled = false;
     }
   };
   const element = h(
     "form",
-    { class: "settings", "aria-label": "Render settings", onsubmit },
+    { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
     camera.elements,
     size.elements,
     quality.elements,
+    integrator.element,
     advanced.element,
     h("div", { class: "submit" }, estimate, render),
   );
-  // A field that is out of range must be seen to be mended.
-  element.addEventListener("invalid", () => (advanced.element.open = true), { capture: true });
   update();
   return { element, update };
 }
 
 /**
- * @param {Scene} scene
- * @returns {{elements: HTMLElement[], get: () => Pick<JobRequest, "camera" | "view">}}
+ * A field that is out of range must be seen to be mended.
+ *
+ * @param {HTMLFormElement} form
  */
-function cameraFields({ cameras }) {
-  const camera = h(
-    "select",
-    null,
-    cameras.map(({ name }) =>
-      h("option", { value: name }, name === AUTO_CAMERA ? "Automatic: frames the scene" : name),
-    ),
-    h("option", { value: OWN_VIEW }, "Custom view …"),
-  );
-  const view = viewFields(cameras[0]?.view);
-  view.element.hidden = true;
-  camera.addEventListener("change", () => {
-    view.element.hidden = camera.value !== OWN_VIEW;
-    const chosen = cameras.find(({ name }) => name === camera.value);
-    if (chosen) view.set(chosen.view); // where a view of one's own then starts
-  });
-  return {
-    elements: [field("Camera", camera), view.element],
-    get: () => (camera.value === OWN_VIEW ? { view: view.get() } : { camera: camera.value }),
-  };
+function showFirstProblem(form) {
+  const wrong = /** @type {HTMLElement | null} */ (form.querySelector("input:invalid"));
+  for (let fold = wrong?.closest("details"); fold; fold = fold.parentElement?.closest("details")) fold.open = true;
+  wrong?.focus();
 }
 
 /**

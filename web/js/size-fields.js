@@ -6,11 +6,14 @@ import { CUSTOM, DEFAULT_ASPECT, SIZES, sizeOf } from "./render-presets.js";
 
 const MAX_SIZE = 16384;
 const START_LONG = 1280;
+/** 360 degrees by 180. */
+const PANORAMA_ASPECT = 2;
 
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
  * @param {() => void} changed
- * @returns {{elements: HTMLElement[], get: () => {width: number, height: number}}}
+ * @returns {{elements: HTMLElement[], get: () => {width: number, height: number}, suit: (projection: string) => void}}
+ *     suit: takes the shape that a projection needs; what the user typed stays
  */
 export function sizeFields(defaults, changed) {
   const own = defaults.width && defaults.height ? { width: defaults.width, height: defaults.height } : null;
@@ -66,5 +69,12 @@ export function sizeFields(defaults, changed) {
   size.select(preset?.name ?? CUSTOM);
   custom.hidden = preset !== undefined;
   setText(size.aside, `${start.width} × ${start.height}`);
-  return { elements: [size.element, custom], get };
+  /** @param {string} projection */
+  const suit = (projection) => {
+    if (!custom.hidden && !keep.checked) return;
+    const { width, height } = get();
+    aspect = projection === "panorama" ? PANORAMA_ASPECT : start.width / start.height;
+    show(sizeOf(Math.max(width, height), aspect));
+  };
+  return { elements: [size.element, custom], get, suit };
 }

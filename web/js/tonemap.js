@@ -3,10 +3,11 @@
  * renderer/image/tonemap.py, so that a downloaded PNG looks as the page does.
  */
 
-/** In the order of the shader's `curve`. */
+/** In the order of the shader's `curve`; the shader has a function of each name. */
 export const CURVES = [
   { name: "neutral", label: "Neutral", hint: "Khronos PBR Neutral: true base colours, highlights roll off" },
   { name: "srgb", label: "sRGB", hint: "No curve: what is above 1 clips" },
+  { name: "hue", label: "Hue-preserving clip", hint: "A pixel above 1 is scaled by its greatest channel: no hue shifts" },
   { name: "reinhard", label: "Reinhard", hint: "x / (1 + luminance): soft and flat" },
   { name: "filmic", label: "Filmic", hint: "ACES fit by Narkowicz: more contrast" },
   { name: "agx", label: "AgX", hint: "Bright colours fade to white, as on film" },
@@ -18,6 +19,16 @@ export const TONEMAP_GLSL = `
 vec3 srgbEncode(vec3 c) {
   c = clamp(c, 0.0, 1.0);
   return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
+}
+
+// The encoding clips.
+vec3 srgb(vec3 c) {
+  return c;
+}
+
+// A pixel above 1 is scaled by its greatest channel.
+vec3 hue(vec3 c) {
+  return c / max(1.0, max(c.r, max(c.g, c.b)));
 }
 
 // Khronos PBR Neutral Tone Mapper, specification 1.0
@@ -65,10 +76,7 @@ vec3 agx(vec3 c) {
 }
 
 vec3 displayed(vec3 c, int curve) {
-  if (curve == 0) c = neutral(c);
-  else if (curve == 2) c = reinhard(c);
-  else if (curve == 3) c = filmic(c);
-  else if (curve == 4) c = agx(c);
-  return srgbEncode(c);
+${CURVES.map(({ name }, i) => `  if (curve == ${i}) return srgbEncode(${name}(c));`).join("\n")}
+  return c;
 }
 `;

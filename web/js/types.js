@@ -3,7 +3,15 @@
  *
  * @typedef {[number, number, number]} Vec3
  *
- * @typedef {{eye: Vec3, target: Vec3, up: Vec3, fov: number}} View world space; fov is vertical, in degrees
+ * @typedef {object} View world space, lengths in the scene's unit
+ * @property {Vec3} eye
+ * @property {Vec3} target
+ * @property {Vec3} up
+ * @property {number} fov vertical, in degrees
+ * @property {string} [projection] perspective where it is left out
+ * @property {number} [aperture] radius of the lens; 0: all is sharp
+ * @property {number | null} [focus] distance of what is sharp along the line of sight; null: the target's
+ * @property {number} [height] what an orthographic camera shows from top to bottom
  *
  * @typedef {{name: string, view: View}} Camera
  *
@@ -47,18 +55,33 @@
  * @property {number | null} seconds
  * @property {Record<string, any> | null} settings
  *
+ * @typedef {object} EnvironmentRequest
+ * @property {number} strength
+ * @property {Vec3} [color] linear Rec.709
+ * @property {{elevation: number, azimuth: number}} [sky] degrees
+ *
  * @typedef {object} JobRequest
  * @property {string} scene
  * @property {string} [camera]
  * @property {View} [view]
- * @property {number} width
- * @property {number} height
- * @property {number} spp
+ * @property {string} [name]
+ * @property {number} [priority]
+ * @property {number} [width]
+ * @property {number} [height]
+ * @property {number} [spp]
  * @property {number} [noise] relative
  * @property {number} [seconds]
- * @property {number} max_depth
- * @property {number} seed
- * @property {{color: Vec3 | null, strength: number}} [environment] color: linear Rec.709 in place of the scene's own
+ * @property {string} [integrator] this and what follows: the scene file's own where it is left out
+ * @property {number} [max_depth]
+ * @property {number} [seed]
+ * @property {string} [sampler]
+ * @property {string} [filter]
+ * @property {string} [sampling]
+ * @property {number} [light_samples]
+ * @property {number} [roulette]
+ * @property {number} [clamp_indirect]
+ * @property {number} [ao_distance]
+ * @property {EnvironmentRequest} [environment] in place of the scene's own, or times its strength
  *
  * @typedef {object} Worker
  * @property {string} name

@@ -16,6 +16,8 @@ GREYS = np.repeat(np.linspace(0, 20, 2001, dtype=np.float32)[:, None], 3, axis=1
         ("neutral", (0.04, 0.04, 0.04), (0.01, 0.01, 0.01)),  # the toe: 6.25 x^2
         ("neutral", (1.04, 1.04, 1.04), (1 - 0.24**2 / 0.48,) * 3),
         ("srgb", (0.25, 1.0, 7.0), (0.25, 1.0, 1.0)),
+        ("hue", (0.25, 0.5, 1.0), (0.25, 0.5, 1.0)),
+        ("hue", (8.0, 4.0, 1.0), (1.0, 0.5, 0.125)),
         ("reinhard", (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)),
         ("reinhard", (1.0, 0.0, 0.0), (1 / 1.2126, 0.0, 0.0)),
         ("filmic", (1.0, 1.0, 1.0), (2.54 / 3.16,) * 3),
@@ -34,6 +36,13 @@ def test_curves_rise_from_black_to_white_and_keep_grey_grey(curve):
     assert (np.diff(shown, axis=0) >= 0).all()
     assert np.ptp(shown, axis=1).max() <= 1
     assert shown[-1].min() >= 225
+
+
+def test_the_hue_preserving_clip_keeps_the_ratios_of_a_pixels_channels():
+    rgb = np.exp2(np.random.default_rng(2).uniform(-6, 6, (1000, 3))).astype(np.float32)
+    shown = tonemap.hue(rgb)
+    np.testing.assert_allclose(shown / shown.max(axis=1, keepdims=True), rgb / rgb.max(axis=1, keepdims=True), rtol=1e-6)
+    np.testing.assert_allclose(shown.max(axis=1), np.minimum(rgb.max(axis=1), 1), rtol=1e-6)
 
 
 def test_exposure_is_in_stops():

@@ -116,7 +116,7 @@ def test_a_light_is_chosen_by_its_power():
     from_sky = np.isclose(radiance[:, 0], 0.01)
     assert abs(from_sky.mean() - chance) < limit(2) * math.sqrt(chance * (1 - chance) / N)
     first = (direction[~from_sky, 0] > 0).mean()
-    expected = 3 * 0.25 / (3 * 0.25 + 1)
+    expected = 0.99 * 3 * 0.25 / (3 * 0.25 + 1) + 0.01 / 2
     assert abs(first - expected) < limit(2) * math.sqrt(expected * (1 - expected) / (~from_sky).sum())
 
 

@@ -118,7 +118,7 @@ def test_lights_are_chosen_by_power():
     assert scene.sphere_light.tolist() == [-1, 2]
     np.testing.assert_allclose(scene.light_area, [2, 2, np.pi], rtol=1e-6)
     powers = np.array([2 * 2, 2 * 2, np.pi * 2 * 0.7152])  # area, sides, luminance
-    np.testing.assert_allclose(np.diff(scene.light_cdf), powers / powers.sum(), rtol=1e-5)
+    np.testing.assert_allclose(np.diff(scene.light_cdf), 0.99 * powers / powers.sum() + 0.01 / 3, rtol=1e-5)
     assert scene.light_cdf[0] == 0
     assert scene.light_cdf[-1] == 1
 
@@ -130,7 +130,8 @@ def test_textured_emission_counts_by_its_mean():
     description.images, description.textures = [Image("i", pixels)], [Texture(0)]
     description.materials = [Material(emission=(1, 1, 1), emission_texture=0), Material(emission=(1, 1, 1))]
     description.meshes[1].material = 1
-    np.testing.assert_allclose(np.diff(compile_scene(description).light_cdf), [0.1, 0.1, 0.4, 0.4], rtol=1e-5)
+    powers = np.array([0.1, 0.1, 0.4, 0.4])
+    np.testing.assert_allclose(np.diff(compile_scene(description).light_cdf), 0.99 * powers + 0.01 / 4, rtol=1e-5)
 
 
 def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():

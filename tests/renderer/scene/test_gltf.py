@@ -1,9 +1,11 @@
 """glTF: every way its arrays, hierarchy and materials can be written."""
 
 import base64
+import io
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from renderer.errors import SceneError
 from tests.renderer.scene.builders import TRIANGLE, Gltf
@@ -155,49 +157,83 @@ def test_a_primitive_without_material_has_the_specifications_default(scene):
     assert (material.base_color, material.metallic, material.roughness) == ((1, 1, 1), 1, 1)
 
 
-def test_the_second_uv_set_is_used_where_the_texture_says_so(scene, png):
-    g = Gltf()
-    texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
-    g.material(pbrMetallicRoughness={"baseColorTexture": {"index": texture, "texCoord": 1}})
-    second = np.array([(0.25, 0), (0, 0.5), (1, 1)], np.float32)
-    g.mesh(material=0, TEXCOORD_0=np.zeros((3, 2), np.float32), TEXCOORD_1=second)
-    np.testing.assert_array_equal(scene("a.glb", g.glb()).meshes[0].uvs, second)
-
-
-@pytest.mark.parametrize(
-    ("transmission", "roughness", "kind"), [(1, 0, "glass"), (0.5, 0, "metallic_roughness"), (1, 0.6, "metallic_roughness")]
-)
-def test_clear_transmission_is_glass_and_other_is_said_to_be_opaque(scene, transmission, roughness, kind):
-    g = Gltf()
-    extensions = {"KHR_materials_transmission": {"transmissionFactor": transmission}, "KHR_materials_ior": {"ior": 1.33}}
-    g.material(pbrMetallicRoughness={"metallicFactor": 0, "roughnessFactor": roughness}, extensions=extensions)
-    g.mesh(material=0)
-    description = scene("a.glb", g.glb())
-    assert (description.materials[0].kind, description.materials[0].ior) == (kind, 1.33)
-    assert any("transmission" in w for w in description.warnings) == (kind != "glass")
-
-
-def test_texture_transforms_go_into_the_uvs(scene, png):
+def test_each_texture_has_its_uv_set_and_transform(scene, png):
     g = Gltf()
     texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
     quarter = {"offset": [0.5, 0.25], "scale": [2, 3], "rotation": np.pi / 2, "texCoord": 1}
     info = {"index": texture, "extensions": {"KHR_texture_transform": quarter}}
-    g.material(pbrMetallicRoughness={"baseColorTexture": info})
-    uvs = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
-    g.mesh(material=0, TEXCOORD_0=np.ones((3, 2), np.float32), TEXCOORD_1=uvs)
+    g.material(pbrMetallicRoughness={"baseColorTexture": info}, normalTexture={"index": texture, "scale": 0.5, "texCoord": 1})
+    uvs, uvs1 = np.array([(0, 0), (1, 0), (0, 1)], np.float32), np.ones((3, 2), np.float32)
+    g.mesh(material=0, TEXCOORD_0=uvs, TEXCOORD_1=uvs1)
+    description = scene("a.glb", g.glb())
+    np.testing.assert_array_equal(description.meshes[0].uvs, uvs)
+    np.testing.assert_array_equal(description.meshes[0].uvs1, uvs1)
+    color, normal = (description.textures[t] for t in (description.materials[0].base_color_texture, 1))
+    assert description.materials[0].normal_scale == 0.5
+    assert (color.uv_set, normal.uv_set, normal.transform) == (1, 1, (1, 0, 0, 0, 1, 0))
     # (u, v) -> scaled (2u, 3v) -> turned (3v, -2u) -> moved: the matrices of the extension's text
-    expected = [(0.5, 0.25), (0.5, -1.75), (3.5, 0.25)]
-    np.testing.assert_allclose(scene("a.glb", g.glb()).meshes[0].uvs, expected, atol=1e-6)
+    matrix = np.array(color.transform).reshape(2, 3)
+    np.testing.assert_allclose(uvs @ matrix[:, :2].T + matrix[:, 2], [(0.5, 0.25), (0.5, -1.75), (3.5, 0.25)], atol=1e-6)
 
 
-def test_specular_glossiness_becomes_the_nearest_metallic_roughness(scene):
+def test_alpha_as_the_material_says(scene):
     g = Gltf()
-    for diffuse, specular in (([0.5, 0.4, 0.3, 1], [0.04] * 3), ([0, 0, 0, 1], [1, 0.8, 0.3])):
+    g.material(alphaMode="MASK", alphaCutoff=0.75, pbrMetallicRoughness={"baseColorFactor": [1, 1, 1, 0.5]})
+    g.material(alphaMode="BLEND")
+    g.mesh(material=0)
+    masked, blended = scene("a.glb", g.glb()).materials
+    assert (masked.alpha_mode, masked.alpha_cutoff, masked.opacity) == ("mask", 0.75, 0.5)
+    assert (blended.alpha_mode, blended.alpha_cutoff, blended.opacity) == ("blend", 0.5, 1.0)
+
+
+@pytest.mark.parametrize("width", [3, 4])
+@pytest.mark.parametrize("dtype", [np.float32, np.uint8, np.uint16])
+def test_vertex_colours_of_every_type(scene, dtype, width):
+    values = np.array([(0, 0.2, 0.4, 0.6), (0.8, 1, 0.2, 0.4), (1, 0, 1, 0)])[:, :width]
+    g = Gltf()
+    g.mesh(COLOR_0=values.astype(dtype) if dtype == np.float32 else np.rint(values * np.iinfo(dtype).max).astype(dtype))
+    g.root["accessors"][1]["normalized"] = dtype != np.float32
+    colors = scene("a.glb", g.glb()).meshes[0].colors
+    np.testing.assert_allclose(colors[:, :width], values, atol=1e-6)
+    assert width == 4 or (colors[:, 3] == 1).all()
+
+
+def test_tangents_come_along(scene):
+    g = Gltf()
+    tangents = np.tile(np.array([1, 0, 0, -1], np.float32), (3, 1))
+    g.mesh(NORMAL=np.tile(np.array([0, 0, 1], np.float32), (3, 1)), TANGENT=tangents)
+    g.mesh(TANGENT=tangents)  # without normals they are to be left out
+    first, second = scene("a.glb", g.glb()).meshes
+    np.testing.assert_array_equal(first.tangents, tangents)
+    assert second.tangents is None
+
+
+def test_specular_glossiness_keeps_its_reflectance(scene):
+    g = Gltf()
+    for diffuse, specular in (([0.5, 0.4, 0.3, 0.9], [0.04, 0.05, 0.06]), ([0, 0, 0, 1], [1, 0.8, 0.3])):
         extension = {"diffuseFactor": diffuse, "specularFactor": specular, "glossinessFactor": 0.75}
         g.mesh(material=g.material(extensions={"KHR_materials_pbrSpecularGlossiness": extension}))
     wood, gold = scene("a.glb", g.glb()).materials
-    assert (wood.base_color, wood.metallic, wood.roughness) == ((0.5, 0.4, 0.3), 0, 0.25)
+    assert (wood.base_color, wood.opacity, wood.metallic, wood.roughness) == ((0.5, 0.4, 0.3), 0.9, 0, 0.25)
+    f0 = ((wood.ior - 1) / (wood.ior + 1)) ** 2 * np.array(wood.specular_color)
+    np.testing.assert_allclose(f0, (0.04, 0.05, 0.06), rtol=0.005)
     assert (gold.base_color, gold.metallic) == ((1, 0.8, 0.3), 1)
+
+
+def test_a_map_of_specular_and_glossiness_gives_colour_and_roughness(scene):
+    out = io.BytesIO()
+    Image.fromarray(np.array([[(255, 128, 0, 255), (10, 20, 30, 51)]], np.uint8)).save(out, "PNG")
+    g = Gltf()
+    texture = g.texture({"bufferView": g.view(out.getvalue()), "mimeType": "image/png"}, wrapS=33071)
+    extension = {"specularGlossinessTexture": {"index": texture}, "glossinessFactor": 0.5}
+    g.mesh(material=g.material(extensions={"KHR_materials_pbrSpecularGlossiness": extension}))
+    description = scene("a.glb", g.glb())
+    material = description.materials[0]
+    color, rough = (description.textures[t] for t in (material.specular_color_texture, material.metallic_roughness_texture))
+    assert description.images[color.image].pixels[0, :, :3].tolist() == [[255, 128, 0], [10, 20, 30]]
+    assert (description.images[color.image].srgb, description.images[rough.image].srgb) == (True, False)
+    np.testing.assert_allclose(description.images[rough.image].pixels[0, :, 1] / 255, [0.5, 0.9], atol=0.003)
+    assert (rough.wrap_s, material.roughness) == ("clamp", 1)
 
 
 def test_cameras_look_down_minus_z_of_their_node(scene):
@@ -205,48 +241,108 @@ def test_cameras_look_down_minus_z_of_their_node(scene):
     g.mesh()
     g.root["cameras"] = [
         {"type": "perspective", "name": "lens", "perspective": {"yfov": np.radians(50), "znear": 0.1}},
-        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 1}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1.5, "znear": 0, "zfar": 1}},
     ]
     half = np.sqrt(0.5)
     g.node(name="left", camera=0, translation=[1, 2, 3], rotation=[0, half, 0, half])  # a quarter turn about y: looks along -x
     g.node(camera=1)
     description = scene("a.glb", g.glb())
-    (camera,) = description.cameras
+    camera, flat = description.cameras
     assert camera.name == "left"
     assert camera.view.fov == pytest.approx(50)
     assert camera.view.eye == (1, 2, 3)
     direction = np.subtract(camera.view.target, camera.view.eye)
     np.testing.assert_allclose(direction / np.linalg.norm(direction), (-1, 0, 0), atol=1e-12)
-    assert any("only perspective" in w for w in description.warnings)
+    assert (flat.view.projection, flat.view.height) == ("orthographic", 3)
+
+
+def test_punctual_lights_in_watts_along_minus_z(scene):
+    g = Gltf()
+    g.mesh()
+    spot = {"innerConeAngle": np.radians(20), "outerConeAngle": np.radians(30)}
+    lights = [
+        {"type": "point", "intensity": 683, "color": [1, 0.5, 0], "range": 4},
+        {"type": "spot", "intensity": 1366, "spot": spot},
+        {"type": "directional", "name": "sun"},
+    ]
+    g.root["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    g.root["extensionsUsed"] = ["KHR_lights_punctual"]
+    half = np.sqrt(0.5)
+    for i, name in enumerate(("lamp", "beam", "")):
+        place = {"translation": [1, 2, 3], "rotation": [-half, 0, 0, half], "scale": [2, 3, 4]}  # -z turned down
+        g.node(name=name, extensions={"KHR_lights_punctual": {"light": i}}, **place)
+    description = scene("a.glb", g.glb())
+    lamp, beam, sun = description.lights
+    assert [light.kind for light in description.lights] == ["point", "spot", "directional"]
+    assert [light.name for light in description.lights] == ["lamp", "beam", "sun"]
+    np.testing.assert_allclose(lamp.intensity, (1, 0.5, 0))
+    np.testing.assert_allclose(sun.intensity, [1 / 683] * 3)
+    np.testing.assert_allclose((beam.inner_cone, beam.outer_cone), (20, 30))
+    np.testing.assert_allclose(beam.direction, (0, -1, 0), atol=1e-12)
+    assert beam.position == (1, 2, 3)
+    assert description.warnings == []
+
+
+def test_instances_of_the_gpu_extension(scene):
+    g = Gltf()
+    node = g.mesh()
+    half = np.sqrt(0.5)
+    places = np.array([(1, 0, 0), (0, 2, 0)], np.float32)
+    turns = np.array([(0, 0, 0, 1), (0, 0, half, half)], np.float32)  # a quarter turn about z
+    attributes = {"TRANSLATION": g.array(places), "ROTATION": g.array(turns)}
+    node |= {"name": "tree", "scale": [2, 2, 2], "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}
+    g.root["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    description = scene("a.glb", g.glb())
+    assert [i.name for i in description.instances] == ["tree [0]", "tree [1]"]
+    assert len(description.meshes) == 1
+    np.testing.assert_allclose(world(description, 0)[0], TRIANGLE * 2 + np.float32([2, 0, 0]), atol=1e-6)
+    np.testing.assert_allclose(world(description, 1)[0], [(0, 4, 0), (0, 6, 0), (-2, 4, 0)], atol=1e-6)
+
+
+def test_objects_are_named_after_their_nodes(scene):
+    g = Gltf()
+    for name in ("chair", "chair", ""):
+        g.mesh()["name"] = name
+    g.root["meshes"][2]["name"] = "table"
+    g.root["meshes"][0]["primitives"] *= 2
+    assert [i.name for i in scene("a.glb", g.glb()).instances] == ["chair", "chair", "chair (2)", "table"]
+
+
+def test_what_a_file_hides_is_not_shown(scene):
+    g = Gltf()
+    g.mesh()
+    g.mesh()["extensions"] = {"KHR_node_visibility": {"visible": False}}
+    assert len(scene("a.glb", g.glb()).instances) == 1
 
 
 def test_what_is_not_rendered_is_named(scene):
     g = Gltf()
-    g.material(alphaMode="BLEND", name="pane", normalTexture={"index": 0})
-    g.mesh(material=0, COLOR_0=np.ones((3, 3), np.float32))
+    g.material(name="pane", normalTexture={"index": g.texture({"uri": "bumps.png"})}, occlusionTexture={"index": 0})
+    g.mesh(material=0)
     g.mesh(mode=1)
     g.root["animations"] = [{"name": "spin", "channels": [], "samplers": []}]
-    g.root["extensionsUsed"] = ["KHR_lights_punctual"]
+    g.root["extensionsUsed"] = ["KHR_materials_common", "KHR_materials_sheen"]
     description = scene("a.glb", g.glb())
     assert description.animations == ["spin"]
     said = " ".join(description.warnings)
-    for word in (
-        "pane: alpha mode BLEND",
-        "normal map",
-        "vertex colours",
-        "lines",
-        "KHR_lights_punctual",
-        "Animations",
-        "no light",
-    ):
+    for word in ("pane: its texture bumps.png", "lines", "left out: KHR_materials_common.", "Animations", "no light"):
         assert word in said
+    assert len(description.warnings) == 5
 
 
 def test_a_required_extension_that_is_not_known_is_an_error(scene):
     g = Gltf()
     g.mesh()
-    g.root["extensionsRequired"] = ["EXT_meshopt_compression"]
-    with pytest.raises(SceneError, match="EXT_meshopt_compression"):
+    g.root["extensionsRequired"] = ["KHR_texture_basisu"]
+    with pytest.raises(SceneError, match="KHR_texture_basisu"):
+        scene("a.glb", g.glb())
+
+
+def test_meshopt_is_named(scene):
+    g = Gltf()
+    g.mesh()
+    g.root["extensionsUsed"] = ["EXT_meshopt_compression"]
+    with pytest.raises(SceneError, match="meshopt"):
         scene("a.glb", g.glb())
 
 

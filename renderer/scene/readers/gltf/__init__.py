@@ -1,4 +1,7 @@
-"""glTF 2.0: container.py the file, accessors.py its arrays, materials.py surfaces, nodes.py the hierarchy, draco.py one codec.
+"""glTF 2.0: container.py is the file, accessors.py its arrays, reader.py the hierarchy of nodes, and what hangs on it.
+
+meshes.py, primitives.py, draco.py and instancing.py have geometry; materials.py, extensions.py, textures.py and
+specular_glossiness.py surfaces; lights.py and cameras.py the rest.
 
 Source: Khronos, glTF 2.0 Specification. What is read and what is not is said by warnings, never left out in silence.
 """

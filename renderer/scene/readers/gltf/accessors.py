@@ -11,13 +11,20 @@ from renderer.errors import SceneError
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.readers.gltf.container import Json
 
-__all__ = ["Accessors"]
+__all__ = ["Accessors", "as_floats"]
 
 MAX_ELEMENTS = 1 << 26
 MAX_VALUES = 1 << 29  # of all arrays together: an accessor without data costs a hostile file nothing
 
 _COMPONENT = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def as_floats(values: npt.NDArray[Any], normalized: bool) -> npt.NDArray[np.float32]:
+    """float32; normalized integers as the specification decodes them (3.6.2.2): c / max, and no less than -1."""
+    if values.dtype.kind in "iu" and normalized:
+        values = np.maximum(values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max), np.float32(-1))
+    return np.ascontiguousarray(values, np.float32)
 
 
 class Accessors:
@@ -33,24 +40,20 @@ class Accessors:
         self._loaded: dict[int, memoryview] = {}
         self._values_given = 0
 
-    def floats(self, index: int, width: int) -> npt.NDArray[np.float32]:
-        """(count, width) float32; integers are scaled to 0..1 or -1..1 where the accessor says `normalized`.
+    def floats(self, index: int, *widths: int) -> npt.NDArray[np.float32]:
+        """(count, width) float32 of one of the widths; integers become 0..1 or -1..1 where the accessor says `normalized`.
 
         Raises SceneError for another width and for values that are not finite.
         """
-        values = self._values(index, width)
         accessor = self.accessors[index]
-        if values.dtype.kind in "iu" and accessor.value.get("normalized") is True:
-            limit = np.float32(np.iinfo(values.dtype).max)
-            values = np.maximum(values.astype(np.float32) / limit, -1)  # specification 3.11, equations of animation and mesh data
-        values = np.ascontiguousarray(values, np.float32)
+        values = as_floats(self._values(index, widths), accessor.value.get("normalized") is True)
         if not np.isfinite(values).all():
             raise SceneError(f"{self._file}: {accessor.where} holds values that are not finite numbers; export the file again")
         return values
 
     def integers(self, index: int) -> npt.NDArray[np.int64]:
         """(count,) integers: indices."""
-        values = self._values(index, 1)
+        values = self._values(index, (1,))
         if values.dtype.kind == "f":
             raise SceneError(
                 f"{self._file}: {self.accessors[index].where} holds floats where indices belong; export the file again"
@@ -96,11 +99,12 @@ class Accessors:
             raise SceneError(f"{self._file}: {buffer.where} has {len(data)} of {length} bytes; the data was cut, take it again")
         return data[:length]
 
-    def _values(self, index: int, width: int) -> npt.NDArray[Any]:
+    def _values(self, index: int, widths: tuple[int, ...]) -> npt.NDArray[Any]:
         accessor = self.accessors[index]
         component = _COMPONENT.get(accessor.integer("componentType"))
         kind = accessor.text("type", "")
-        if component is None or _WIDTH.get(kind) != width:
+        width = _WIDTH.get(kind, 0)
+        if component is None or width not in widths:
             raise accessor.wrong(
                 "type", f"is {kind[:10]} of component type {accessor.value.get('componentType')}, which does not fit here"
             )

@@ -16,8 +16,8 @@ __all__ = ["EXTENSION", "decode"]
 EXTENSION = "KHR_draco_mesh_compression"
 
 
-def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64], dict[str, npt.NDArray[np.float32]]]:
-    """The indices (T * 3) and the float attributes by their glTF names, each (V, width).
+def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64], dict[str, npt.NDArray[Any]]]:
+    """The indices (T * 3) and the attributes by their glTF names, each (V, width).
 
     Raises SceneError where DracoPy is not installed or the block is damaged.
     """
@@ -31,7 +31,7 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
     try:
         mesh: Any = DracoPy.decode(block)
         faces = np.asarray(mesh.faces, np.int64).reshape(-1)
-        found = {int(a["unique_id"]): np.asarray(a["data"], np.float32) for a in mesh.attributes}
+        found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
     except Exception as error:  # the decoder's own errors have no common type
         raise SceneError(f"{extension.file}: {extension.where} is damaged ({error}); export the file again") from error
     if faces.size > 3 * MAX_ELEMENTS:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.scene.description import F32, I32, Mesh
 from renderer.scene.readers.gltf import draco
-from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
-from renderer.scene.readers.gltf.materials import UvUse
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_primitive"]
@@ -18,38 +19,20 @@ __all__ = ["read_primitive"]
 _LIST, _STRIP, _FAN = 4, 5, 6
 
 
-def read_primitive(source: Json, name: str, use: UvUse, accessors: Accessors, shelf: TextureShelf) -> Mesh | None:
+def read_primitive(source: Json, name: str, accessors: Accessors, shelf: TextureShelf) -> Mesh | None:
     """The mesh of a primitive, its material not yet set; None, with a warning, for points and lines."""
     mode = source.integer("mode", _LIST, high=7)
     if mode < _LIST:
         shelf.warn(f"Mesh {name}: its points or lines have no surface and are left out.")
         return None
-    attributes = source.object("attributes")
-    if attributes is None:
-        raise source.wrong("attributes", "is missing")
-    compressed = source.extension(draco.EXTENSION)
-    if compressed:
-        indices, decoded = draco.decode(compressed, accessors)
-    else:
-        indices, decoded = None, {}
-
-    def attribute(key: str, width: int) -> F32 | None:
-        if key in decoded:
-            values = decoded[key]
-            if values.shape[1] != width or not np.isfinite(values).all():
-                raise source.wrong("attributes", f"has a damaged {key}")
-            return values
-        at = attributes.index(key, accessors.accessors)
-        return None if at is None else accessors.floats(at, width)
-
-    positions = attribute("POSITION", 3)
+    attributes = _Attributes(source, accessors)
+    positions = attributes.get("POSITION", (3,))
     if positions is None:
         shelf.warn(f"Mesh {name}: has no positions and is left out.")
         return None
-    if "COLOR_0" in attributes:
-        shelf.warn(f"Mesh {name}: its vertex colours are not rendered yet.")
     if "targets" in source:
         shelf.warn(f"Mesh {name}: its morph targets are not applied; it has its base shape.")
+    indices = attributes.indices
     if indices is None:
         at = source.index("indices", accessors.accessors)
         indices = np.arange(len(positions), dtype=np.int64) if at is None else accessors.integers(at)
@@ -58,17 +41,51 @@ def read_primitive(source: Json, name: str, use: UvUse, accessors: Accessors, sh
             f"{source.file}: {source.where} has the index {int(indices.max())} where there are {len(positions)} vertices; "
             "export the file again"
         )
-    uvs = attribute(f"TEXCOORD_{use.uv_set}", 2)
-    if uvs is None:
-        uvs = attribute("TEXCOORD_0", 2)
-    if uvs is not None and use.transform != UvUse().transform:
-        matrix = np.array(use.transform, np.float32).reshape(2, 3)
-        uvs = uvs @ matrix[:, :2].T + matrix[:, 2]
-    normals = attribute("NORMAL", 3)
-    for key, values in (("NORMAL", normals), ("TEXCOORD", uvs)):
+    mesh = Mesh(name, positions, _triangles(indices, _LIST if attributes.indices is not None else mode))
+    mesh.normals = attributes.get("NORMAL", (3,))
+    mesh.uvs = attributes.get("TEXCOORD_0", (2,))
+    mesh.uvs1 = attributes.get("TEXCOORD_1", (2,))
+    mesh.tangents = attributes.get("TANGENT", (4,)) if mesh.normals is not None else None  # specification 3.7.2.1
+    mesh.colors = _with_alpha(attributes.get("COLOR_0", (3, 4)))
+    for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.tangents, mesh.colors):
         if values is not None and len(values) != len(positions):
-            raise source.wrong("attributes", f"has {len(values)} of {key} and {len(positions)} of POSITION")
-    return Mesh(name, positions, _triangles(indices, _LIST if compressed else mode), normals, uvs)
+            raise source.wrong("attributes", f"has {len(values)} of an attribute and {len(positions)} of POSITION")
+    return mesh
+
+
+class _Attributes:
+    """A primitive's arrays by name, from accessors or, where it is compressed, from Draco's block."""
+
+    def __init__(self, source: Json, accessors: Accessors) -> None:
+        found = source.object("attributes")
+        if found is None:
+            raise source.wrong("attributes", "is missing")
+        self._source, self._attributes, self._accessors = source, found, accessors
+        compressed = source.extension(draco.EXTENSION)
+        self.indices: npt.NDArray[np.int64] | None = None
+        self._decoded: dict[str, npt.NDArray[Any]] = {}
+        if compressed:
+            self.indices, self._decoded = draco.decode(compressed, accessors)
+
+    def get(self, key: str, widths: tuple[int, ...]) -> F32 | None:
+        """(count, width) float32, of one of the widths; None where the primitive has none."""
+        at = self._attributes.index(key, self._accessors.accessors)
+        if key not in self._decoded:
+            return None if at is None else self._accessors.floats(at, *widths)
+        normalized = at is not None and self._accessors.accessors[at].value.get("normalized") is True
+        values = as_floats(self._decoded[key], normalized)
+        if values.shape[1] not in widths or not np.isfinite(values).all():
+            raise self._source.wrong("attributes", f"has a damaged {key}")
+        return values
+
+
+def _with_alpha(colors: F32 | None) -> F32 | None:
+    if colors is None:
+        return None
+    colors = np.clip(colors, 0, 1)
+    if colors.shape[1] == 3:
+        colors = np.concatenate([colors, np.ones((len(colors), 1), np.float32)], axis=1)
+    return None if (colors == 1).all() else colors  # white changes nothing
 
 
 def _triangles(indices: npt.NDArray[np.int64], mode: int) -> I32:

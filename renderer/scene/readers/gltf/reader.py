@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-import numpy.typing as npt
 
 from renderer.errors import SceneError, SettingsError
-from renderer.scene.description import Camera, Instance, Material, SceneDescription
+from renderer.scene.description import Camera, Instance, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.gltf import draco
+from renderer.scene.readers.gltf import draco, instancing, lights, materials, textures
 from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json, parse
-from renderer.scene.readers.gltf.materials import Materials, UvUse
-from renderer.scene.readers.gltf.primitives import read_primitive
+from renderer.scene.readers.gltf.meshes import Meshes
+from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
-from renderer.settings import View
 
 __all__ = ["read"]
 
-Matrix = npt.NDArray[np.float64]
-
 MAX_NODES = 200_000
+MAX_INSTANCES = 500_000
 MAX_DEPTH = 1000
 
-# Rendered, or warned of where they are used.
-_KNOWN = {
-    "EXT_texture_webp",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_transmission",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
+_VISIBILITY = "KHR_node_visibility"
+
+_READ = {
     draco.EXTENSION,
+    instancing.EXTENSION,
+    lights.EXTENSION,
+    _VISIBILITY,
+    "KHR_mesh_quantization",
+    *materials.EXTENSIONS,
+    *textures.EXTENSIONS,
 }
+# These change nothing of the one picture that is rendered: other materials to choose, notes, and animation's targets.
+_WITHOUT_EFFECT = {"KHR_materials_variants", "KHR_xmp_json_ld", "KHR_animation_pointer"}
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -44,10 +42,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     shelf = TextureShelf(description, files)
     _check_extensions(root, shelf)
     accessors = Accessors(root, binary, files)
-    materials = Materials(root, accessors, files, shelf)
-    description.materials += materials.read()
-    meshes = _Meshes(root, accessors, materials, shelf, description)
-    _Nodes(root, meshes, shelf, description).walk()
+    surfaces = materials.Materials(root, textures.Textures(root, accessors, files, shelf), shelf, description.materials)
+    meshes = Meshes(root, accessors, surfaces, shelf, description.meshes)
+    _Nodes(root, accessors, meshes, shelf, description).walk()
     for i, animation in enumerate(root.objects("animations")):
         description.animations.append(animation.text("name", "") or f"animation {i}")
     if description.animations:
@@ -59,71 +56,51 @@ def _check_extensions(root: Json, shelf: TextureShelf) -> None:
         names = root.value.get(key, [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
             raise root.wrong(key, "is not a list of names")
-        unknown = [n[:60] for n in names if n not in _KNOWN]
+        unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
+        if any("meshopt" in n for n in unknown):
+            raise SceneError(f"{root.file}: is packed by meshopt, which is not read here; export it without, or with Draco")
         if unknown and key == "extensionsRequired":
             raise SceneError(f"{root.file}: needs {', '.join(unknown[:8])}, which is not supported; export it without")
         if unknown:
             shelf.warn(f"Not supported and left out: {', '.join(unknown[:20])}.")
 
 
-class _Meshes:
-    """Meshes of the description by glTF mesh, read when a node first shows them."""
+class _Nodes:
+    """Walks the default scene's nodes and places their meshes, lights and cameras in the world."""
 
     def __init__(
-        self, root: Json, accessors: Accessors, materials: Materials, shelf: TextureShelf, description: SceneDescription
+        self, root: Json, accessors: Accessors, meshes: Meshes, shelf: TextureShelf, description: SceneDescription
     ) -> None:
-        self.sources = root.objects("meshes")
-        self._accessors, self._materials, self._shelf, self._description = accessors, materials, shelf, description
-        self._read: dict[int, list[int]] = {}
-        self._default: int | None = None
-
-    def of(self, index: int) -> list[int]:
-        if index not in self._read:
-            source = self.sources[index]
-            name = source.text("name", "") or f"mesh {index}"
-            self._read[index] = []
-            for primitive in source.objects("primitives"):
-                material = primitive.index("material", self._materials.uv_uses)
-                use = UvUse() if material is None else self._materials.uv_uses[material]
-                mesh = read_primitive(primitive, name, use, self._accessors, self._shelf)
-                if mesh is not None:
-                    mesh.material = self._default_material() if material is None else material
-                    self._description.meshes.append(mesh)
-                    self._read[index].append(len(self._description.meshes) - 1)
-        return self._read[index]
-
-    def _default_material(self) -> int:
-        if self._default is None:  # specification 3.7.2.1: the default of every property, metallic 1 among them
-            material = Material("glTF default", "metallic_roughness", (1.0, 1.0, 1.0), metallic=1.0, roughness=1.0)
-            self._description.materials.append(material)
-            self._default = len(self._description.materials) - 1
-        return self._default
-
-
-class _Nodes:
-    """Walks the default scene's nodes and places their meshes and cameras in the world."""
-
-    def __init__(self, root: Json, meshes: _Meshes, shelf: TextureShelf, description: SceneDescription) -> None:
-        self._root, self._meshes, self._shelf, self._description = root, meshes, shelf, description
+        self._root, self._accessors, self._meshes = root, accessors, meshes
+        self._shelf, self._description = shelf, description
         self._nodes = root.objects("nodes")
         self._cameras = root.objects("cameras")
+        punctual = root.extension(lights.EXTENSION)
+        self._lights = punctual.objects("lights") if punctual else []
+        self._names: dict[str, int] = {}
 
     def walk(self) -> None:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
         seen: set[int] = set()
-        stack = [(i, np.eye(4), 0) for i in reversed(self._top())]
+        stack = [(i, np.eye(4), 0, True) for i in reversed(self._top())]
         while stack:
-            index, parent, depth = stack.pop()
+            index, parent, depth, shown = stack.pop()
             node = self._nodes[index]
             if index in seen or depth > MAX_DEPTH:
                 raise SceneError(
                     f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
                 )
             seen.add(index)
-            world = parent @ _local(node)
-            self._place(node, index, world)
-            stack += [(child, world, depth + 1) for child in reversed(node.indices("children", self._nodes))]
+            world = parent @ local(node)
+            if not np.isfinite(world).all():
+                raise SceneError(f"{self._root.file}: {node.where} has a transform that is not finite; export the file again")
+            visibility = node.extension(_VISIBILITY)
+            shown = shown and (visibility is None or visibility.value.get("visible") is not False)
+            if shown:
+                self._place(node, index, world)
+            self._add_camera(node, world)
+            stack += [(child, world, depth + 1, shown) for child in reversed(node.indices("children", self._nodes))]
 
     def _top(self) -> list[int]:
         scenes = self._root.objects("scenes")
@@ -135,60 +112,43 @@ class _Nodes:
         return [i for i in range(len(self._nodes)) if i not in children]
 
     def _place(self, node: Json, index: int, world: Matrix) -> None:
-        if not np.isfinite(world).all():
-            raise SceneError(f"{self._root.file}: {node.where} has a transform that is not finite; export the file again")
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is not None:
             if "skin" in node:
                 self._shelf.warn(f"Node {node.text('name', '') or index}: its skin is not applied; it stands in its rest pose.")
-            self._description.instances += [Instance(m, world) for m in self._meshes.of(mesh)]
-        camera = node.index("camera", self._cameras)
-        if camera is not None:
-            self._add_camera(self._cameras[camera], node, camera, world)
+            name = self._unique(node.text("name", "") or self._meshes.name(mesh))
+            copies = node.extension(instancing.EXTENSION)
+            if copies:
+                left = MAX_INSTANCES - len(self._description.instances)
+                places = world @ instancing.instance_transforms(copies, self._accessors, left)
+                for i, place in enumerate(places):
+                    self._show(mesh, place, f"{name} [{i}]")
+            else:
+                self._show(mesh, world, name)
+        light = node.extension(lights.EXTENSION)
+        if light:
+            source = self._lights[light.integer("light", high=len(self._lights))]
+            name = node.text("name", "") or source.text("name", "") or f"light {len(self._description.lights)}"
+            self._description.lights.append(lights.read_light(source, name, world))
 
-    def _add_camera(self, camera: Json, node: Json, index: int, world: Matrix) -> None:
-        name = node.text("name", "") or camera.text("name", "") or f"camera {index}"
-        perspective = camera.object("perspective")
-        if perspective is None:
-            self._shelf.warn(f"Camera {name}: only perspective cameras are rendered; it is left out.")
+    def _show(self, mesh: int, place: Matrix, name: str) -> None:
+        self._description.instances += [Instance(m, place, name=name) for m in self._meshes.of(mesh)]
+
+    def _unique(self, name: str) -> str:
+        """The name, numbered where an earlier node has it: names tell objects apart."""
+        self._names[name] = self._names.get(name, 0) + 1
+        return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
+
+    def _add_camera(self, node: Json, world: Matrix) -> None:
+        camera = node.index("camera", self._cameras)
+        if camera is None:
             return
-        fov = math.degrees(perspective.number("yfov", math.radians(40)))
-        eye, forward, up = world[:3, 3], _unit(-world[:3, 2]), _unit(world[:3, 1])
+        source = self._cameras[camera]
+        name = node.text("name", "") or source.text("name", "") or f"camera {camera}"
         try:
-            view = View(_vec3(eye), _vec3(eye + forward * max(1.0, float(np.abs(eye).max()))), _vec3(up), fov)
+            view = read_camera(source, world)
         except SettingsError as error:
             self._shelf.warn(f"Camera {name}: {error}; it is left out.")
             return
         taken = {c.name for c in self._description.cameras}
         self._description.cameras.append(Camera(name if name not in taken else f"{name} ({len(taken) + 1})", view))
-
-
-def _local(node: Json) -> Matrix:
-    if "matrix" in node:
-        return np.array(node.vector("matrix", (0.0,) * 16)).reshape(4, 4).T  # column-major
-    matrix = np.eye(4)
-    matrix[:3, :3] = _rotation(node.vector("rotation", (0.0, 0.0, 0.0, 1.0))) * np.array(node.vector("scale", (1.0, 1.0, 1.0)))
-    matrix[:3, 3] = node.vector("translation", (0.0, 0.0, 0.0))
-    return matrix
-
-
-def _rotation(quaternion: tuple[float, ...]) -> Matrix:
-    length = math.sqrt(sum(c * c for c in quaternion))
-    if length < 1e-12:
-        return np.eye(3)
-    x, y, z, w = (c / length for c in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _unit(v: Matrix) -> Matrix:
-    return v / max(float(np.linalg.norm(v)), 1e-30)
-
-
-def _vec3(v: Matrix) -> tuple[float, float, float]:
-    return float(v[0]), float(v[1]), float(v[2])

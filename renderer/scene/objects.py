@@ -1,0 +1,37 @@
+"""Which of a scene's things are one object: the numbers of the object id AOV, and their names."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from renderer.scene.description import SceneDescription
+
+__all__ = ["Objects", "number_objects"]
+
+
+class Objects(NamedTuple):
+    """Objects are numbered as they first appear, instances before spheres."""
+
+    names: list[str]  # of each object
+    instance: list[int]  # each instance's object
+    sphere: list[int]  # each sphere's
+
+
+def number_objects(description: SceneDescription) -> Objects:
+    """Instances of one name are one object; one without a name is an object of its own, called as its mesh is.
+
+    A sphere is always one of its own.
+    """
+    names: list[str] = []
+    known: dict[str, int] = {}
+    instances = []
+    for instance in description.instances:
+        number = known.get(instance.name) if instance.name else None
+        if number is None:
+            number = len(names)
+            names.append(instance.name or description.meshes[instance.mesh].name)
+            if instance.name:
+                known[instance.name] = number
+        instances.append(number)
+    spheres = list(range(len(names), len(names) + len(description.spheres)))
+    return Objects(names + [s.name for s in description.spheres], instances, spheres)

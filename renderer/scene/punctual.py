@@ -1,0 +1,92 @@
+"""Lights without a body as rows of numbers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.kernel.punctual import DIRECTIONAL, POINT, SPOT
+from renderer.scene.description import F32, I32, Light
+
+__all__ = ["Punctual", "tabulate_punctual"]
+
+_KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
+_MAX_INTENSITY = 1e15
+_MAX_RADIANCE = 1e30  # what needs more is so small that it may as well have no extent
+_LEAST_STEP = 1e-3  # KHR_lights_punctual's, between the cosines of the two cones
+
+
+class Punctual(NamedTuple):
+    """As in CompiledScene, and what they are chosen by.
+
+    A row: position (directional: unit vector towards it) 3, unit direction in which it shines 3, intensity (with an extent:
+    radiance) 3, extent (radius; directional: 1 - cos of the half angle), and the spot's scale and offset.
+    """
+
+    kind: I32  # (K,)
+    row: F32  # (K, 12)
+    power: np.ndarray  # (K,) float64, luminance; of a directional one, what the scene's bounding sphere catches
+
+
+def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
+    """The lights that shine at all. Raises SceneError where a number of theirs means nothing."""
+    lights = [light for light in lights if _check(light) and max(light.intensity) > 0]
+    kind = np.array([_KINDS[light.kind] for light in lights], np.int32)
+    row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
+    scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
+    power = np.array([_power(light, scene_radius) for light in lights], np.float64)
+    return Punctual(kind, row.astype(np.float32), power)
+
+
+def _check(light: Light) -> bool:
+    if light.kind not in _KINDS:
+        raise SceneError(f"The light {light.name!r} is of kind {light.kind!r}; known are {', '.join(_KINDS)}")
+    numbers = (*light.intensity, *light.position, *light.direction, light.radius, light.angle)
+    if not np.isfinite(numbers).all():
+        raise SceneError(f"The light {light.name!r} has a number that is infinite or none; give it a sane one")
+    if not all(0 <= c <= _MAX_INTENSITY for c in light.intensity):
+        raise SceneError(f"The light {light.name!r} has the intensity {light.intensity}; it lies between 0 and 1e15")
+    if light.kind != "point" and not any(light.direction):
+        raise SceneError(f"The light {light.name!r} has no direction; give it the one in which it shines")
+    if not 0 <= light.radius <= 1e15:
+        raise SceneError(f"The light {light.name!r} has the radius {light.radius:g}; it lies between 0 and 1e15")
+    if not 0 <= light.angle <= 180:
+        raise SceneError(f"The light {light.name!r} spans {light.angle:g} degrees; that lies between 0 and 180")
+    if light.kind == "spot" and not 0 <= light.inner_cone <= light.outer_cone <= 180:
+        raise SceneError(
+            f"The spot {light.name!r} has cones of {light.inner_cone:g} and {light.outer_cone:g} degrees; "
+            "the inner one lies between 0 and the outer one, and that between it and 180"
+        )
+    return True
+
+
+def _row(light: Light) -> tuple[float, ...]:
+    direction = np.array(light.direction, np.float64)
+    direction = direction / (np.linalg.norm(direction) or 1.0)
+    place, extent = np.array(light.position, np.float64), light.radius
+    intensity = np.array(light.intensity, np.float64)
+    projected = np.pi * extent * extent  # a sphere of radiance L has the intensity pi r^2 L,
+    if light.kind == "directional":
+        place = -direction
+        half = np.radians(light.angle / 2)
+        extent = 2 * np.sin(half / 2) ** 2  # 1 - cos
+        projected = np.pi * np.sin(half) ** 2  # and a cone of it the irradiance pi sin^2 L
+    if intensity.max() < _MAX_RADIANCE * projected:
+        value = intensity / projected
+    else:
+        value, extent = intensity, 0.0
+    inner, outer = np.cos(np.radians([light.inner_cone, light.outer_cone]))
+    scale = 1 / max(_LEAST_STEP, inner - outer)
+    return (*place, *direction, *value, extent, scale, -outer * scale)
+
+
+def _power(light: Light, scene_radius: float) -> float:
+    intensity = float(np.dot(light.intensity, (0.2126, 0.7152, 0.0722)))
+    if light.kind == "directional":
+        return np.pi * scene_radius**2 * intensity
+    if light.kind == "point":
+        return 4 * np.pi * intensity
+    inner, outer = np.cos(np.radians([light.inner_cone, light.outer_cone]))
+    return 2 * np.pi * (1 - 0.5 * (inner + outer)) * intensity

@@ -1,0 +1,26 @@
+"""glTF's cameras (specification 3.10): they look along -Z of their node, +Y up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
+from renderer.settings import View
+
+__all__ = ["read_camera"]
+
+
+def read_camera(source: Json, world: Matrix) -> View:
+    """The view of a camera on a node, whose scale it leaves aside. Raises SettingsError where it sees nothing."""
+    eye, forward, up = world[:3, 3], unit_vector(-world[:3, 2]), unit_vector(world[:3, 1])
+    target = eye + forward * max(1.0, float(np.abs(eye).max()))
+    orthographic = source.object("orthographic")
+    if source.text("type", "perspective") == "orthographic" and orthographic:
+        height = 2 * abs(orthographic.number("ymag", 1.0))
+        return View(vec3(eye), vec3(target), vec3(up), projection="orthographic", height=height)
+    perspective = source.object("perspective")
+    fov = math.degrees(perspective.number("yfov", math.radians(40)) if perspective else math.radians(40))
+    return View(vec3(eye), vec3(target), vec3(up), fov)

@@ -1,0 +1,34 @@
+"""EXT_mesh_gpu_instancing: a node that shows its mesh many times."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.transforms import Matrix, compose
+
+__all__ = ["EXTENSION", "instance_transforms"]
+
+EXTENSION = "EXT_mesh_gpu_instancing"
+
+_WIDTHS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
+_DEFAULTS = {"TRANSLATION": (0.0, 0.0, 0.0), "ROTATION": (0.0, 0.0, 0.0, 1.0), "SCALE": (1.0, 1.0, 1.0)}
+
+
+def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matrix:
+    """(N, 4, 4): the places of a node's instances in the node. Raises SceneError where there are more than limit."""
+    attributes = source.object("attributes")
+    found = {}
+    for key, width in _WIDTHS.items():
+        at = attributes.index(key, accessors.accessors) if attributes else None
+        if at is not None:
+            found[key] = accessors.floats(at, width).astype(np.float64)
+    counts = {len(values) for values in found.values()}
+    if len(counts) != 1:
+        raise source.wrong("attributes", "has no arrays of places, or arrays of different lengths")
+    (count,) = counts
+    if count > limit:
+        raise source.wrong("attributes", f"shows its mesh {count} times where {limit} are left; show it less often")
+    translation, rotation, scale = (found.get(k, np.tile(np.array(_DEFAULTS[k]), (count, 1))) for k in _WIDTHS)
+    return compose(translation, rotation, scale)

@@ -1,0 +1,42 @@
+"""KHR_lights_punctual: lights without a body, in photometric units."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.description import Light, LightKind, Vec3
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
+from renderer.scene.readers.numbers import clamped, unit_color
+
+__all__ = ["EXTENSION", "read_light"]
+
+EXTENSION = "KHR_lights_punctual"
+
+_LUMENS_PER_WATT = 683.0  # at 555 nm; with it a candela becomes the radiant intensity that Blender's importer takes, too
+_KINDS: dict[str, LightKind] = {"point": "point", "spot": "spot", "directional": "directional"}
+_MAX_INTENSITY = 1e12
+
+
+def read_light(source: Json, name: str, world: Matrix) -> Light:
+    """The light on a node, whose scale it leaves aside. Its range, a hint for rasterisers, cuts nothing off here."""
+    kind = source.text("type", "")
+    if kind not in _KINDS:
+        raise source.wrong("type", f"is {kind[:20]!r}; known are {', '.join(_KINDS)}")
+    color = unit_color(source.vector("color", (1.0, 1.0, 1.0)))
+    photometric = clamped(source.number("intensity", 1.0), 0.0, _MAX_INTENSITY)
+    r, g, b = (c * photometric / _LUMENS_PER_WATT for c in color)
+    light = Light(_KINDS[kind], (r, g, b), position=vec3(world[:3, 3]), direction=_forward(world), name=name)
+    spot = source.object("spot")
+    if kind == "spot":
+        outer = clamped(spot.number("outerConeAngle", math.pi / 4) if spot else math.pi / 4, 1e-4, math.pi / 2)
+        inner = clamped(spot.number("innerConeAngle", 0.0) if spot else 0.0, 0.0, outer)
+        light.inner_cone, light.outer_cone = math.degrees(inner), math.degrees(outer)
+    return light
+
+
+def _forward(world: Matrix) -> Vec3:
+    direction = -world[:3, 2]
+    return vec3(unit_vector(direction)) if np.linalg.norm(direction) > 0 else (0.0, -1.0, 0.0)

@@ -1,0 +1,85 @@
+"""glTF's textures (specification 3.8): images from everywhere they may stand, samplers, and KHR_texture_transform."""
+
+from __future__ import annotations
+
+import math
+
+from renderer.scene.description import UvTransform, Wrap
+from renderer.scene.files import SceneFiles, data_uri
+from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.textures import UNMOVED, TextureShelf
+
+__all__ = ["EXTENSIONS", "Textures"]
+
+EXTENSIONS = {"EXT_texture_webp", "KHR_texture_transform"}
+
+_WRAP: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+_UV_SETS = 2
+
+
+class Textures:
+    """Finds the textures of one file; each is put on the shelf when first asked for."""
+
+    def __init__(self, root: Json, accessors: Accessors, files: SceneFiles, shelf: TextureShelf) -> None:
+        self._root, self._accessors, self._files, self._shelf = root, accessors, files, shelf
+        self._images = root.objects("images")
+        self._samplers = root.objects("samplers")
+        self._textures = root.objects("textures")
+
+    def find(self, owner: Json, key: str, user: str, srgb: bool = False) -> int | None:
+        """The description's number of the texture under a key of a material or extension; None where there is none.
+
+        srgb: its colours are so encoded, as base colour, emission, specular and sheen colour are; other textures are data.
+        """
+        info = owner.object(key)
+        if info is None:
+            return None
+        texture = self._textures[info.integer("index", high=len(self._textures))]
+        uv_set = info.integer("texCoord", 0, high=64)
+        transform = UNMOVED
+        extension = info.extension("KHR_texture_transform")
+        if extension:
+            uv_set = extension.integer("texCoord", uv_set, high=64)
+            transform = _matrix(extension)
+        if uv_set >= _UV_SETS:
+            self._shelf.warn(f"Material {user}: a texture uses UV set {uv_set}; only sets 0 and 1 are read, and 0 is taken.")
+            uv_set = 0
+        wrap_s, wrap_t = self._wrap(texture)
+        return self._shelf.texture(self._image(texture, user, srgb), wrap_s, wrap_t, uv_set, transform)
+
+    def _wrap(self, texture: Json) -> tuple[Wrap, Wrap]:
+        sampler = texture.index("sampler", self._samplers)
+        if sampler is None:
+            return "repeat", "repeat"
+        s, t = (self._samplers[sampler].integer(k, 10497) for k in ("wrapS", "wrapT"))
+        return _WRAP.get(s, "repeat"), _WRAP.get(t, "repeat")
+
+    def _image(self, texture: Json, user: str, srgb: bool) -> int | None:
+        webp = texture.extension("EXT_texture_webp")
+        index = (webp or texture).index("source", self._images)
+        if index is None:
+            self._shelf.warn(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
+            return None
+        image = self._images[index]
+        place = f"{self._root.file}: {image.where}"
+        if "uri" in image:
+            uri = image.text("uri", "")
+            if uri.startswith("data:"):
+                return self._shelf.image_bytes(place, data_uri(uri, place), srgb)
+            name = self._files.resolve_uri(uri, self._root.file)
+            if name is None:
+                self._shelf.missing(uri, f"Material {user}")
+                return None
+            return self._shelf.image_file(name, srgb)
+        view = image.integer("bufferView", high=len(self._accessors.views))
+        name = f"{self._root.file}: {self._accessors.views[view].where}"  # several images may share one view
+        return self._shelf.image_bytes(name, bytes(self._accessors.view_bytes(view)), srgb)
+
+
+def _matrix(source: Json) -> UvTransform:
+    # translation * rotation * scale on (u, v), as the extension's text has it.
+    (x, y), (width, height) = source.vector("offset", (0.0, 0.0)), source.vector("scale", (1.0, 1.0))
+    angle = source.number("rotation", 0.0)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * width, sine * height, x, -sine * width, cosine * height, y

@@ -1,0 +1,48 @@
+"""glTF's transforms as 4x4 matrices on column vectors (specification 3.5.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Vec3
+from renderer.scene.readers.gltf.container import Json
+
+__all__ = ["Matrix", "compose", "local", "unit_vector", "vec3"]
+
+Matrix = npt.NDArray[np.float64]
+
+
+def local(node: Json) -> Matrix:
+    """The transform of a node in its parent."""
+    if "matrix" in node:
+        return np.array(node.vector("matrix", (0.0,) * 16)).reshape(4, 4).T  # column-major
+    translation = np.array([node.vector("translation", (0.0, 0.0, 0.0))])
+    rotation = np.array([node.vector("rotation", (0.0, 0.0, 0.0, 1.0))])
+    return compose(translation, rotation, np.array([node.vector("scale", (1.0, 1.0, 1.0))]))[0]
+
+
+def compose(translation: Matrix, rotation: Matrix, scale: Matrix) -> Matrix:
+    """(N, 4, 4) of (N, 3) translations, (N, 4) quaternions x y z w of any length and (N, 3) scales: T * R * S."""
+    length = np.linalg.norm(rotation, axis=1, keepdims=True)
+    turned = np.divide(rotation, length, out=np.tile(np.array([0.0, 0, 0, 1]), (len(rotation), 1)), where=length > 1e-12)
+    x, y, z, w = turned.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    result = np.tile(np.eye(4), (len(rotation), 1, 1))
+    result[:, :3, :3] = np.moveaxis(np.array(rows), 2, 0) * scale[:, None, :]
+    result[:, :3, 3] = translation
+    return result
+
+
+def unit_vector(v: Matrix) -> Matrix:
+    """The vector scaled to length 1."""
+    return v / max(float(np.linalg.norm(v)), 1e-300)
+
+
+def vec3(v: Matrix) -> Vec3:
+    """Three plain numbers."""
+    return float(v[0]), float(v[1]), float(v[2])

@@ -1,0 +1,87 @@
+"""Tangents: the direction in which a texture's u grows along the surface, which normal maps and anisotropy are drawn in."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import F32, I32, Material, SceneDescription
+from renderer.scene.normals import corner_angles
+
+__all__ = ["needs_tangents", "split_mirrored", "tangent_uv_set", "vertex_tangents"]
+
+F64 = npt.NDArray[np.float64]
+
+
+def needs_tangents(material: Material) -> bool:
+    """Whether the material looks different when its texture is turned: it has a normal map, or is anisotropic."""
+    return material.normal_texture is not None or material.clearcoat_normal_texture is not None or material.anisotropy != 0.0
+
+
+def tangent_uv_set(description: SceneDescription, material: Material) -> int:
+    """Which set of UVs, 0 or 1, the tangents follow: the normal map's."""
+    for number in (material.normal_texture, material.clearcoat_normal_texture, material.anisotropy_texture):
+        if number is not None:
+            return description.textures[number].uv_set
+    return 0
+
+
+def _handedness(uv: F32, triangle: I32) -> F64:
+    """(T,) twice each triangle's signed area in its image, v downwards as glTF has it: above 0 where the image is mirrored."""
+    a, b, c = (uv[triangle[:, k]].astype(np.float64) for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+
+
+def split_mirrored(uv: F32, triangle: I32) -> tuple[npt.NDArray[np.int64], I32]:
+    """The vertices to keep (numbers of the old ones) and the triangles over them, so that no vertex is shared between
+    triangles whose texture is mirrored and others whose texture is not: their tangents would cancel.
+    """
+    count = len(uv)
+    mirrored = np.repeat(_handedness(uv, triangle) > 0, 3)
+    corner = triangle.reshape(-1).astype(np.int64)
+    straight = np.zeros(count, bool)
+    straight[corner[~mirrored]] = True
+    both = np.zeros(count, bool)
+    both[corner[mirrored]] = True
+    both &= straight
+    if not both.any():
+        return np.arange(count), triangle
+    copy = np.full(count, -1, np.int64)
+    copy[both] = count + np.arange(np.count_nonzero(both))
+    moved = mirrored & both[corner]
+    corner = np.where(moved, copy[corner], corner)
+    return np.concatenate([np.arange(count), np.flatnonzero(both)]), corner.reshape(-1, 3).astype(np.int32)
+
+
+def vertex_tangents(position: F32, normal: F32, uv: F32, triangle: I32) -> F32:
+    """(V, 4) unit tangents, square to the normals, and in w the bitangent's sign: cross(normal, tangent) * w is the image's up.
+
+    Every triangle's own tangent, laid into the plane of its vertex's normal and weighted by its angle there, as MikkTSpace
+    does (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008). Where UVs do not grow anywhere: any direction.
+    """
+    area = _handedness(uv, triangle)
+    a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))
+    v0, v1, v2 = (uv[triangle[:, k], 1].astype(np.float64) for k in range(3))
+    face = (v2 - v0)[:, None] * (b - a) - (v1 - v0)[:, None] * (c - a)
+    face *= np.sign(area)[:, None]
+    corner = triangle.reshape(-1)
+    n = normal.astype(np.float64)
+    flat = np.repeat(face, 3, axis=0)
+    flat -= n[corner] * np.einsum("ij,ij->i", n[corner], flat)[:, None]
+    flat = _unit(flat) * corner_angles(position, triangle).reshape(-1, 1)
+    total: F64 = np.stack([np.bincount(corner, flat[:, k], len(position)) for k in range(3)], axis=1)
+    sign = np.bincount(corner, np.repeat(np.sign(area), 3), len(position))
+    tangent = _unit(total)
+    lost = ~tangent.any(axis=1)
+    tangent[lost] = _any_tangent(n[lost])
+    return np.column_stack([tangent, np.where(sign > 0, -1.0, 1.0)]).astype(np.float32)
+
+
+def _unit(v: F64) -> F64:
+    length = np.linalg.norm(v, axis=1, keepdims=True)
+    return np.divide(v, length, out=np.zeros_like(v), where=length > 0)
+
+
+def _any_tangent(n: F64) -> F64:
+    axis = np.where(np.abs(n[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    return _unit(axis - n * np.einsum("ij,ij->i", n, axis)[:, None])

@@ -1,0 +1,112 @@
+"""The settings form by itself: it asks for what renderer/settings.py knows, and only for what differs from the scene's own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from renderer import settings
+from tests.e2e.site import call
+
+pytestmark = pytest.mark.browser
+
+SCENE = {
+    "id": "abc",
+    "name": "A scene",
+    "cameras": [
+        {"name": "front", "view": {"eye": [0.123456789, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40}},
+        {"name": "auto", "view": {"eye": [0, 2, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30}},
+    ],
+    "defaults": {"width": 300, "height": 200, "spp": 50, "max_depth": 5, "roulette": 0.8},
+}
+
+
+def open_form(page: Page) -> None:
+    body = """
+        window.asked = null;
+        const form = m.settingsForm(a, async (request) => { window.asked = request; });
+        document.body.replaceChildren(form.element);
+        for (const fold of document.querySelectorAll("details")) fold.open = true;"""
+    call(page, "settings-form", body, SCENE)
+
+
+def submitted(page: Page) -> dict[str, Any]:
+    page.get_by_role("button", name="Render").click()
+    asked: dict[str, Any] = page.evaluate("window.asked")
+    return asked
+
+
+def test_the_choices_are_the_renderers(page: Page) -> None:
+    names = """
+        const lists = Object.entries(m).filter(([, list]) => Array.isArray(list));
+        return Object.fromEntries(lists.map(([name, list]) => [name, list.map((choice) => choice.name)]));"""
+    assert call(page, "render-choices", names) == {
+        name: list(getattr(settings, name)) for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "PROJECTIONS")
+    }
+    fields = settings.RenderSettings.__dataclass_fields__
+    for name, value in call(page, "render-choices", "return m.DEFAULTS;").items():
+        assert fields[name].default == value, name
+
+
+def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
+    open_form(page)
+    plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50, "seed": 0}
+    assert submitted(page) == {**plain, "environment": {"strength": 1}}
+
+
+def test_what_is_changed_is_asked_for(page: Page) -> None:
+    open_form(page)
+    page.get_by_label("Aperture").fill("0.1")
+    page.get_by_label("Finding lights").select_option("light")
+    page.get_by_label("Sampler").select_option("independent")
+    page.get_by_label("Light samples").fill("4")
+    page.get_by_label("Roulette").fill("0.5")
+    page.get_by_label("Light from around").select_option("sky")
+    asked = submitted(page)
+    # The exact numbers of the scene's camera stay, though the fields show six digits of them.
+    assert asked["view"]["eye"] == SCENE["cameras"][0]["view"]["eye"]  # type: ignore[index]
+    assert asked["view"]["aperture"] == 0.1
+    assert asked["view"]["focus"] is None
+    assert "camera" not in asked
+    assert (asked["sampling"], asked["sampler"], asked["light_samples"], asked["roulette"]) == ("light", "independent", 4, 0.5)
+    assert asked["environment"] == {"strength": 1, "sky": {"elevation": 35, "azimuth": 0}}
+    settings.View.from_json(asked["view"])
+
+
+def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
+    open_form(page)
+    expect(page.get_by_label("AO distance")).to_be_hidden()
+    page.get_by_label("Max depth").fill("9")
+    page.get_by_label("Integrator").select_option("ao")
+    expect(page.get_by_label("Max depth")).to_be_hidden()
+    page.get_by_label("AO distance").fill("2.5")
+    asked = submitted(page)
+    assert asked["integrator"] == "ao"
+    assert asked["ao_distance"] == 2.5
+    assert "max_depth" not in asked
+
+
+def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:
+    open_form(page)
+    page.get_by_label("Projection").select_option("panorama")
+    expect(page.get_by_label("Aperture")).to_be_hidden()
+    asked = submitted(page)
+    assert (asked["width"], asked["height"]) == (300, 150)
+    assert asked["view"]["projection"] == "panorama"
+
+
+def test_what_cannot_be_is_said_beside_its_field(page: Page) -> None:
+    open_form(page)
+    page.get_by_label("Roulette").fill("7")
+    page.get_by_label("Max depth").fill("2.5")
+    page.get_by_label("Samples per pixel").fill("")
+    assert submitted(page) is None
+    for sentence in ("Roulette lies between 0.05 and 1.", "Max depth is a whole number.", "Samples per pixel needs a number."):
+        expect(page.get_by_role("alert").filter(has_text=sentence)).to_be_visible()
+    expect(page.get_by_label("Samples per pixel")).to_be_focused()
+    page.get_by_label("Samples per pixel").fill("8")
+    page.get_by_label("Max depth").fill("2")
+    page.get_by_label("Roulette").fill("")
+    assert submitted(page)["spp"] == 8

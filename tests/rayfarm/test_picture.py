@@ -1,0 +1,124 @@
+"""What `render` and `submit` are asked for: every setting of the renderer, the same for both."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import fields
+from typing import Any
+
+import pytest
+import typer
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from rayfarm.errors import CommandError
+from rayfarm.picture import Picture, takes_picture
+from renderer.settings import FILTERS, INTEGRATORS, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, Tile, View
+from service.schemas import JobIn
+from worker.reproduce import batch_command
+
+CAMERAS = [
+    {"name": "front", "view": {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40.0}},
+    {"name": "top", "view": {"eye": [0, 9, 0], "target": [0, 0, 0], "up": [0, 0, -1], "fov": 30.0, "aperture": 0.25}},
+]
+
+
+def parsed(arguments: list[str]) -> Picture:
+    """The picture that a command is given by these arguments."""
+    found: list[Picture] = []
+    app = typer.Typer()
+
+    @app.command()
+    @takes_picture
+    def command(picture: Picture = Picture(), tile: str = "", first: int = 0, threads: int = 1, output: str = "") -> None:
+        found.append(picture)
+
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    return found[0]
+
+
+def test_a_camera_is_chosen_by_name_or_number_and_then_changed() -> None:
+    assert parsed([]).view(CAMERAS) == View((0, 1, 5), (0, 1, 0), (0, 1, 0), 40.0)
+    assert parsed(["--camera=top"]).view(CAMERAS).eye == (0, 9, 0)
+    assert parsed(["--camera=1"]).view(CAMERAS).aperture == 0.25
+    changed = parsed(["--camera=0", "--eye=1,2,3", "--fov=20", "--projection=orthographic", "--ortho-height=3"])
+    assert changed.view(CAMERAS) == View((1, 2, 3), (0, 1, 0), (0, 1, 0), 20.0, "orthographic", height=3.0)
+    assert parsed(["--camera=top"]).request(CAMERAS)["camera"] == "top"
+    assert parsed(["--camera=top", "--aperture=0"]).request(CAMERAS)["view"]["aperture"] == 0.0
+
+
+def test_an_impossible_view_says_why() -> None:
+    with pytest.raises(CommandError, match="eye and target are the same point"):
+        parsed(["--eye=0,1,0"]).view(CAMERAS)
+    with pytest.raises(CommandError, match="known are perspective"):
+        parsed(["--projection=fish"]).view(CAMERAS)
+
+
+def test_the_scene_file_is_asked_where_the_person_says_nothing() -> None:
+    defaults = {"width": 100, "height": 50, "sampler": "independent", "max_depth": 3, "roulette": 0.5}
+    made = parsed(["--max-depth=7"]).settings(CAMERAS, defaults)
+    assert (made.width, made.height, made.sampler, made.max_depth, made.roulette) == (100, 50, "independent", 7, 0.5)
+    assert made.filter == RenderSettings(1, 1, made.view).filter
+    assert (parsed([]).settings(CAMERAS, {}).width, parsed(["--size=8x9"]).settings(CAMERAS, defaults).height) == (960, 9)
+
+
+def test_every_setting_has_an_option() -> None:
+    assert parsed([]).asked().keys() == set(OPTIONAL)
+    view = parsed([])._view().keys()
+    assert view == {field.name for field in fields(View)}
+
+
+numbers = st.floats(-1e6, 1e6).map(lambda v: v + 0.0)
+lengths = st.floats(1e-3, 1e6)
+
+
+@st.composite
+def any_settings(draw: Any) -> RenderSettings:
+    eye = draw(st.tuples(numbers, numbers, numbers))
+    target = (eye[0] + draw(lengths) + 1.0, eye[1], eye[2])
+    aperture = draw(st.sampled_from([0.0, 0.5]))
+    view = View(
+        eye,
+        target,
+        (0.0, 0.0, 1.0),
+        draw(st.floats(1, 170)),
+        draw(st.sampled_from(PROJECTIONS)),
+        aperture,
+        draw(lengths) if aperture else None,
+        draw(lengths),
+    )
+    return RenderSettings(
+        draw(st.integers(1, 4096)),
+        draw(st.integers(1, 4096)),
+        view,
+        max_depth=draw(st.integers(1, 64)),
+        seed=draw(st.integers(0, (1 << 32) - 1)),
+        integrator=draw(st.sampled_from(INTEGRATORS)),
+        sampler=draw(st.sampled_from(SAMPLERS)),
+        filter=draw(st.sampled_from(FILTERS)),
+        sampling=draw(st.sampled_from(SAMPLINGS)),
+        clamp_indirect=draw(st.floats(0, 100)),
+        roulette=draw(st.none() | st.floats(0.05, 1)),
+        light_samples=draw(st.integers(1, 64)),
+        ao_distance=draw(st.floats(0, 10)),
+        environment=draw(st.none() | st.tuples(*[st.floats(0, 10)] * 3)),
+        environment_strength=draw(st.floats(0, 10)),
+    )
+
+
+@given(any_settings())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_failing_batchs_command_asks_for_the_same_settings_to_the_bit(wanted: RenderSettings) -> None:
+    words = shlex.split(batch_command(wanted, Tile(1, 2, 3, 4), 5, 6))
+    assert words[:4] == ["rayfarm", "render", "SCENE", "-o"]
+    got = parsed(words[5:]).settings(CAMERAS, {"filter": "box", "max_depth": 2})
+    assert got == wanted
+
+
+@given(any_settings())
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_what_is_asked_of_a_farm_is_what_it_takes(wanted: RenderSettings) -> None:
+    words = shlex.split(batch_command(wanted, Tile(1, 2, 3, 4), 5, 6))
+    JobIn(scene="scene", **parsed(words[5:]).request(CAMERAS))

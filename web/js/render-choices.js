@@ -1,0 +1,53 @@
+/** The renderer's own choices, by the names of renderer/settings.py, with a sentence each for whoever has to choose. */
+
+/** @typedef {{name: string, label: string, hint: string}} Choice */
+
+/** @type {Choice[]} */
+export const INTEGRATORS = [
+  { name: "path", label: "Path tracing", hint: "All light: direct, reflected, refracted, from wall to wall." },
+  { name: "direct", label: "Direct light", hint: "Light that comes straight from a light; what it would bounce on to stays dark." },
+  { name: "whitted", label: "Whitted ray tracing", hint: "Direct light, mirrors and glass, as in 1980; matt walls light nothing." },
+  { name: "ao", label: "Ambient occlusion", hint: "How open each point is to its surroundings; lights and colours play no part." },
+];
+
+/** @type {Choice[]} */
+export const SAMPLERS = [
+  { name: "sobol", label: "Sobol, Owen-scrambled", hint: "Evenly spread samples: the least noise for their number." },
+  { name: "independent", label: "Independent", hint: "Plain random numbers, to compare with." },
+];
+
+/** @type {Choice[]} */
+export const FILTERS = [
+  { name: "blackman-harris", label: "Blackman-Harris", hint: "Smooth edges without ringing." },
+  { name: "tent", label: "Tent", hint: "A little crisper." },
+  { name: "box", label: "Box", hint: "Every sample counts the same within its pixel: crisp, with stairs." },
+];
+
+/** @type {Choice[]} */
+export const SAMPLINGS = [
+  { name: "mis", label: "Both, weighted (MIS)", hint: "Lights and surfaces are both sampled, each counts where it is good." },
+  { name: "light", label: "Lights only", hint: "Good for small lights; mirrors do not see them." },
+  { name: "bsdf", label: "Surfaces only", hint: "Lights are found by chance: good for large ones and for mirrors." },
+  { name: "uniform", label: "Uniform", hint: "All directions alike: the most noise, for comparison." },
+];
+
+/** @type {Choice[]} */
+export const PROJECTIONS = [
+  { name: "perspective", label: "Perspective", hint: "As an eye or a lens sees." },
+  { name: "orthographic", label: "Orthographic", hint: "Parallel lines stay parallel, as on a plan." },
+  { name: "panorama", label: "Panorama", hint: "All around the eye, twice as wide as high." },
+];
+
+/** What a request leaves out and no scene file says: RenderSettings' own values. */
+export const DEFAULTS = {
+  integrator: "path",
+  sampler: "sobol",
+  filter: "blackman-harris",
+  sampling: "mis",
+  max_depth: 8,
+  seed: 0,
+  clamp_indirect: 0,
+  roulette: /** @type {number | null} */ (null),
+  light_samples: 1,
+  ao_distance: 0,
+};
