@@ -17,17 +17,17 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import numpy as np  # noqa: E402
-from matplotlib import pyplot  # noqa: E402
-from PIL import Image, ImageDraw, ImageFont  # noqa: E402
+import numpy as np
+from matplotlib import pyplot
+from PIL import Image, ImageDraw, ImageFont
 
-from renderer.film import mean  # noqa: E402
-from renderer.image.tonemap import apply  # noqa: E402
-from renderer.render import render_frame  # noqa: E402
-from renderer.scene.arrays import CompiledScene  # noqa: E402
-from renderer.scene.compile import compile_scene  # noqa: E402
-from renderer.scene.load import read  # noqa: E402
-from renderer.settings import RenderSettings  # noqa: E402
+from renderer.film import mean
+from renderer.image.tonemap import apply
+from renderer.render import render_frame
+from renderer.scene.arrays import CompiledScene
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings
 
 HERE = Path(__file__).parent
 SCENES = HERE.parents[1] / "scenes"
@@ -171,7 +171,9 @@ def attenuation() -> None:
         box.picture(128, roulette=None, max_depth=8),
         box.picture(128, roulette=None, max_depth=8, mistake="attenuation"),
     )
-    strip("attenuation", {"as it is": right, "radiance / d^2, as it comes": wrong, "radiance / d^2, brightened": wrong * (right.mean() / wrong.mean())}, 3)  # fmt: skip
+    brightened = wrong * (right.mean() / wrong.mean())
+    pictures = {"as it is": right, "radiance / d^2, as it comes": wrong, "radiance / d^2, brightened": brightened}
+    strip("attenuation", pictures, 3)
     table("Attenuation on top of radiance", {"as it is": float(right.mean()), "radiance / d^2": float(wrong.mean())})
 
 
