@@ -31,7 +31,7 @@ HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=6 \
 CMD ["uvicorn", "--factory", "service.main:create_app", "--host", "0.0.0.0", "--port", "8000"]
 
 FROM base AS worker
-RUN pip install -c constraints.txt -e .[worker]
+RUN pip install -c constraints.txt -e .[worker,denoise]
 COPY renderer renderer
 COPY worker worker
 USER rayfarm

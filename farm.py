@@ -4,6 +4,7 @@
     python3 farm.py up                     the farm and its page; a second start takes seconds
     python3 farm.py render|submit|info ... any other command of `rayfarm`
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks; more arguments go to pytest
+    python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
     python3 farm.py bench [...]            the benchmarks
 
 Needs Python 3.11 or 3.12 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
@@ -21,10 +22,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
-FOR_USE = ("worker", "local")
-FOR_TESTS = ("worker", "local", "test")
-FOR_BENCHMARKS = ("worker", "local", "test", "peers")
+FOR_USE = ("worker", "denoise", "local")
+FOR_TESTS = ("worker", "denoise", "local", "test")
+FOR_BENCHMARKS = ("worker", "denoise", "local", "test", "peers")
 TYPESCRIPT = VENV / "typescript"
+CYCLES = ROOT / ".venv-cycles"
+BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
 
 
 def main():
@@ -37,6 +40,8 @@ def main():
     command, rest = arguments[0], arguments[1:]
     if command == "test":
         return run_tests(install(FOR_TESTS), rest)
+    if command == "peers":
+        return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
         return run_benchmarks(install(FOR_BENCHMARKS), rest)
     install(FOR_USE)
@@ -197,6 +202,32 @@ def run_tests(python, arguments):
     if failed:
         fail("failed: " + ", ".join(failed))
     return 0
+
+
+def run_peers(python, arguments):
+    """The tests that compare our pictures with those of other renderers, the long ones included."""
+    environment = dict(os.environ)
+    if "RAYFARM_BPY_PYTHON" not in environment:
+        environment["RAYFARM_BPY_PYTHON"] = str(install_blender())
+    return subprocess.call(
+        [str(python), "-m", "pytest", "-s", *(arguments or [str(ROOT / "tests" / "peers")])], cwd=str(ROOT), env=environment
+    )
+
+
+def install_blender():
+    """A Python with Blender as a module, in an environment of its own: it wants another numpy than Rayfarm."""
+    python = CYCLES / "bin" / "python"
+    works = python.exists() and subprocess.call([str(python), "-c", "import bpy"], stdout=subprocess.DEVNULL) == 0
+    if works:
+        return python
+    maker = shutil.which("python3.11")
+    if maker is None:
+        fail("Blender's module needs Python 3.11 beside this one. On Debian: apt install python3.11 python3.11-venv")
+    say("installing Blender as a Python module into .venv-cycles (once; 370 MB are fetched) ...")
+    shutil.rmtree(str(CYCLES), ignore_errors=True)
+    subprocess.check_call([maker, "-m", "venv", str(CYCLES)])
+    pip(python, ["install", BLENDER])
+    return python
 
 
 def run_benchmarks(python, arguments):

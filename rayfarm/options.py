@@ -9,15 +9,38 @@ from typing import Annotated, Any
 import typer
 
 from rayfarm.errors import CommandError
+from renderer.aovs import AOVS
 from renderer.settings import Tile, Vec3
 
-__all__ = ["Output", "Server", "environment_of", "find_camera", "parse_size", "parse_tile", "parse_vec3"]
+__all__ = [
+    "Aov",
+    "Denoise",
+    "Output",
+    "Server",
+    "denoised_name",
+    "environment_of",
+    "find_camera",
+    "parse_size",
+    "parse_tile",
+    "parse_vec3",
+]
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear).")]
+Aov = Annotated[
+    str | None, typer.Option(metavar="NAME,...", help=f"Further layers of an .exr: {', '.join(AOVS)}; `all` for every one.")
+]
+Denoise = Annotated[
+    bool, typer.Option("--denoise", help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.")
+]
 Server = Annotated[
     str | None,
     typer.Option(metavar="URL", help="The farm's address; the one running here unless told. [dim]$RAYFARM_SERVER[/dim]"),
 ]
+
+
+def denoised_name(output: Path) -> Path:
+    """Where the denoised picture goes: beside the raw one."""
+    return output.with_name(f"{output.stem}-denoised{output.suffix}")
 
 
 def parse_vec3(text: str, option: str) -> Vec3:

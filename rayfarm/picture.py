@@ -74,6 +74,10 @@ class Picture:
         float | None, _view("Distance from the eye at which it is sharp; the target's unless told.", metavar="LENGTH")
     ] = None
 
+    near: Annotated[
+        float | None, _view("Distance along the line of sight where rays start: a cut through what is nearer.", metavar="LENGTH")
+    ] = None
+
     env: Annotated[
         str | None, _light("An equirectangular .exr or .hdr, or a linear colour. Replaces the scene's.", metavar="FILE|R,G,B")
     ] = None
@@ -117,6 +121,14 @@ class Picture:
         float | None, _transport("How far `--integrator ao` looks, in scene units; 0: to infinity.", metavar="LENGTH")
     ] = None
 
+    ambient: Annotated[
+        str | None, _transport("Light from all sides that `--integrator whitted` adds, as it follows none.", metavar="R,G,B")
+    ] = None
+    mistake: Annotated[
+        str | None,
+        _transport("light-cutoff or attenuation: an error of other renderers, to see what it does.", metavar="NAME"),
+    ] = None
+
     sampler: Annotated[
         str | None,
         _numbers(f"{', '.join(SAMPLERS)}: points that are spread evenly, or plain random ones.", metavar="NAME"),
@@ -133,7 +145,8 @@ class Picture:
 
     def asked(self) -> dict[str, Any]:
         """The optional settings by the renderer's names; None where nothing is asked for."""
-        own = {"clamp_indirect": self.clamp}
+        ambient = None if self.ambient is None else options.parse_vec3(self.ambient, "--ambient")
+        own = {"clamp_indirect": self.clamp, "ambient": ambient}
         return {name: own[name] if name in own else getattr(self, name) for name in OPTIONAL}
 
     def has_view(self) -> bool:
@@ -190,6 +203,7 @@ class Picture:
             "height": self.ortho_height,
             "aperture": self.aperture,
             "focus": self.focus,
+            "near": self.near,
         }
 
 

@@ -19,30 +19,32 @@ __all__ = [
     "ALBEDO",
     "CHANNELS",
     "COLOR",
-    "COLOR_EVEN",
+    "COLOR_HALF",
     "DEPTH",
     "MATERIAL",
     "NORMAL",
     "OBJECT",
     "POSITION",
     "SAMPLES",
-    "SAMPLES_EVEN",
+    "SAMPLES_HALF",
     "SAMPLE_MAX",
     "BadSample",
     "BatchSums",
     "digest",
+    "error",
+    "in_half",
     "mean",
     "noise",
 ]
 
 # Planes of a film or a batch's sums: an int64 array of shape (CHANNELS, height, width).
 COLOR = slice(0, 3)  # linear Rec.709 radiance
-COLOR_EVEN = slice(3, 6)  # the same over even sample numbers: the two halves' difference estimates the noise
+COLOR_HALF = slice(3, 6)  # the same over about half of the sample numbers (`in_half`): it and the rest tell the noise
 ALBEDO = slice(6, 9)  # first hit's reflectance
 NORMAL = slice(9, 12)  # first hit's world-space shading normal
 DEPTH = 12  # distance from the eye to the first hit; 0 where nothing is hit
 SAMPLES = 13  # samples that count (finite ones); a plain count, not fixed point
-SAMPLES_EVEN = 14  # the even-numbered of them
+SAMPLES_HALF = 14  # those of them that are in the half
 POSITION = slice(15, 18)  # first hit's place in the world; 0 where nothing is hit
 OBJECT = 18  # 1 + the number of the object that sample 0 hits first, 0 where it hits nothing; a plain number, not fixed point
 MATERIAL = 19  # 1 + the number of its material, likewise
@@ -76,23 +78,57 @@ def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.ND
     return np.ascontiguousarray(np.moveaxis(values, 0, -1) if values.ndim == 3 else values, dtype=np.float32)
 
 
-def noise(sums: Sums, film_exponent: int) -> float:
-    """A frame's or tile's relative noise: the standard error of its pixels over its mean, from the two half-sums.
+def in_half(sample: int) -> bool:
+    """Whether a sample number is in the half: 0, 2, 4, 5, 8 ... 11, 16 ... 23: the first half of each [2**k, 2**(k+1)).
 
-    The even half's mean minus the odd half's has the variance s²(1/n_e + 1/n_o); the full mean's has s²/n. So the
-    difference times sqrt(n_e n_o) / n estimates the full mean's standard error per pixel. inf where a half is empty.
+    Both halves are made of blocks of 2**k numbers that begin at a multiple of 2**k: of well distributed points under Sobol',
+    whose shuffled sequence puts such a block into either half with the same chance. The halves are then as even as any
+    shorter run of samples is, so that their difference shows what the sampler still leaves of the noise. Even against odd
+    numbers would be two halves of a coarse pattern: an estimate as if all samples were independent.
     """
-    n_even = sums[SAMPLES_EVEN].astype(np.float64)
+    return sample == 0 or (sample > 1 and sample < 3 << (sample.bit_length() - 2))
+
+
+def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """The standard error (3, h, w) of each pixel's mean colour as the halves' difference tells it, and that mean.
+
+    The half's mean minus the rest's has the variance s²(1/a + 1/b) for a and b independent samples; the full mean's has
+    s²/(a + b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign says nothing.
+    NaN where a half is empty.
+    """
+    half = sums[SAMPLES_HALF].astype(np.float64)
     n = sums[SAMPLES].astype(np.float64)
-    n_odd = n - n_even
-    if n.size == 0 or n_even.min() < 1 or n_odd.min() < 1:
-        return float("inf")
+    rest = n - half
     scale = 2.0**-film_exponent
-    even = sums[COLOR_EVEN] * scale / n_even
-    odd = (sums[COLOR] - sums[COLOR_EVEN]) * scale / n_odd
-    error = (even - odd) * np.sqrt(n_even * n_odd) / n
-    total = float((sums[COLOR] * scale / n).mean())
-    return float(np.sqrt((error**2).mean())) / max(total, 1e-6)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        first = sums[COLOR_HALF] * scale / half
+        second = (sums[COLOR] - sums[COLOR_HALF]) * scale / rest
+        deviation = (first - second) * np.sqrt(half * rest) / n
+        return np.where((half > 0) & (rest > 0), deviation, np.nan), sums[COLOR] * scale / n
+
+
+def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray[np.float32]:
+    """The standard error of each pixel's luminance, or its ratio to the luminance: (h, w) float32; inf where unknown.
+
+    An estimate from two halves alone: right on average (root mean square) over many pixels, rough in each. Samples of the
+    Sobol' sequence err less than it says, never more.
+    """
+    deviation, color = _halves(sums, film_exponent)
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    found = np.abs(np.tensordot(weights, deviation, 1))
+    if relative:
+        found = np.divide(found, np.tensordot(weights, color, 1), out=np.where(found > 0, np.inf, 0.0), where=found > 0)
+    return np.where(np.isnan(found), np.inf, found).astype(np.float32)
+
+
+def noise(sums: Sums, film_exponent: int) -> float:
+    """A frame's or tile's relative noise: the root mean square of its pixels' standard errors over its mean.
+
+    inf where a pixel has samples in one half only."""
+    deviation, color = _halves(sums, film_exponent)
+    if deviation.size == 0 or np.isnan(deviation).any():
+        return float("inf")
+    return float(np.sqrt((deviation**2).mean())) / max(float(color.mean()), 1e-6)
 
 
 def digest(sums: Sums) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 
 from renderer import __version__
 
-__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "kind", "out_of_line", "subroutine"]
+__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "kind", "local_floats", "out_of_line", "subroutine"]
 
 _X86 = ("x86_64", "amd64")
 _ARM = ("aarch64", "arm64")
@@ -39,7 +39,7 @@ def _source_hash() -> str:
     """A hash of all that decides the machine code and the arrays it reads: our sources, the compiler, the target."""
     total = hashlib.sha256(f"{version('numba')} {version('llvmlite')} {TARGET}".encode())
     root = Path(__file__).parent
-    for path in sorted(root.rglob("*.py")):
+    for path in sorted([*root.rglob("*.py"), *root.rglob("*.npy")]):  # kernels hold tables as constants
         total.update(path.relative_to(root).as_posix().encode() + b"\0")
         total.update(path.read_bytes() + b"\0")
     return total.hexdigest()
@@ -76,8 +76,11 @@ def _configure() -> None:
 _configure()
 
 import llvmlite.binding as llvm  # noqa: E402
+from llvmlite import ir  # noqa: E402
 from numba import njit, types  # noqa: E402
+from numba.core import cgutils  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
+from numba.np.arrayobj import populate_array  # noqa: E402
 
 if TARGET == "x86-64-v3":
     _has = llvm.get_host_cpu_features()
@@ -103,6 +106,28 @@ def out_of_line(typingctx: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(), codegen
+
+
+@intrinsic(prefer_literal=True)
+def local_floats(typingctx: Any, count: Any) -> Any:
+    """An array of `count` float32, a literal, on the machine's stack: it lives as long as the function that calls this.
+
+    Not zeroed. It may be handed down to subroutines, never returned.
+    """
+    array = types.Array(types.float32, 1, "C")
+    length = count.literal_value
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        word = context.get_value_type(types.float32)
+        memory = cgutils.alloca_once(builder, ir.ArrayType(word, length))
+        size = context.get_constant(types.intp, length)
+        item = context.get_constant(types.intp, 4)
+        view = context.make_array(array)(context, builder)
+        first = builder.bitcast(memory, word.as_pointer())
+        populate_array(view, data=first, shape=[size], strides=[item], itemsize=item, meminfo=None)
+        return view._getvalue()
+
+    return array(count), codegen
 
 
 def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:

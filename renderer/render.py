@@ -15,9 +15,11 @@ from renderer.bvh.traverse import new_stack
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, render_tile
 from renderer.kernel.camera import camera_frame
+from renderer.kernel.options import kernel_options
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
+from renderer.scene.environment import relit
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 
 __all__ = ["RenderStats", "render_batch", "render_frame", "warm_up"]
@@ -36,31 +38,6 @@ class RenderStats:
     bad_count: int = 0
 
 
-def _lit(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
-    """The scene with the settings' environment. Only the small arrays change: the compiled scene's file stays as it is."""
-    strength = np.float32(settings.environment_strength)
-    if settings.environment is None and strength == 1:
-        return scene
-    frame = scene.environment_frame.copy()
-    if settings.environment is None:
-        environment = scene.environment * strength
-        marginal, conditional = scene.environment_marginal, scene.environment_conditional
-        frame[2] *= strength
-    else:
-        environment = np.array(settings.environment, np.float32).reshape(1, 1, 3) * strength
-        marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)
-        frame[2] = environment[0, 0] @ np.array([0.2126, 0.7152, 0.0722], np.float32)
-    if not environment.any():
-        frame[3] = 0.0
-    elif frame[3] == 0.0:
-        frame[3] = 0.5 if len(scene.light_primitive) else 1.0
-    for array in (environment, marginal, conditional, frame):
-        array.flags.writeable = False
-    return scene._replace(
-        environment=environment, environment_marginal=marginal, environment_conditional=conditional, environment_frame=frame
-    )
-
-
 def _render(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> tuple[BatchSums, int]:
     """A batch and its number of rays; the scene's environment is already the settings'."""
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
@@ -69,9 +46,7 @@ def _render(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: i
         scene,
         new_stack(),
         camera_frame(settings),
-        np.uint32(settings.seed),
-        settings.max_depth,
-        np.float32(2.0**settings.film_exponent),
+        kernel_options(settings),
         tile.x,
         tile.y,
         first,
@@ -88,7 +63,7 @@ def render_batch(scene: CompiledScene, settings: RenderSettings, tile: Tile, fir
 
     The sums depend on the arguments alone: batches of a frame add up to the same bits however the frame is cut.
     """
-    return _render(_lit(scene, settings), settings, tile, first, count)[0]
+    return _render(relit(scene, settings.environment, settings.environment_strength), settings, tile, first, count)[0]
 
 
 def render_frame(
@@ -112,7 +87,7 @@ def render_frame(
     """
     stats = stats if stats is not None else RenderStats()
     threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (threads or os.cpu_count() or 1)
-    lit = _lit(scene, settings)
+    lit = relit(scene, settings.environment, settings.environment_strength)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE)
     total = spp * settings.width * settings.height

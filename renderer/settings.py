@@ -20,6 +20,7 @@ __all__ = [
     "MAX_LIGHT_SAMPLES",
     "MAX_SIZE",
     "MAX_SPP",
+    "MISTAKES",
     "OPTIONAL",
     "PROJECTIONS",
     "SAMPLERS",
@@ -35,6 +36,7 @@ INTEGRATORS = ("path", "direct", "whitted", "ao")
 SAMPLERS = ("sobol", "independent")
 FILTERS = ("blackman-harris", "tent", "box")
 SAMPLINGS = ("mis", "light", "bsdf", "uniform")
+MISTAKES = ("", "light-cutoff", "attenuation")
 PROJECTIONS = ("perspective", "orthographic", "panorama")
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
@@ -55,6 +57,7 @@ class View:
     to bottom; or panorama, all directions around the eye as an equirectangular picture (`fov` unused).
     aperture: radius of the thin lens of a perspective camera; 0: a pinhole, sharp everywhere.
     focus: distance along the line of sight of the plane that is sharp; None: the target's.
+    near: distance along the line of sight where rays start, but a panorama's: what stands before is cut away.
     """
 
     eye: Vec3
@@ -65,6 +68,7 @@ class View:
     aperture: float = 0.0
     focus: float | None = None
     height: float = 2.0
+    near: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.fov <= 179.0:
@@ -77,6 +81,8 @@ class View:
             raise SettingsError(f"focus is {self.focus:g}; a distance to focus at lies between 1e-12 and 1e15")
         if not 1e-12 <= self.height <= MAX_DISTANCE:
             raise SettingsError(f"height is {self.height:g}; what an orthographic camera shows lies between 1e-12 and 1e15")
+        if not 0.0 <= self.near <= MAX_DISTANCE:
+            raise SettingsError(f"near is {self.near:g}; a distance to start rays at lies between 0 and 1e15")
         for name in ("eye", "target", "up"):
             if not all(math.isfinite(c) and abs(c) <= MAX_DISTANCE for c in getattr(self, name)):
                 raise SettingsError(f"{name} is {getattr(self, name)}; its coordinates lie between -1e15 and 1e15")
@@ -103,10 +109,14 @@ class RenderSettings:
     sampler: where a path's numbers come from (renderer/kernel/sampler.py).
     filter: the pixel filter, sampled by its own shape, so that a sample belongs to one pixel alone.
     sampling: how the path tracer finds lights: mis, or one strategy alone (light, bsdf, uniform), to compare them.
-    clamp_indirect: the most that light after a second bounce may add to a channel of a sample; 0: no limit, no bias.
-    roulette: the probability with which paths go on after their first segments; None: by their throughput.
-    light_samples: shadow rays at the camera's first hit.
+    clamp_indirect: the most that light of more than one bounce may add to a channel at each vertex of a path, its hue kept;
+    0: no limit, no bias.
+    roulette: the constant probability with which paths go on after each bounce; None: by their throughput, after three.
+    light_samples: shadow rays at the camera's first hit; of whitted, the points a light is sampled at, 1 being its middle.
     ao_distance: how far ambient occlusion looks, in scene units; 0: to infinity.
+    ambient: linear RGB radiance that whitted adds to all that is diffuse, for lack of indirect light.
+    mistake: an error of other renderers, to show what it does to a picture: light-cutoff (a light's sample is dropped where
+    1/d^2 < 0.001, though all samples are divided by), attenuation (radiance falls by 1/d^2 once more). "": none.
     environment: linear RGB radiance that replaces the scene's own environment, or None to keep it.
     environment_strength: factor on the scene's (or the replaced) environment.
     film_exponent: the film's quantum is 2**-film_exponent (see renderer/film.py).
@@ -125,6 +135,8 @@ class RenderSettings:
     roulette: float | None = None
     light_samples: int = 1
     ao_distance: float = 0.0
+    ambient: Vec3 = (0.0, 0.0, 0.0)
+    mistake: str = ""
     environment: Vec3 | None = None
     environment_strength: float = 1.0
     film_exponent: int = 24
@@ -142,9 +154,11 @@ class RenderSettings:
             ("sampler", SAMPLERS),
             ("filter", FILTERS),
             ("sampling", SAMPLINGS),
+            ("mistake", MISTAKES),
         ):
             if getattr(self, name) not in known:
-                raise SettingsError(f"{name} is {getattr(self, name)!r}; known are {', '.join(known)}")
+                listed = ", ".join(k or "none at all" for k in known)
+                raise SettingsError(f"{name} is {getattr(self, name)!r}; known are {listed}")
         if not 0.0 <= self.clamp_indirect <= MAX_RADIANCE:
             raise SettingsError(f"clamp_indirect is {self.clamp_indirect:g}; it lies between 0 (off) and 1e9")
         if self.roulette is not None and not 0.05 <= self.roulette <= 1.0:
@@ -153,6 +167,8 @@ class RenderSettings:
             raise SettingsError(f"light_samples is {self.light_samples}; it lies between 1 and {MAX_LIGHT_SAMPLES}")
         if not 0.0 <= self.ao_distance <= MAX_DISTANCE:
             raise SettingsError(f"ao_distance is {self.ao_distance:g}; it lies between 0 (no limit) and 1e15")
+        if not all(0.0 <= c <= MAX_RADIANCE for c in self.ambient):
+            raise SettingsError(f"ambient is {self.ambient}; its radiances lie between 0 and 1e9")
         if self.environment is not None and not all(0.0 <= c <= MAX_RADIANCE for c in self.environment):
             raise SettingsError(f"environment is {self.environment}; its radiances lie between 0 and 1e9")
         if not 0 <= self.film_exponent <= MAX_FILM_EXPONENT:
@@ -169,8 +185,10 @@ class RenderSettings:
         """The settings that `to_json` wrote. Raises SettingsError where a value is out of range."""
         data = dict(data)
         view = View.from_json(data.pop("view"))
-        environment = data.pop("environment", None)
-        return cls(view=view, environment=None if environment is None else tuple(environment), **data)
+        for name in ("environment", "ambient"):
+            if isinstance(data.get(name), list):
+                data[name] = tuple(data[name])
+        return cls(view=view, **data)
 
 
 # What a request may leave to the scene file, and the scene file to the defaults.

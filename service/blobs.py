@@ -98,7 +98,7 @@ class BlobStore:
 
         Young blobs stay: the news of what a worker stored may still be on its way.
         """
-        for left_over in self.temporary.glob("blob-*"):
+        for left_over in [*self.temporary.glob("blob-*"), *self.temporary.glob("means-*")]:
             left_over.unlink(missing_ok=True)
         gone = 0
         for path in self._all():

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import Any
 
 import redis
 from celery import Celery
 from kombu.exceptions import OperationalError
 
-from worker.contract import PREPARE, RENDER_BATCH, RenderBatch, celery_config, prepare_queue, render_queue
+from worker.contract import (
+    DENOISE,
+    PREPARE,
+    RENDER_BATCH,
+    DenoiseFrame,
+    RenderBatch,
+    celery_config,
+    denoise_queue,
+    prepare_queue,
+    render_queue,
+)
 
 __all__ = ["Dispatcher", "QueueError"]
 
@@ -40,6 +51,10 @@ class Dispatcher:
         """Ask for a scene to be prepared. Raises QueueError."""
         self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease)
 
+    def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
+        """Ask for a frame to be denoised. Raises QueueError."""
+        self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work)
+
     def waiting(self, queue: str) -> dict[str, bytes]:
         """What waits in a queue and no worker has taken yet: lease id -> message. Raises redis.RedisError."""
         found = {}
@@ -61,7 +76,7 @@ class Dispatcher:
 
     def purge(self) -> None:
         """Remove all that waits, of an earlier life whose leases are forgotten. Raises redis.RedisError."""
-        for pattern in (render_queue("*"), prepare_queue("*")):
+        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*")):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)
 

@@ -12,12 +12,16 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 import redis
 
+from service.blobs import BlobStore
+from service.denoising import Denoised, Denoising
 from service.dispatch import Dispatcher, QueueError
 from service.film_store import FilmStore
+from service.films import Film
 from service.lifecycle import Lifecycle, Tell
 from service.merging import batch_of, merge
 from service.preparing import Preparing, Progress
@@ -41,7 +45,9 @@ TellTiles = Callable[[str, int, set[int]], None]  # job, frame, tiles
 class Engine:
     """Runs jobs. `tell` and `tell_tiles` are called from its thread."""
 
-    def __init__(self, settings: Settings, records: Records, films: FilmStore, tell: Tell, tell_tiles: TellTiles) -> None:
+    def __init__(
+        self, settings: Settings, records: Records, films: FilmStore, blobs: BlobStore, tell: Tell, tell_tiles: TellTiles
+    ) -> None:
         self.records = records
         self.films = films
         self._tell = tell
@@ -53,8 +59,9 @@ class Engine:
         self._results = Results(self._redis)
         self.workers = Workers(self._redis, lambda name: tell("worker", name))
         self.preparing = Preparing(self._dispatcher, self.workers, settings.prepare_deadline)
+        self.denoising = Denoising(self._dispatcher, self.workers, blobs)
         self.scheduler = Scheduler(settings, self._dispatcher, self.workers, lambda *start: self.lifecycle.may_start(*start))
-        self.lifecycle = Lifecycle(records, films, self.scheduler, self.preparing, tell)
+        self.lifecycle = Lifecycle(records, films, self.scheduler, self.preparing, self.denoising, tell)
         self._changes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._purged = False
         self._looked_around = 0.0
@@ -90,6 +97,13 @@ class Engine:
         self._changes.put((what, id))
         self._results.wake()
 
+    def denoise(self, job: str, frame: int, film: Film) -> Future[Denoised]:
+        """The frame as it is now, denoised by a worker. Raises Problem where none can."""
+        answer = self.denoising.want(job, frame, film.version(frame), film.width, film.height)
+        if not answer.done():
+            self._results.wake()
+        return answer
+
     def _run(self) -> None:
         while not self._stop.is_set():
             try:
@@ -115,6 +129,7 @@ class Engine:
             self._looked_around = time.monotonic()
             self._each_second()
         self.preparing.fill()
+        self.denoising.fill()
         self.scheduler.fill()
         entries = self._results.read(BLOCK_MS)
         if entries:
@@ -165,6 +180,13 @@ class Engine:
             if trouble is not None:
                 self.lifecycle.fail(job, f"A batch failed {len(trouble.workers)} times: {trouble.error}", trouble.reproduce)
             return
+        if event["type"] == "denoised":
+            made = Denoised(str(event["sha256"]), str(event["version"]), int(event["samples"]))
+            self.denoising.heard(event["work"], made)
+            return
+        if event["type"] == "denoise-failed":
+            self.denoising.heard(event["work"], None, str(event["error"]))
+            return
         scene, kind = event["scene"], event["kind"]
         if event["type"] == "prepare-started":
             self.preparing.heard(scene, kind, event["worker"], Progress("Reading", 0.0))
@@ -177,6 +199,7 @@ class Engine:
         self._tell("scene", scene)
 
     def _each_second(self) -> None:
+        self.denoising.review()
         hopeless = self.scheduler.review()
         self.counts["lost"] = self.scheduler.lost
         for job, sentence in hopeless:

@@ -40,7 +40,7 @@ class Farm:
         self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
         self.broadcast = Broadcast()
         self.records = Records(self.sessions, settings.max_pixels)
-        self.engine = Engine(settings, self.records, self.films, self.broadcast.tell, self.broadcast.tell_tiles)
+        self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""

@@ -12,15 +12,16 @@ import sqlite3
 import tempfile
 import threading
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer import film
+from renderer import aovs, film
 from renderer.film import CHANNELS, BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.coverage import Coverage
@@ -198,10 +199,19 @@ class Film:
         """The frame's mean of a channel, as renderer.film.mean; 0 where no sample is."""
         size = (self.height, self.width)
         out = np.zeros(size if isinstance(channel, int) else (*size, 3), np.float32)
+        return self.each(frame, lambda sums: film.mean(sums, self.film_exponent, channel), out)
+
+    def aov(self, frame: int, name: str) -> npt.NDArray[np.float32]:
+        """The frame's plane of this name, as renderer.aovs.values; 0 where no sample is."""
+        out = np.zeros((self.height, self.width, 3) if name in aovs.VECTORS else (self.height, self.width), np.float32)
+        return self.each(frame, lambda sums: aovs.values(sums, self.film_exponent, name), out)
+
+    def each(self, frame: int, of: Callable[[Sums], npt.NDArray[Any]], out: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Fill `out` (h, w, ...) tile by tile with a function of their sums; tiles without samples stay as they are."""
         for i, tile in enumerate(self.tiles):
             sums = self.tile_sums(frame, i)
             if sums is not None:
-                out[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = film.mean(sums, self.film_exponent, channel)
+                out[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = of(sums)
         return out
 
     def digest(self, frame: int) -> str:

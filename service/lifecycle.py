@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from renderer.settings import RenderSettings
 from service.active_job import ActiveJob
+from service.denoising import Denoising
 from service.film_store import FilmStore
 from service.models import ACTIVE
 from service.preparing import Preparing
@@ -25,11 +26,20 @@ Tell = Callable[[str, str], None]  # what ("job", "scene", "worker") and which
 class Lifecycle:
     """Begins and ends jobs, and lets scenes be prepared for them."""
 
-    def __init__(self, records: Records, films: FilmStore, scheduler: Scheduler, preparing: Preparing, tell: Tell) -> None:
+    def __init__(
+        self,
+        records: Records,
+        films: FilmStore,
+        scheduler: Scheduler,
+        preparing: Preparing,
+        denoising: Denoising,
+        tell: Tell,
+    ) -> None:
         self._records = records
         self._films = films
         self._scheduler = scheduler
         self._preparing = preparing
+        self._denoising = denoising
         self._tell = tell
 
     def apply(self, what: str, id: str) -> None:
@@ -45,6 +55,7 @@ class Lifecycle:
                 self._drop(job)
             if row is None:
                 self._films.delete(id)
+                self._denoising.forget(id)
         elif job is None:
             self.take_up(id)
         else:

@@ -14,6 +14,7 @@ from renderer.settings import (
     MAX_LIGHT_SAMPLES,
     MAX_SIZE,
     MAX_SPP,
+    MISTAKES,
     OPTIONAL,
     PROJECTIONS,
     SAMPLERS,
@@ -65,6 +66,7 @@ class ViewModel(Strict):
     aperture: Length = Field(0.0, description="radius of the lens; 0 is a pinhole, sharp everywhere")
     focus: Length | None = Field(None, description="distance of the plane that is sharp; the target's where left out")
     height: Length = Field(2.0, description="what an orthographic camera shows from top to bottom")
+    near: Length = Field(0.0, description="distance along the line of sight where rays start: what stands before is cut away")
 
     @model_validator(mode="after")
     def _possible(self) -> ViewModel:
@@ -107,6 +109,8 @@ class JobIn(Strict):
     )
     light_samples: int | None = Field(None, ge=1, le=MAX_LIGHT_SAMPLES, description="shadow rays at the camera's first hit")
     ao_distance: Length | None = Field(None, description="how far ambient occlusion looks; 0: to infinity")
+    ambient: tuple[Radiance, Radiance, Radiance] | None = Field(None, description="light from all sides, of whitted alone")
+    mistake: str | None = Field(None, json_schema_extra=_one_of(MISTAKES), description="an error of other renderers, to show it")
     sampler: str | None = Field(None, json_schema_extra=_one_of(SAMPLERS), description="where random numbers come from")
     filter: str | None = Field(None, json_schema_extra=_one_of(FILTERS), description="the pixel filter")
     seed: int | None = Field(None, ge=0, lt=1 << 32, description="another seed, another noise")
@@ -228,3 +232,4 @@ class WorkerOut(BaseModel):
     started: float
     samples_per_s: float = Field(description="of one slot")
     current: list[dict[str, Any]]
+    denoises: bool = Field(description="whether it has Open Image Denoise")

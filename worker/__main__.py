@@ -21,7 +21,7 @@ import sys
 import time
 from pathlib import Path
 
-from renderer import jit
+from renderer import denoise, jit
 from renderer.render import warm_up
 from worker import app
 from worker.cache import BlobCache, default_cache_dir
@@ -50,7 +50,9 @@ def main() -> int:
     started = time.time()
 
     def starting(name: str) -> WorkerReport:
-        return WorkerReport(name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started)
+        return WorkerReport(
+            name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started, denoises=denoise.is_available()
+        )
 
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     try:

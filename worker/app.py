@@ -9,8 +9,9 @@ from typing import Any
 from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 
+from renderer import denoise
 from worker import context, tasks
-from worker.contract import celery_config, prepare_queue, render_queue
+from worker.contract import celery_config, denoise_queue, prepare_queue, render_queue
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import die_with_parent
 
@@ -46,11 +47,14 @@ def run(worker: context.WorkerContext) -> int:
     context.set_current(worker)
     signals.worker_process_init.connect(_child_starts)
     signals.worker_shutting_down.connect(_shutting_down)
+    queues = [render_queue(worker.kind), prepare_queue(worker.kind)]
+    if denoise.is_available():
+        queues.append(denoise_queue(worker.kind))
     celery = make_app(worker).Worker(
         hostname=f"{worker.name}@{worker.host}",
         pool="prefork",
         concurrency=worker.slots,
-        queues=[render_queue(worker.kind), prepare_queue(worker.kind)],
+        queues=queues,
         optimization="fair",
         without_gossip=True,
         without_mingle=True,

@@ -62,9 +62,7 @@ def run_bounded(
             else:
                 on_message(message)
     except TimeoutError:
-        raise WorkError(
-            f"{subject} took longer than {seconds:.0f} seconds to prepare. Make it smaller, or split it into several."
-        ) from None
+        raise WorkError(f"{subject} took longer than {seconds:.0f} seconds. Make it smaller, or split it into several.") from None
     finally:
         os.close(reading)
         if answer is None:

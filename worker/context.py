@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from renderer import denoise
 from worker.cache import BlobCache
 from worker.contract import WorkerReport
 from worker.link import Link
@@ -55,6 +56,7 @@ class WorkerContext:
             started=self.started,
             samples_per_s=speed,
             current=doing,
+            denoises=denoise.is_available(),
         )
 
     def after_fork(self) -> None:

@@ -2,9 +2,10 @@
 
     service --- Celery task PREPARE ------> worker     {scene}
     service --- Celery task RENDER_BATCH -> worker     RenderBatch
+    service --- Celery task DENOISE ------> worker     DenoiseFrame
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
-    worker ---- HTTP /api/farm/... -------> service    join, manifests, blobs (both ways), by FARM_TOKEN
+    worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
 Queues carry the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code)
 takes its batches, so films of two kinds cannot mix. Imports neither numba nor the kernel.
@@ -23,19 +24,24 @@ from renderer.film import CHANNELS, Sums
 from renderer.settings import RenderSettings, Tile
 
 __all__ = [
+    "DENOISE",
     "HEARTBEAT_EVERY_S",
     "HEARTBEAT_TTL_S",
     "PREPARE",
     "RENDER_BATCH",
     "RESULTS",
+    "SAMPLES_HEADER",
+    "VERSION_HEADER",
     "WORKER_KEYS",
     "BlobRef",
+    "DenoiseFrame",
     "Manifest",
     "RenderBatch",
     "Result",
     "SceneInfo",
     "WorkerReport",
     "celery_config",
+    "denoise_queue",
     "pack_sums",
     "prepare_queue",
     "render_queue",
@@ -45,10 +51,13 @@ __all__ = [
 
 PREPARE = "rayfarm.prepare"
 RENDER_BATCH = "rayfarm.render_batch"
+DENOISE = "rayfarm.denoise"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S = 1.0
 HEARTBEAT_TTL_S = 6
+VERSION_HEADER = "X-Film-Version"  # with a film's means: which content they are of, and how many samples that has
+SAMPLES_HEADER = "X-Samples"
 
 
 def prepare_queue(kind: str) -> str:
@@ -59,6 +68,11 @@ def prepare_queue(kind: str) -> str:
 def render_queue(kind: str) -> str:
     """The Celery queue for batches of jobs of this kind."""
     return f"rayfarm.render.{kind}"
+
+
+def denoise_queue(kind: str) -> str:
+    """The Celery queue for denoising, taken from by workers that have Open Image Denoise."""
+    return f"rayfarm.denoise.{kind}"
 
 
 def worker_key(name: str) -> str:
@@ -122,13 +136,14 @@ class SceneInfo:
     kind: str
     compiled: BlobRef
     thumbnail: BlobRef | None
-    cameras: list[dict[str, Any]]  # {name, view: {eye, target, up, fov}}; never empty: the last one frames the bounds
+    cameras: list[dict[str, Any]]  # {name, view: renderer.settings.View}; never empty: the last one frames the bounds
     counts: dict[str, int]  # triangles, spheres, materials, textures, lights, ...
     bounds: list[list[float]]  # lower and upper corner
     animations: list[str]
     warnings: list[str]
     defaults: dict[str, Any]  # settings that the scene file asks for
     seconds: float
+    names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> SceneInfo:
@@ -168,6 +183,21 @@ class RenderBatch:
 
 
 @dataclass(frozen=True)
+class DenoiseFrame:
+    """Ask for a frame as it is now to be denoised. The worker fetches its means, and stores the result as a blob.
+
+    Means and result are float32 little-endian, rows from the top, three values a pixel: the means are three such pictures
+    one after the other (colour, albedo, normal), the result is one.
+    """
+
+    work: str  # unique for every time it is handed out
+    job: str
+    frame: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
 class WorkerReport:
     """A worker of itself, every HEARTBEAT_EVERY_S."""
 
@@ -180,7 +210,10 @@ class WorkerReport:
     state: Literal["starting", "ready"]  # starting: compiling or loading its kernels
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    current: list[dict[str, Any]] = field(default_factory=list)  # a slot each: {} or {job, frame, tile, first, count} or {scene}
+    current: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # a slot each: {} or {job, frame, tile, first, count} or {scene} or {denoise, frame}
+    denoises: bool = False  # whether it has Open Image Denoise
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -199,6 +232,8 @@ class Result:
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command)
+        denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
+        denoise-failed   work, worker, error (a sentence)
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo

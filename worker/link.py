@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from worker.contract import BlobRef, Manifest
+from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["FarmAnswer", "Link", "LinkError", "RefusedError"]
 
@@ -101,6 +101,19 @@ class Link:
             raise LinkError(self._why(error)) from error
         if digest.hexdigest() != sha256:
             raise LinkError(f"blob {sha256[:12]} arrived damaged from {self.service}")
+
+    def means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
+        """Write a frame's means (DenoiseFrame says how) to `out`; returns the film's version and number of samples."""
+        try:
+            with self.client.stream("GET", f"/api/farm/films/{job}/{frame}") as response:
+                self._check(response)
+                for chunk in response.iter_bytes(CHUNK):
+                    out.write(chunk)
+                return response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
+        except httpx.HTTPError as error:
+            raise LinkError(self._why(error)) from error
+        except (KeyError, ValueError) as error:
+            raise LinkError(f"{self.service} does not say of what its means are") from error
 
     def store(self, path: Path) -> BlobRef:
         """Store a file as a blob at the service, by its hash."""

@@ -27,6 +27,7 @@ from worker.contract import BlobRef, Manifest, SceneInfo
 __all__ = ["prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
+MAX_NAMES = 10_000
 THUMBNAIL_WIDTH = 256
 THUMBNAIL_SPP = 32
 THUMBNAIL_SECONDS = 0.4  # passes double, so that it takes at most about twice this
@@ -70,6 +71,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         warnings=summary["warnings"],
         defaults=summary["defaults"],
         seconds=time.monotonic() - begun,
+        names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )
 
 

@@ -1,4 +1,4 @@
-"""The two Celery tasks. Their arguments are ids and numbers; files go over HTTP, results over the stream."""
+"""The three Celery tasks. Their arguments are ids and numbers; files go over HTTP, results over the stream."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from celery import Celery
 
 from worker import context
 from worker.bounded import WorkError
-from worker.contract import PREPARE, RENDER_BATCH, RenderBatch, Result
+from worker.contract import DENOISE, PREPARE, RENDER_BATCH, DenoiseFrame, RenderBatch, Result
+from worker.denoise import denoise_failure, denoise_frame
 from worker.link import LinkError, RefusedError
 from worker.prepare import prepare_scene
 from worker.render import failure, render
@@ -32,6 +33,7 @@ def register(app: Celery) -> None:
     """Give the application its tasks."""
     app.task(_prepare, name=PREPARE, bind=True)
     app.task(_render_batch, name=RENDER_BATCH, bind=True)
+    app.task(_denoise, name=DENOISE, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -79,6 +81,21 @@ def _prepare(task: Any, scene: str) -> None:
     except Exception as error:
         log.exception("preparing %s failed", scene)
         send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
+    finally:
+        worker.board.write(_slot(), {})
+
+
+def _denoise(task: Any, frame: dict[str, Any]) -> None:
+    """Denoise a frame (DenoiseFrame as a dict), and say where the result is."""
+    worker = context.current()
+    work = DenoiseFrame(**frame)
+    worker.board.write(_slot(), {"denoise": work.job, "frame": work.frame})
+    try:
+        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+            event = denoise_failure(worker, work, f"the worker process died {DEATHS_ALLOWED} times while it denoised this frame")
+        else:
+            event = denoise_frame(worker, work)
+        worker.results.send(Result(event))
     finally:
         worker.board.write(_slot(), {})
 

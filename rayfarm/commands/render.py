@@ -16,16 +16,19 @@ from rayfarm.console import Ticker, bar, err
 from rayfarm.errors import CommandError
 from rayfarm.picture import DEFAULT_SPP, Picture, takes_picture
 from rayfarm.scene_files import opened
+from renderer import aovs
+from renderer.denoise import is_available
 from renderer.settings import RenderSettings, Tile
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
 
 __all__ = ["register"]
-
-AOVS = ("albedo", "normal", "depth")
 
 
 def register(app: typer.Typer) -> None:
@@ -38,7 +41,8 @@ def render(
     scene: Annotated[Path, typer.Argument(help="A scene file (.yaml .glb .gltf .obj .dae .ply .stl .off), a folder, or a .zip.")],
     output: options.Output,
     picture: Picture = Picture(),
-    aov: Annotated[str | None, typer.Option(metavar="NAME,...", help=f"Further channels of an .exr: {', '.join(AOVS)}.")] = None,
+    aov: options.Aov = None,
+    denoise: options.Denoise = False,
     exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.")] = 0.0,
     tonemap: Annotated[str, typer.Option(metavar="CURVE", help="Tone curve; .png and .jpg only.")] = "neutral",
     tile: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only this rectangle; the rest stays black.")] = None,
@@ -56,12 +60,14 @@ def render(
       rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov albedo,normal
       rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
     """
-    aovs = _aovs(aov, output)
+    planes = _aovs(aov, output)
     rectangle = options.parse_tile(tile) if tile else None
     environment, _ = picture.environment()
     if not output.parent.is_dir():
         raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
 
+    if denoise and not is_available():
+        raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
     clock = Clock()
     from renderer.film import mean
     from renderer.image import encode
@@ -86,8 +92,13 @@ def render(
     else:
         sums = _part(compiled, settings, rectangle or Tile(0, 0, width, height), first, count, done)
     clock.mark("render_s")
-    planes = {name: mean(sums, settings.film_exponent, channel) for name, channel in aovs.items()}
-    encode.write(output, mean(sums, settings.film_exponent), exposure=exposure, curve=tonemap, aovs=planes)
+    color = mean(sums, settings.film_exponent)
+    channels = aovs.layers({name: aovs.values(sums, settings.film_exponent, name) for name in planes})
+    encode.write(output, color, exposure=exposure, curve=tonemap, channels=channels)
+    if denoise:
+        clean = _denoised(sums, settings.film_exponent, threads)
+        encode.write(options.denoised_name(output), clean, exposure=exposure, curve=tonemap, channels=channels)
+        clock.mark("denoise_s")
 
     seconds = max(clock.seconds["render_s"], 1e-9)
     taken = done.samples / (width * height)
@@ -99,6 +110,14 @@ def render(
         err.print(f"note: {done.bad_count} samples were not finite and are left out; {which}.", markup=False, soft_wrap=True)
     if stats is not None:
         _write_stats(stats, clock, done)
+
+
+def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> npt.NDArray[np.float32]:
+    from renderer.denoise import denoise
+    from renderer.film import ALBEDO, COLOR, NORMAL, mean
+
+    color, albedo, normal = (mean(sums, film_exponent, channel) for channel in (COLOR, ALBEDO, NORMAL))
+    return denoise(color, albedo, normal, threads)
 
 
 class Clock:
@@ -181,16 +200,11 @@ def _part(compiled: CompiledScene, settings: RenderSettings, tile: Tile, first: 
     return sums
 
 
-def _aovs(text: str | None, output: Path) -> dict[str, Any]:
-    from renderer.film import ALBEDO, DEPTH, NORMAL
-
-    channels = {"albedo": ALBEDO, "normal": NORMAL, "depth": DEPTH}
-    names = [name.strip() for name in text.split(",")] if text else []
-    if unknown := [name for name in names if name not in channels]:
-        raise CommandError(f"--aov {unknown[0]!r} is not known; known are {', '.join(AOVS)}")
+def _aovs(text: str | None, output: Path) -> list[str]:
+    names = aovs.known(name.strip() for name in text.split(",")) if text else []
     if names and output.suffix.lower() != ".exr":
         raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
-    return {name: channels[name] for name in names}
+    return names
 
 
 def _write_stats(path: Path, clock: Clock, done: RenderStats) -> None:
@@ -201,6 +215,7 @@ def _write_stats(path: Path, clock: Clock, done: RenderStats) -> None:
         "samples": done.samples,
         "rays": done.rays,
         "bad_samples": done.bad_count,
+        "bad": [bad._asdict() for bad in done.bad],
         "samples_per_s": done.samples / max(clock.seconds["render_s"], 1e-9),
         "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale,
     }

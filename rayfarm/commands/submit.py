@@ -42,6 +42,8 @@ def submit(
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Wait, and write the picture: .png .exr or .jpg.")] = None,
     picture: Picture = Picture(),
+    aov: options.Aov = None,
+    denoise: options.Denoise = False,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
@@ -58,7 +60,11 @@ def submit(
             raise CommandError(f"{output.name}: a farm gives .{', .'.join(FORMATS)}; end the name with one of these")
         if not output.parent.is_dir():
             raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
+        if aov and output.suffix.lower() != ".exr":
+            raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
         wait = True
+    elif aov or denoise:
+        raise CommandError("--aov and --denoise say what to write; name the picture with -o")
     environment, _ = picture.environment()
     files: dict[str, Path] = belonging(scene)
     inside = None
@@ -76,7 +82,7 @@ def submit(
         job = farm.submit(ready["id"], priority=priority, **picture.request(ready["cameras"]))
         out.print(job["id"], markup=False)
         if wait:
-            _wait(farm, job["id"], output)
+            _wait(farm, job["id"], output, aov, denoise)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job['id']}", markup=False, soft_wrap=True)
 
@@ -91,7 +97,7 @@ def _prepared(farm: Client, uploaded: dict[str, Any]) -> dict[str, Any]:
         return farm.wait_for_scene(uploaded["id"], watch=show)
 
 
-def _wait(farm: Client, job: str, output: Path | None) -> None:
+def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool) -> None:
     ticker = Ticker()
     try:
         with bar() as progress:
@@ -107,10 +113,15 @@ def _wait(farm: Client, job: str, output: Path | None) -> None:
         raise typer.Exit(EXIT_INTERRUPTED) from None
     if final["state"] != "finished":
         raise CommandError(f"The job {job} {_outcome(final)}")
-    if output is not None:
-        format = output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
-        output.write_bytes(farm.image(job, format))
-        err.print(f"{output} written", markup=False, soft_wrap=True)
+    if output is None:
+        return
+    format = output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
+    output.write_bytes(farm.image(job, format, aov=f"color,{aov}" if aov else "color"))
+    err.print(f"{output} written", markup=False, soft_wrap=True)
+    if denoise:
+        clean = options.denoised_name(output)
+        clean.write_bytes(farm.image(job, format, denoise=True))
+        err.print(f"{clean} written", markup=False, soft_wrap=True)
 
 
 def _outcome(job: dict[str, Any]) -> str:

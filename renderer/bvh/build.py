@@ -7,30 +7,48 @@ first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008). Boxes are 
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.fold import count_wide_nodes, fold, half_area
-from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, ROW_CHILD, ROW_PRIMITIVE, SPHERES, TRIANGLES, WIDTH, Bvh
 from renderer.bvh.simd import load, maximum, store
 from renderer.jit import builder, device
 
-__all__ = ["build"]
+__all__ = ["Instances", "build", "inverted"]
 
 _BINS = 16
 _SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
 _NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
 
+_INSTANCE_SLACK = 2.0**-20
+
 _ONE = np.float32(1.0)
 _NOTHING = np.float32(-np.inf)
 
 
-def build(position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any]) -> Bvh:
-    """The tree over T triangles and S spheres.
+class Instances(NamedTuple):
+    """Where trees are shown. Tree g is over the triangles first[g] ... first[g + 1] - 1, in a space of its own."""
+
+    first: npt.NDArray[Any]  # (G + 1,) ends with the number of all triangles; before first[0] they are the world's own
+    tree: npt.NDArray[Any]  # (I,) which tree each instance shows
+    to_world: npt.NDArray[Any]  # (I, 3, 4) f64, invertible
+
+
+def build(
+    position: npt.NDArray[Any],
+    triangle: npt.NDArray[Any],
+    sphere: npt.NDArray[Any],
+    instances: Instances | None = None,
+    brute: bool = False,
+) -> Bvh:
+    """The tree over T triangles, S spheres and I instances.
 
     position: (V, 3) f32; triangle: (T, 3) i32 into it; sphere: (S, 4) f32, centre and radius. Any of them may be empty.
+    brute: every box is boundless, so that every ray meets every primitive: slow, to see and to test what a tree is good for.
     Degenerate triangles are kept and never hit. The same input gives the same bytes. Runs without the GIL.
     Raises ValueError where a coordinate is not finite or an index is out of range.
     """
@@ -43,28 +61,93 @@ def build(position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.ND
         raise ValueError(f"a triangle names a vertex outside 0 ... {len(position) - 1}")
     for array in (position, triangle, sphere):
         array.flags.writeable = False  # one type for the compiler, whoever calls
-    count = len(triangle) + len(sphere)
+    if instances is None:
+        node, packet = _tree(position, triangle, sphere, len(triangle), np.zeros((0, 2, 3)))
+        return _sealed(Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4))), brute)
+
+    first = [int(f) for f in instances.first]
+    trees = [_tree(position, triangle[a:b], sphere[:0], 0, np.zeros((0, 2, 3))) for a, b in pairwise(first)]
+    to_world = np.asarray(instances.to_world, np.float64).reshape(-1, 3, 4)
+    node, packet = _tree(position, triangle[: first[0]], sphere, len(triangle), _instance_boxes(trees, instances.tree, to_world))
+    nodes, packets, roots = [node], [packet], []
+    for (node, packet), primitive in zip(trees, first, strict=False):
+        roots.append(sum(map(len, nodes)))
+        _relocate(node, packet, roots[-1], sum(map(len, packets)), primitive)
+        nodes.append(node)
+        packets.append(packet)
+    root = np.array(roots, np.int32)[instances.tree]
+    return _sealed(Bvh(np.concatenate(nodes), np.concatenate(packets), root, inverted(to_world)), brute)
+
+
+def inverted(transform: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """The inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
+    matrix = np.linalg.inv(transform[:, :, :3])
+    return np.concatenate([matrix, -matrix @ transform[:, :, 3:]], axis=2)
+
+
+def _tree(
+    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], first_sphere: int, bounds: npt.NDArray[Any]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """One level's nodes and packets; bounds: (I, 2, 3) f64, of the instances in it."""
+    solids = len(triangle) + len(sphere)
+    count = solids + len(bounds)
     if count == 0:
         node = np.full((1, NODE_ROWS, WIDTH), np.inf, np.float32)
         node[:, 1:6:2] = -np.inf
-        return _sealed(node, np.empty((0, PACKET_ROWS, WIDTH), np.float32))
-
-    box = np.empty((count, 8), np.float32)
+        node[:, ROW_CHILD] = 0
+        return node, np.empty((0, PACKET_ROWS, WIDTH), np.float32)
+    box = np.zeros((count, 8), np.float32)
     order = np.arange(count, dtype=np.int32)
     tree_box = np.empty((2 * count, 8), np.float32)
     tree = np.empty((2 * count, 3), np.int32)  # left child (right is the next) or -1; first in `order`; count
     _primitive_boxes(position, triangle, sphere, box)
-    _split(box, order, len(triangle), tree_box, tree)
-    nodes, packets = count_wide_nodes(tree_box, tree)
+    box[solids:, :3], box[solids:, 4:7] = -bounds[:, 0], bounds[:, 1]
+    _split(box, order, len(triangle), solids, tree_box, tree)
+    nodes, packets = count_wide_nodes(tree_box, tree, order, solids)
     node = np.empty((nodes, NODE_ROWS, WIDTH), np.float32)
     packet = np.empty((packets, PACKET_ROWS, WIDTH), np.float32)
-    fold(tree_box, tree, order, position, triangle, sphere, node, packet)
-    return _sealed(node, packet)
+    fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, packet)
+    return node, packet
 
 
-def _sealed(node: npt.NDArray[Any], packet: npt.NDArray[Any]) -> Bvh:
-    node.flags.writeable = packet.flags.writeable = False
-    return Bvh(node, packet)
+def _instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """(I, 2, 3) lower and upper corners in the world: of each tree's topmost eight boxes, which together fit closer than one."""
+    boxes = np.empty((len(shown), 2, 3))
+    for number, (node, _) in enumerate(trees):
+        lanes = node[0, 0] <= node[0, 1]
+        lower, upper = node[0, 0:6:2, lanes].astype(np.float64), node[0, 1:6:2, lanes].astype(np.float64)  # (lanes, 3)
+        which = np.flatnonzero(shown == number)
+        matrix, offset = to_world[which, :, :3], to_world[which, :, 3]
+        if not lanes.any():
+            boxes[which] = offset[:, None]
+            continue
+        center = (lower + upper) / 2 @ matrix.transpose(0, 2, 1) + offset[:, None]
+        extent = (upper - lower) / 2 @ np.abs(matrix).transpose(0, 2, 1)
+        boxes[which, 0] = (center - extent).min(axis=1)
+        boxes[which, 1] = (center + extent).max(axis=1)
+    # A ray is rounded once more on its way into the instance's space.
+    slack = _INSTANCE_SLACK * np.maximum(np.abs(boxes).max(axis=1), (boxes[:, 1] - boxes[:, 0]))
+    boxes[:, 0] -= slack
+    boxes[:, 1] += slack
+    return boxes
+
+
+def _relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:
+    """Makes a tree of triangles, built by itself, part of larger arrays."""
+    child = node[:, ROW_CHILD].view(np.int32)
+    child += np.where(child >= 0, first_node, -4 * first_packet).astype(np.int32)
+    number = packet[:, ROW_PRIMITIVE].view(np.int32)
+    number += np.where(np.isnan(packet[:, 0]), 0, first_primitive).astype(np.int32)
+
+
+def _sealed(bvh: Bvh, brute: bool) -> Bvh:
+    if brute:
+        used = bvh.node[:, 0] <= bvh.node[:, 1]
+        for row in range(6):
+            bvh.node[:, row][used] = np.inf if row & 1 else -np.inf
+    for array in bvh:
+        array.flags.writeable = False
+    return bvh
 
 
 @builder
@@ -88,8 +171,13 @@ def _primitive_boxes(position, triangle, sphere, box):
 
 @device
 def _packets(count):
-    """Packets that so many primitives fill, as float32."""
+    """Packets that so many primitives fill, as float32; an instance counts for eight."""
     return np.float32((count + 7) >> 3)
+
+
+@device
+def _kind(primitive, triangles, solids):
+    return TRIANGLES if primitive < triangles else (SPHERES if primitive < solids else INSTANCE)
 
 
 @device
@@ -118,8 +206,8 @@ def _bin(box, i, axis, lower, scale):
 
 
 @builder
-def _split(box, order, triangles, tree_box, tree):
-    """Splits until every leaf is one packet's worth of one kind. Reorders `box` and `order`; fills the tree."""
+def _split(box, order, triangles, solids, tree_box, tree):
+    """Splits until every leaf is one packet's worth of one kind, or one instance. Reorders `box` and `order`; fills the tree."""
     bin_box = np.empty((3 * _BINS, 8), np.float32)
     bin_count = np.empty(3 * _BINS, np.int64)
     right_area = np.empty(_BINS, np.float32)
@@ -144,19 +232,21 @@ def _split(box, order, triangles, tree_box, tree):
         end = first + count
 
         _clear(tree_box, node)
-        spheres = 0
+        first_kind = INSTANCE
+        last_kind = TRIANGLES
         low0 = low1 = low2 = np.float32(np.inf)
         high0 = high1 = high2 = _NOTHING
         for i in range(first, end):
             _grow(tree_box, node, box, i)
-            spheres += order[i] >= triangles
+            kind = _kind(order[i], triangles, solids)
+            first_kind, last_kind = min(first_kind, kind), max(last_kind, kind)
             c0 = box[i, 4] - box[i, 0]
             c1 = box[i, 5] - box[i, 1]
             c2 = box[i, 6] - box[i, 2]
             low0, low1, low2 = min(low0, c0), min(low1, c1), min(low2, c2)
             high0, high1, high2 = max(high0, c0), max(high1, c1), max(high2, c2)
-        mixed = 0 < spheres < count
-        fits = count <= 8 and not mixed
+        mixed = first_kind < last_kind
+        fits = count <= 8 and last_kind != INSTANCE and not mixed
         tree[node, 0] = -1
         if count == 1:
             continue
@@ -178,7 +268,7 @@ def _split(box, order, triangles, tree_box, tree):
                 for axis in range(3):
                     b = axis * _BINS + _bin(box, i, axis, lower[axis], scale[axis])
                     _grow(bin_box, b, box, i)
-                    bin_count[b] += 1
+                    bin_count[b] += 1 if order[i] < solids else 8
             for axis in range(3):
                 if scale[axis] == np.float32(0.0):
                     continue
@@ -214,7 +304,7 @@ def _split(box, order, triangles, tree_box, tree):
                     j -= 1
         elif mixed and count <= 8:
             while i <= j:
-                if order[i] < triangles:
+                if _kind(order[i], triangles, solids) == first_kind:
                     i += 1
                 else:
                     _swap(box, order, i, j)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.layout import NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
+from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, SPHERES, STACK_SIZE, TRIANGLES, WIDTH
 from renderer.bvh.simd import store_int
 from renderer.jit import builder, device
 
@@ -45,8 +45,8 @@ def _open(tree_box, tree, root, members):
 
 
 @builder
-def count_wide_nodes(tree_box, tree):
-    """How many wide nodes and packets the folded tree has."""
+def count_wide_nodes(tree_box, tree, order, solids):
+    """How many wide nodes and packets the folded tree has. solids: the number of triangles and spheres."""
     members = np.empty(WIDTH, np.int32)
     pending = np.empty(STACK_SIZE, np.int32)
     pending[0] = 0
@@ -60,32 +60,38 @@ def count_wide_nodes(tree_box, tree):
             if tree[members[i], 0] >= 0:
                 pending[waiting] = members[i]
                 waiting += 1
-            else:
+            elif order[tree[members[i], 1]] < solids:
                 packets += 1
     return nodes, packets
 
 
 @device
-def _fill_packet(packet, p, order, first, count, position, triangle, sphere):
-    """Writes the primitives order[first : first + count], all of one kind, into packet p. Returns whether they are spheres."""
+def _fill_packet(packet, p, order, first, count, position, triangle, sphere, first_sphere):
+    """Writes the primitives order[first : first + count], all of one kind, into packet p."""
     triangles = len(triangle)
     packet[p] = np.float32(np.nan)
     for lane in range(count):
         primitive = order[first + lane]
-        store_int(packet, np.uintp(p * PACKET_SIZE + ROW_PRIMITIVE * WIDTH + lane), primitive)
+        number = primitive
         if primitive < triangles:
             for corner in range(3):
                 for k in range(3):
                     packet[p, 3 * corner + k, lane] = position[triangle[primitive, corner], k]
         else:
+            number += first_sphere - triangles
             for k in range(4):
                 packet[p, k, lane] = sphere[primitive - triangles, k]
-    return order[first] >= triangles
+        store_int(packet, np.uintp(p * PACKET_SIZE + ROW_PRIMITIVE * WIDTH + lane), np.int32(number))
 
 
 @builder
-def fold(tree_box, tree, order, position, triangle, sphere, node, packet):
-    """Fills `node` and `packet`, of the sizes that `count_wide_nodes` gave, from the binary tree."""
+def fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, packet):
+    """Fills `node` and `packet`, of the sizes that `count_wide_nodes` gave, from the binary tree.
+
+    order: which triangle, sphere (from len(triangle) on) or instance (from there on) stands where; first_sphere: the
+    primitive number of the first sphere.
+    """
+    solids = len(triangle) + len(sphere)
     members = np.empty(WIDTH, np.int32)
     pending = np.empty((STACK_SIZE, 2), np.int32)  # a binary node, the wide node it becomes
     pending[0, 0] = 0
@@ -116,8 +122,10 @@ def fold(tree_box, tree, order, position, triangle, sphere, node, packet):
                 pending[waiting, 1] = nodes
                 waiting += 1
                 nodes += 1
+            elif order[tree[member, 1]] >= solids:
+                child = ~(4 * (order[tree[member, 1]] - solids) + INSTANCE)
             else:
-                is_sphere = _fill_packet(packet, packets, order, tree[member, 1], tree[member, 2], position, triangle, sphere)
-                child = ~(2 * packets + is_sphere)
+                _fill_packet(packet, packets, order, tree[member, 1], tree[member, 2], position, triangle, sphere, first_sphere)
+                child = ~(4 * packets + (TRIANGLES if order[tree[member, 1]] < len(triangle) else SPHERES))
                 packets += 1
             store_int(node, np.uintp(wide * NODE_SIZE + ROW_CHILD * WIDTH + lane), np.int32(child))

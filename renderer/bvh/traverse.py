@@ -13,7 +13,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.layout import NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
+from renderer.bvh.layout import (
+    INSTANCE,
+    NODE_SIZE,
+    PACKET_SIZE,
+    ROW_CHILD,
+    ROW_PRIMITIVE,
+    SPHERES,
+    STACK_SIZE,
+    WIDTH,
+)
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
@@ -29,9 +38,9 @@ from renderer.bvh.simd import (
     splat,
     store_int,
 )
-from renderer.jit import device
+from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "closest_hit", "new_stack"]
+__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "closest_hit", "new_stack", "to_local"]
 
 NO_PRIMITIVE = np.int32(-1)
 _WORLD = np.int32(-1)
@@ -60,7 +69,7 @@ class Hit(NamedTuple):
 
 def new_stack() -> npt.NDArray[np.float32]:
     """The scratch space of one thread's traversals, for the kernel that it calls."""
-    return np.empty(2 * STACK_SIZE, np.float32)
+    return np.empty(4 * STACK_SIZE, np.float32)  # a distance and a child each, for both levels
 
 
 @device
@@ -121,18 +130,114 @@ def _axes(o, d, x, y, z):
 
 
 @device
-def closest_hit(bvh, stack, o, d, t_max):
-    """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`."""
-    node = bvh.node
-    packet = bvh.packet
+def _descend(node, stack, top, child, x, y, z, best):
+    """From a node down to the nearest leaf: (it, or _NOWHERE; the stack's new top). The other children go on the stack."""
+    while child >= 0:
+        base = np.uintp(child) * _NODE
+        met, distance = _boxes(node, base, x, y, z, best)
+        if met == np.uint32(0):
+            return _NOWHERE, top
+        lane = lowest_bit(met)
+        child = load_int(node, base + _CHILDREN + np.uintp(lane))
+        met = np.uint32(met & np.uint32(met - _BIT))
+        if met == np.uint32(0):
+            continue
+        nearest = extract(distance, lane)
+        while met != np.uint32(0):
+            lane = lowest_bit(met)
+            met = np.uint32(met & np.uint32(met - _BIT))
+            further = extract(distance, lane)
+            other = load_int(node, base + _CHILDREN + np.uintp(lane))
+            closer = further < nearest
+            stack[np.uintp(2) * top] = nearest if closer else further
+            store_int(stack, np.uintp(2) * top + np.uintp(1), child if closer else other)
+            nearest = further if closer else nearest
+            child = other if closer else child
+            top += np.uintp(1)
+    return child, top
+
+
+@device
+def _meet(packet, leaf, o, d, axes, shear, permuted, best, primitive, u, v):
+    """What a leaf's packet makes of the nearest hit so far: (distance, primitive, u, v)."""
+    number = np.uintp(leaf >> 2) * _PACKET
+    leaf_base = address(packet, number)
+    if leaf & SPHERES:
+        met, t = meet_spheres(leaf_base, o, d, best)
+        b = c = splat(_ZERO)
+        determinant = splat(_ONE)
+    else:
+        met, t, b, c, determinant = meet_triangles(leaf_base, axes, shear, permuted, best)
+    while met != np.uint32(0):
+        lane = lowest_bit(met)
+        met = np.uint32(met & np.uint32(met - _BIT))
+        inverse = _ONE / extract(determinant, lane)
+        distance = extract(t, lane) * inverse
+        if distance < best:
+            best = distance
+            u = extract(b, lane) * inverse
+            v = extract(c, lane) * inverse
+            primitive = load_int(packet, number + _PRIMITIVES + np.uintp(lane))
+    return best, primitive, u, v
+
+
+@device
+def to_local(transform, number, o, d):
+    """A ray in an instance's space. Its direction keeps the transform's scale, so that t stays the world's.
+
+    In double precision, rounded once: then a ray that starts beside the instance's surface is off it by no more than it
+    would be beside the same triangles in the world.
+    """
+    ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
+    dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])
+    m = transform[number]
+    return (
+        (
+            np.float32(m[0, 0] * ox + m[0, 1] * oy + m[0, 2] * oz + m[0, 3]),
+            np.float32(m[1, 0] * ox + m[1, 1] * oy + m[1, 2] * oz + m[1, 3]),
+            np.float32(m[2, 0] * ox + m[2, 1] * oy + m[2, 2] * oz + m[2, 3]),
+        ),
+        (
+            np.float32(m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz),
+            np.float32(m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz),
+            np.float32(m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz),
+        ),
+    )
+
+
+@subroutine
+def _closest_in_instance(bvh, stack, bottom, number, o, d, best):
+    """The nearest hit nearer than `best` in an instance's tree: (distance, primitive, u, v); NO_PRIMITIVE where there is none."""
+    out_of_line()
+    o, d = to_local(bvh.to_local, number, o, d)
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
     axes, shear, permuted = _axes(o, d, x, y, z)
-    best = t_max
-    primitive = NO_PRIMITIVE
-    best_u = _ZERO
-    best_v = _ZERO
+    primitive, u, v = NO_PRIMITIVE, _ZERO, _ZERO
+    top = bottom + np.uintp(1)
+    stack[np.uintp(2) * bottom] = _ZERO
+    store_int(stack, np.uintp(2) * bottom + np.uintp(1), bvh.instance_root[number])
+    while top > bottom:
+        top -= np.uintp(1)
+        if stack[np.uintp(2) * top] > best:
+            continue
+        child = load_int(stack, np.uintp(2) * top + np.uintp(1))
+        child, top = _descend(bvh.node, stack, top, child, x, y, z, best)
+        if child != _NOWHERE:
+            best, primitive, u, v = _meet(bvh.packet, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
+    return best, primitive, u, v
+
+
+@device
+def closest_hit(bvh, stack, o, d, t_max):
+    """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`."""
+    x = _slab(o[0], d[0])
+    y = _slab(o[1], d[1])
+    z = _slab(o[2], d[2])
+    axes, shear, permuted = _axes(o, d, x, y, z)
+    best, primitive, u, v = t_max, NO_PRIMITIVE, _ZERO, _ZERO
+    instance = _WORLD
     top = np.uintp(1)
     stack[0] = _ZERO
     store_int(stack, np.uintp(1), np.int32(0))
@@ -141,58 +246,70 @@ def closest_hit(bvh, stack, o, d, t_max):
         if stack[np.uintp(2) * top] > best:
             continue
         child = load_int(stack, np.uintp(2) * top + np.uintp(1))
-        while child >= 0:
-            base = np.uintp(child) * _NODE
-            met, distance = _boxes(node, base, x, y, z, best)
-            if met == np.uint32(0):
-                child = _NOWHERE
-                break
-            lane = lowest_bit(met)
-            child = load_int(node, base + _CHILDREN + np.uintp(lane))
-            met = np.uint32(met & np.uint32(met - _BIT))
-            if met == np.uint32(0):
-                continue
-            nearest = extract(distance, lane)
-            while met != np.uint32(0):
-                lane = lowest_bit(met)
-                met = np.uint32(met & np.uint32(met - _BIT))
-                further = extract(distance, lane)
-                other = load_int(node, base + _CHILDREN + np.uintp(lane))
-                closer = further < nearest
-                stack[np.uintp(2) * top] = nearest if closer else further
-                store_int(stack, np.uintp(2) * top + np.uintp(1), child if closer else other)
-                nearest = further if closer else nearest
-                child = other if closer else child
-                top += np.uintp(1)
+        child, top = _descend(bvh.node, stack, top, child, x, y, z, best)
         if child == _NOWHERE:
             continue
         leaf = ~child
-        number = np.uintp(leaf >> 1) * _PACKET
-        leaf_base = address(packet, number)
-        if leaf & 1:
-            met, t = meet_spheres(leaf_base, o, d, best)
-            v = w = splat(_ZERO)
-            determinant = splat(_ONE)
+        if leaf & INSTANCE:
+            found = _closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best)
+            if found[1] != NO_PRIMITIVE:
+                best, primitive, u, v = found
+                instance = np.int32(leaf >> 2)
         else:
-            met, t, v, w, determinant = meet_triangles(leaf_base, axes, shear, permuted, best)
-        while met != np.uint32(0):
-            lane = lowest_bit(met)
-            met = np.uint32(met & np.uint32(met - _BIT))
-            inverse = _ONE / extract(determinant, lane)
-            distance = extract(t, lane) * inverse
-            if distance < best:
-                best = distance
-                best_u = extract(v, lane) * inverse
-                best_v = extract(w, lane) * inverse
-                primitive = load_int(packet, number + _PRIMITIVES + np.uintp(lane))
-    return Hit(best, primitive, best_u, best_v, _WORLD)
+            nearer = best
+            best, primitive, u, v = _meet(bvh.packet, leaf, o, d, axes, shear, permuted, best, primitive, u, v)
+            if best < nearer:
+                instance = _WORLD
+    return Hit(best, primitive, u, v, instance)
+
+
+@device
+def _meets(packet, leaf, o, d, axes, shear, permuted, t_max):
+    """Whether a leaf's packet is met."""
+    leaf_base = address(packet, np.uintp(leaf >> 2) * _PACKET)
+    if leaf & SPHERES:
+        met, _ = meet_spheres(leaf_base, o, d, t_max)
+    else:
+        met, _, _, _, _ = meet_triangles(leaf_base, axes, shear, permuted, t_max)
+    return met != np.uint32(0)
+
+
+@device
+def _open_all(node, stack, top, child, x, y, z, t_max):
+    """Puts all children of a node that the ray meets on the stack: its new top."""
+    base = np.uintp(child) * _NODE
+    met, _ = _boxes(node, base, x, y, z, t_max)
+    while met != np.uint32(0):
+        store_int(stack, top, load_int(node, base + _CHILDREN + np.uintp(lowest_bit(met))))
+        top += np.uintp(1)
+        met = np.uint32(met & np.uint32(met - _BIT))
+    return top
+
+
+@subroutine
+def _any_in_instance(bvh, stack, bottom, number, o, d, t_max):
+    """`any_hit` in an instance's tree."""
+    out_of_line()
+    o, d = to_local(bvh.to_local, number, o, d)
+    x = _slab(o[0], d[0])
+    y = _slab(o[1], d[1])
+    z = _slab(o[2], d[2])
+    axes, shear, permuted = _axes(o, d, x, y, z)
+    top = bottom + np.uintp(1)
+    store_int(stack, bottom, bvh.instance_root[number])
+    while top > bottom:
+        top -= np.uintp(1)
+        child = load_int(stack, top)
+        if child >= 0:
+            top = _open_all(bvh.node, stack, top, child, x, y, z, t_max)
+        elif _meets(bvh.packet, ~child, o, d, axes, shear, permuted, t_max):
+            return True
+    return False
 
 
 @device
 def any_hit(bvh, stack, o, d, t_max):
     """Whether anything lies along o + t d with 0 < t < t_max. stack: from `new_stack`."""
-    node = bvh.node
-    packet = bvh.packet
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -203,20 +320,12 @@ def any_hit(bvh, stack, o, d, t_max):
         top -= np.uintp(1)
         child = load_int(stack, top)
         if child >= 0:
-            base = np.uintp(child) * _NODE
-            met, _ = _boxes(node, base, x, y, z, t_max)
-            while met != np.uint32(0):
-                store_int(stack, top, load_int(node, base + _CHILDREN + np.uintp(lowest_bit(met))))
-                top += np.uintp(1)
-                met = np.uint32(met & np.uint32(met - _BIT))
+            top = _open_all(bvh.node, stack, top, child, x, y, z, t_max)
             continue
         leaf = ~child
-        number = np.uintp(leaf >> 1) * _PACKET
-        leaf_base = address(packet, number)
-        if leaf & 1:
-            met, _ = meet_spheres(leaf_base, o, d, t_max)
-        else:
-            met, _, _, _, _ = meet_triangles(leaf_base, axes, shear, permuted, t_max)
-        if met != np.uint32(0):
+        if leaf & INSTANCE:
+            if _any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
+                return True
+        elif _meets(bvh.packet, leaf, o, d, axes, shear, permuted, t_max):
             return True
     return False

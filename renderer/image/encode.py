@@ -1,7 +1,7 @@
 """A picture as the bytes of a file.
 
 png, jpg: what a screen shows, after exposure and tone curve. exr, hdr: scene-linear Rec.709, untouched by both. EXR keeps
-float32 and can carry AOVs as further channels.
+float32 and can carry further channels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from PIL import Image
 from renderer.errors import SettingsError
 from renderer.image import tonemap
 
-__all__ = ["FORMATS", "encode", "format_of", "write"]
+__all__ = ["FORMATS", "encode", "encode_shown", "format_of", "write"]
 
 F32 = npt.NDArray[np.float32]
 FORMATS = ("png", "jpg", "exr", "hdr")
@@ -38,27 +38,38 @@ def format_of(path: str | Path) -> str:
     return suffix
 
 
-def encode(rgb: F32, format: str, exposure: float = 0.0, curve: str = "neutral", aovs: Mapping[str, F32] | None = None) -> bytes:
+def encode(
+    rgb: F32, format: str, exposure: float = 0.0, curve: str = "neutral", channels: Mapping[str, F32] | None = None
+) -> bytes:
     """The bytes of a picture file of scene-linear (h, w, 3) float32 radiance.
 
     format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) act on png and jpg alone.
-    aovs: for exr, further channels: (h, w) as a channel of that name, (h, w, 3) as name.R .G .B, or name.X .Y .Z for a
-    name that holds "normal". Raises SettingsError for an unknown format or curve.
+    channels: for exr, further (h, w) planes by the channel's name. Raises SettingsError for an unknown format or curve.
     """
     if format in ("png", "jpg"):
-        shown = Image.fromarray(np.ascontiguousarray(tonemap.apply(rgb, exposure, curve)))
-        out = io.BytesIO()
-        if format == "png":
-            shown.save(out, "PNG", compress_level=4)
-        else:
-            shown.save(out, "JPEG", quality=95, subsampling=0)
-        return out.getvalue()
+        return encode_shown(tonemap.apply(rgb, exposure, curve), format)
     if format == "exr":
-        names, planes = _channels(rgb, aovs or {})
+        names, planes = ["R", "G", "B"], [np.asarray(rgb, np.float32)]
+        for name, values in (channels or {}).items():
+            if values.shape != rgb.shape[:2]:
+                raise ValueError(f"channel {name} is {values.shape}; the picture is {rgb.shape[:2]}")
+            names.append(name)
+            planes.append(np.asarray(values, np.float32)[..., None])
         return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr")
     if format == "hdr":
         return _through_openimageio(np.asarray(rgb, np.float32), ["R", "G", "B"], ".hdr")
     raise SettingsError(f"picture format is {format!r}; known are {', '.join(FORMATS)}")
+
+
+def encode_shown(shown: npt.NDArray[np.uint8], format: str) -> bytes:
+    """The bytes of a png or jpg of what a screen shows, (h, w, 3) uint8 sRGB."""
+    out = io.BytesIO()
+    picture = Image.fromarray(np.ascontiguousarray(shown))
+    if format == "png":
+        picture.save(out, "PNG", compress_level=4)
+    else:
+        picture.save(out, "JPEG", quality=95, subsampling=0)
+    return out.getvalue()
 
 
 def write(
@@ -67,11 +78,11 @@ def write(
     format: str | None = None,
     exposure: float = 0.0,
     curve: str = "neutral",
-    aovs: Mapping[str, F32] | None = None,
+    channels: Mapping[str, F32] | None = None,
 ) -> None:
     """Writes the file of `encode` at once or not at all; the format is that of the name unless given."""
     path = Path(path)
-    data = encode(rgb, format or format_of(path), exposure, curve, aovs)
+    data = encode(rgb, format or format_of(path), exposure, curve, channels)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -83,21 +94,6 @@ def write(
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-
-
-def _channels(rgb: F32, aovs: Mapping[str, F32]) -> tuple[list[str], list[F32]]:
-    names, planes = ["R", "G", "B"], [np.asarray(rgb, np.float32)]
-    for name, values in aovs.items():
-        plane = np.asarray(values, np.float32)
-        if plane.shape[:2] != planes[0].shape[:2]:
-            raise ValueError(f"AOV {name} is {plane.shape[:2]}; the picture is {planes[0].shape[:2]}")
-        if plane.ndim == 2:
-            names.append(name)
-            planes.append(plane[..., None])
-        else:
-            names += [f"{name}.{axis}" for axis in ("XYZ" if "normal" in name.lower() else "RGB")]
-            planes.append(plane)
-    return names, planes
 
 
 def _through_openimageio(pixels: F32, names: list[str], suffix: str) -> bytes:

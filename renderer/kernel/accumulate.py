@@ -4,20 +4,36 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.film import ALBEDO, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLE_MAX, SAMPLES, SAMPLES_EVEN
+from renderer.film import (
+    ALBEDO,
+    COLOR,
+    COLOR_HALF,
+    DEPTH,
+    MATERIAL,
+    NORMAL,
+    OBJECT,
+    POSITION,
+    SAMPLE_MAX,
+    SAMPLES,
+    SAMPLES_HALF,
+)
 from renderer.jit import device, entry
 from renderer.kernel import vec
 from renderer.kernel.camera import camera_ray
+from renderer.kernel.filter import filter_offset
 from renderer.kernel.path import trace_path
 from renderer.kernel.sampler import pixel_key, uniform4
 
-__all__ = ["MAX_BAD", "render_tile"]
+__all__ = ["MAX_BAD", "in_half", "render_tile"]
 
 MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
 _MOST = np.float32(SAMPLE_MAX)
-_COLOR, _EVEN, _ALBEDO, _NORMAL = COLOR.start, COLOR_EVEN.start, ALBEDO.start, NORMAL.start
-_FIRST = np.uint32(0)
+_COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
+_POSITION = POSITION.start
+_FIRST = np.uint32(0)  # the block of numbers that the camera uses
+_HALF = np.float32(0.5)
+_MANTISSA_TOP = np.int32(22)
 _NOTHING = (np.int64(0), np.int64(0), np.int64(0))
 
 
@@ -44,27 +60,37 @@ def _add3(sums, channel, y, x, value):
     sums[channel + 2, y, x] += value[2]
 
 
+@device
+def in_half(sample):
+    """As renderer.film.in_half: by the second highest bit of a whole number, the first that a float leaves out."""
+    second = np.int32(np.float32(sample).view(np.int32) >> _MANTISSA_TOP) & 1
+    return second == 0 and sample != 1
+
+
 @entry
-def render_tile(scene, stack, camera, seed, max_depth, scale, x0, y0, first, count, sums, bad):
+def render_tile(scene, stack, camera, options, x0, y0, first, count, sums, bad):
     """Adds `count` samples a pixel to sums (CHANNELS, h, w) int64. Returns (bad samples, rays).
 
-    stack: from new_stack; camera: from camera_frame; scale: float32, 2**film_exponent; (x0, y0): the tile's corner;
+    stack: from new_stack; camera: from camera_frame; options: from kernel_options; (x0, y0): the tile's corner;
     bad: (MAX_BAD, 3) int64, filled with x, y and sample number of samples that were NaN or infinite and so left out.
     """
     bad_count = 0
     rays = 0
+    scale = options.scale
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             pixel = pixel_key(x0 + x, y0 + y)
-            color = even = albedo = normal = _NOTHING
-            depth = samples = samples_even = np.int64(0)
+            color = half = albedo = normal = position = _NOTHING
+            object_id = material_id = depth = samples = samples_half = np.int64(0)
             for sample in range(first, first + count):
-                u = uniform4(seed, pixel, np.uint32(sample), _FIRST)
-                o, d = camera_ray(camera, np.float32(x0 + x) + u[0], np.float32(y0 + y) + u[1])
-                path = trace_path(scene, stack, o, d, seed, pixel, np.uint32(sample), max_depth)
+                u = uniform4(options.sampler, options.seed, pixel, np.uint32(sample), _FIRST)
+                film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
+                film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
+                o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
+                path = trace_path(scene, stack, o, d, options, pixel, np.uint32(sample))
                 rays += path.rays
                 finite = vec.is_finite(path.radiance) and vec.is_finite(path.normal) and vec.is_finite(path.albedo)
-                if not (finite and vec.is_finite((path.depth, path.depth, path.depth))):
+                if not (finite and vec.is_finite(path.position)):
                     if bad_count < MAX_BAD:
                         bad[bad_count, 0] = x0 + x
                         bad[bad_count, 1] = y0 + y
@@ -75,17 +101,24 @@ def render_tile(scene, stack, camera, seed, max_depth, scale, x0, y0, first, cou
                 color = _sum3(color, value)
                 albedo = _sum3(albedo, _fixed3(path.albedo, scale))
                 normal = _sum3(normal, _fixed3(path.normal, scale))
+                position = _sum3(position, _fixed3(path.position, scale))
                 depth += _fixed(path.depth, scale)
                 samples += 1
-                if sample & 1 == 0:
-                    even = _sum3(even, value)
-                    samples_even += 1
+                if sample == 0:  # numbers cannot be averaged, so one sample has the say
+                    object_id = np.int64(path.object)
+                    material_id = np.int64(path.material)
+                if in_half(sample):
+                    half = _sum3(half, value)
+                    samples_half += 1
             # Once a pixel, not once a sample: a tile's planes lie so far apart that they push each other out of the cache.
             _add3(sums, _COLOR, y, x, color)
-            _add3(sums, _EVEN, y, x, even)
+            _add3(sums, _COLOR_HALF, y, x, half)
             _add3(sums, _ALBEDO, y, x, albedo)
             _add3(sums, _NORMAL, y, x, normal)
+            _add3(sums, _POSITION, y, x, position)
+            sums[OBJECT, y, x] += object_id
+            sums[MATERIAL, y, x] += material_id
             sums[DEPTH, y, x] += depth
             sums[SAMPLES, y, x] += samples
-            sums[SAMPLES_EVEN, y, x] += samples_even
+            sums[SAMPLES_HALF, y, x] += samples_half
     return bad_count, rays

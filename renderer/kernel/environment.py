@@ -1,8 +1,9 @@
-"""Light from infinitely far: an equirectangular image, or one colour as an image of one texel.
+"""Light from infinitely far: an equirectangular image, or one colour as an image of one texel, and a sun's disk before it.
 
 Directions are chosen texel by texel in proportion to luminance times solid angle, and uniformly in solid angle within the
 texel: a constant environment is sampled without any noise, and an image's density is constant over each texel. Lookups are
-bilinear; where that spills light into a black texel, only BSDF sampling finds it, which MIS weighs correctly.
+bilinear; where that spills light into a black texel, only BSDF sampling finds it, which MIS weighs correctly. A sun has a
+disk of its own, since no image's texels are as fine: a share of the samples falls on it, and the density is that of both.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import math
 import numpy as np
 
 from renderer.jit import device, subroutine
+from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2, floor, sincos_turns
+from renderer.kernel.warp import square_to_cone, square_to_cone_pdf
 
 __all__ = ["choose", "environment_pdf", "environment_radiance", "sample_environment"]
 
@@ -54,8 +57,25 @@ def _uv(frame, d):
 
 
 @device
+def _on_sun(frame, d):
+    """Whether the sun's disk lies in direction d. By the chord: a cosine in float32 is off by a hundredth of the disk."""
+    if frame[7] == _ZERO:
+        return False
+    x, y, z = d[0] - frame[4], d[1] - frame[5], d[2] - frame[6]
+    return x * x + y * y + z * z < _TWO * frame[7]
+
+
+@device
 def environment_radiance(environment, frame, d):
     """The radiance that comes from direction d."""
+    radiance = _image_radiance(environment, frame, d)
+    if _on_sun(frame, d):
+        radiance = (radiance[0] + frame[8], radiance[1] + frame[9], radiance[2] + frame[10])
+    return radiance
+
+
+@device
+def _image_radiance(environment, frame, d):
     height, width = environment.shape[0], environment.shape[1]
     if height * width == 1:
         return environment[0, 0, 0], environment[0, 0, 1], environment[0, 0, 2]
@@ -99,8 +119,37 @@ def _row_extent(row, height):
 
 
 @device
-def sample_environment(marginal, conditional, frame, u):
-    """A direction in proportion to the environment's light: (unit direction, pdf per steradian)."""
+def sample_environment(marginal, conditional, frame, choice, u):
+    """A direction in proportion to the environment's light: (unit direction, pdf per steradian).
+
+    choice tells, if there is a sun, whether it is the sun's."""
+    sun_share = frame[11]
+    if choice < sun_share:
+        axis = (frame[4], frame[5], frame[6])
+        s, t = vec.basis(axis)
+        d = vec.to_world(s, t, axis, square_to_cone(u, frame[7]))
+        pdf = sun_share * square_to_cone_pdf(frame[7])
+        if sun_share < _ONE:
+            pdf += (_ONE - sun_share) * _image_pdf(marginal, conditional, frame, d)
+        return d, pdf
+    d, pdf = _sample_image(marginal, conditional, frame, u)
+    pdf *= _ONE - sun_share
+    if _on_sun(frame, d):
+        pdf += sun_share * square_to_cone_pdf(frame[7])
+    return d, pdf
+
+
+@device
+def environment_pdf(marginal, conditional, frame, d):
+    """The density with which `sample_environment` gives d, per steradian."""
+    pdf = (_ONE - frame[11]) * _image_pdf(marginal, conditional, frame, d)
+    if _on_sun(frame, d):
+        pdf += frame[11] * square_to_cone_pdf(frame[7])
+    return pdf
+
+
+@device
+def _sample_image(marginal, conditional, frame, u):
     height, width = conditional.shape[0], conditional.shape[1] - 1
     row, u0, row_probability = choose(marginal, u[0])
     column, u1, column_probability = choose(conditional[row], u[1])
@@ -119,8 +168,7 @@ def sample_environment(marginal, conditional, frame, u):
 
 
 @device
-def environment_pdf(marginal, conditional, frame, d):
-    """The density with which `sample_environment` gives d, per steradian."""
+def _image_pdf(marginal, conditional, frame, d):
     height, width = conditional.shape[0], conditional.shape[1] - 1
     u, v = _uv(frame, d)
     row = min(max(np.int64(v * np.float32(height)), 0), height - 1)  # NaN becomes the least int64

@@ -1,4 +1,5 @@
-"""Light sampling: a light is chosen (the environment by a set probability, the others by power), then a point or direction.
+"""Light sampling: a light is chosen (the environment by a set probability, few others by power, many by a tree), then a point
+or direction.
 
 Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light; lights without a
 body have a file of their own.
@@ -14,6 +15,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.kernel.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.material import emission
 from renderer.kernel.punctual import sample_punctual
 from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
@@ -60,7 +62,8 @@ def _sample_triangle(scene, number, area, p, u):
     if not (square > _ZERO and abs(projected) > _ZERO):
         return _nothing()
     uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
-    radiance = emission(scene, scene.triangle_material[number], uv, projected > _ZERO)
+    uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
+    radiance = emission(scene, scene.triangle_material[number], uv, uv1, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
 
@@ -108,7 +111,8 @@ def _sample_sphere(scene, number, p, u):
         if cosine == _ZERO:
             return _nothing()
         pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
-    radiance = emission(scene, scene.sphere_material[number], sphere_uv(normal), cone or cosine > _ZERO)
+    uv = sphere_uv(normal)
+    radiance = emission(scene, scene.sphere_material[number], uv, uv, cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, False)
 
@@ -120,14 +124,20 @@ def sample_light(scene, p, n, choice, u):
     n is zero where the point is lit from all sides."""
     environment_chance = scene.environment_frame[3]
     if choice < environment_chance:
-        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, u)
+        choice /= environment_chance
+        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, choice, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
         return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance, False)
     if len(scene.light_primitive) == 0:
         return _nothing()
     if environment_chance > _ZERO:
         choice = (choice - environment_chance) / (_ONE - environment_chance)
-    light, _, chance = choose(scene.light_cdf, choice)
+    if len(scene.light_node) > 0:
+        light, chance = choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
+        if chance == _ZERO:
+            return _nothing()
+    else:
+        light, _, chance = choose(scene.light_cdf, choice)
     primitive = scene.light_primitive[light]
     triangles = len(scene.triangle)
     if primitive < triangles:
@@ -156,7 +166,11 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
     """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
 
     cosine: under which p sees the light's surface."""
-    chance = (scene.light_cdf[light + 1] - scene.light_cdf[light]) * (_ONE - scene.environment_frame[3])
+    if len(scene.light_node) > 0:
+        chance = tree_chance(scene.light_node, scene.light_child, p, n, light)
+    else:
+        chance = scene.light_cdf[light + 1] - scene.light_cdf[light]
+    chance *= _ONE - scene.environment_frame[3]
     primitive = scene.light_primitive[light]
     triangles = len(scene.triangle)
     d = vec.sub(hit, p)

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
-from renderer.jit import device
+from renderer.jit import device, local_floats
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
-from renderer.kernel.material import emission, eval_material, fetch_material, is_specular, sample_material
+from renderer.kernel.material import LAYER_SLOTS, emission, eval_material, fetch_material, is_specular, sample_material
+from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.sampler import uniform4
 from renderer.kernel.surface import leave, surface_at
 from renderer.kernel.visibility import transmittance
@@ -35,6 +36,9 @@ class PathResult(NamedTuple):
     albedo: tuple[float, float, float]  # of the first hit; 0 where nothing is hit
     normal: tuple[float, float, float]  # its shading normal, on the viewer's side
     depth: float  # its distance
+    position: tuple[float, float, float]
+    object: int  # 1 + its number; 0 where nothing is hit
+    material: int  # likewise
     rays: int
 
 
@@ -49,20 +53,23 @@ def power_heuristic(a, b):
 
 
 @device
-def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
-    """The path of one sample of one pixel, from the ray o + t d on; max_depth counts its segments. A PathResult."""
+def trace_path(scene, stack, o, d, options, pixel, sample):
+    """The path of one sample of one pixel, from the ray o + t d on. A PathResult. options: renderer.kernel.options.Options."""
     radiance = _BLACK
     throughput = _WHITE
     albedo = _BLACK
     first_normal = _BLACK
+    position = _BLACK
     depth = _ZERO
+    object_id = material_id = 0
     rays = 0
     point = o  # the last vertex,
     normal = _BLACK  # its shading normal,
     pdf = _ZERO  # and the density with which its BSDF gave d; 0 after the camera and after specular bounces
     unscaled = _ONE  # eta**2 of the medium the path is in
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
-    for segment in range(max_depth):
+    layers = local_floats(LAYER_SLOTS)  # the rarer materials' textures, looked up
+    for segment in range(options.max_depth):
         hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
         if hit.primitive == NO_PRIMITIVE:
@@ -73,29 +80,33 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
         surface = surface_at(scene, o, d, hit)
         wo_world = vec.neg(d)
         if surface.light >= 0:
-            emitted = emission(scene, surface.material, surface.uv, surface.front)
+            emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
             weight = _ONE
             if pdf > _ZERO:
                 cosine = vec.dot(surface.geometric, wo_world)
                 weight = power_heuristic(pdf, primitive_light_pdf(scene, surface.light, point, normal, surface.point, cosine))
             radiance = vec.add(radiance, vec.mul(throughput, vec.scale(emitted, weight)))
-        material = fetch_material(scene, surface)
+        frame = shading_frame(scene, surface, wo_world)
+        material = fetch_material(scene, surface, frame, layers)
         if segment == 0:
             albedo = material.base
-            first_normal = surface.shading
+            first_normal = frame[2]
+            position = surface.point
             depth = hit.t
-        if segment + 1 == max_depth:
+            object_id = 1 + surface.object
+            material_id = 1 + surface.material
+        if segment + 1 == options.max_depth:
             break
 
-        r0 = uniform4(seed, pixel, sample, np.uint32(2 * segment + 1))
-        r1 = uniform4(seed, pixel, sample, np.uint32(2 * segment + 2))
-        s, q = vec.basis(surface.shading)
-        wo = vec.to_local(s, q, surface.shading, wo_world)
+        r0 = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 1))
+        r1 = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
+        s, q, n = frame
+        wo = vec.to_local(s, q, n, wo_world)
         if lit and not is_specular(material):
-            light = sample_light(scene, surface.point, surface.shading, r0[0], (r0[1], r0[2]))
+            light = sample_light(scene, surface.point, surface.shading, r0[2], (r0[0], r0[1]))
             facing = vec.dot(light.direction, surface.geometric)
             if light.pdf > _ZERO and facing > _ZERO and vec.maximum(light.radiance) > _ZERO:
-                f, scatter_pdf = eval_material(material, wo, vec.to_local(s, q, surface.shading, light.direction))
+                f, scatter_pdf = eval_material(material, wo, vec.to_local(s, q, n, light.direction))
                 if vec.maximum(f) > _ZERO:
                     start = leave(surface.point, surface.error, surface.geometric, light.direction)
                     rays += 1
@@ -106,10 +117,10 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
                         arriving = vec.scale(vec.mul(f, light.radiance), weight)
                         radiance = vec.add(radiance, vec.mul(throughput, arriving))
 
-        wi, weight, pdf, thinned = sample_material(material, surface.front, wo, r1[0], (r1[1], r1[2]))
+        wi, weight, pdf, thinned = sample_material(material, wo, r1[2], (r1[0], r1[1]))
         throughput = vec.mul(throughput, weight)
         unscaled *= thinned
-        d = vec.to_world(s, q, surface.shading, wi)
+        d = vec.to_world(s, q, n, wi)
         # A bent shading normal may send light through the surface, or back from behind it: neither exists.
         if vec.maximum(throughput) <= _ZERO or (vec.dot(d, surface.geometric) > _ZERO) != (wi[2] > _ZERO):
             break
@@ -119,6 +130,6 @@ def trace_path(scene, stack, o, d, seed, pixel, sample, max_depth):
                 break
             throughput = vec.scale(throughput, _ONE / survival)
         point = surface.point
-        normal = surface.shading
+        normal = n
         o = leave(surface.point, surface.error, surface.geometric, d)
-    return PathResult(radiance, albedo, first_normal, depth, rays)
+    return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)

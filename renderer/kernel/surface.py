@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, subroutine
+from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2
+from renderer.kernel.rows import TEXTURED
 
-__all__ = ["Surface", "leave", "sphere_uv", "surface_at", "triangle_point"]
+__all__ = ["Surface", "departure", "hit_material", "leave", "sphere_uv", "surface_at", "triangle_point"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -168,8 +169,64 @@ def _facing(shading, geometric, wo):
 
 @device
 def _is_textured(scene, material):
-    row = scene.material_texture
-    return max(row[material, 0], row[material, 1], row[material, 2]) >= 0
+    return scene.material_flags[material] & TEXTURED != 0
+
+
+@subroutine
+def _normal_to_world(to_local, number, n):
+    """A normal of an instance's space in the world, not of length 1. It keeps its side, mirrored or not."""
+    out_of_line()
+    m = to_local[number]
+    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
+    x, y, z = (
+        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
+        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
+        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
+    )
+    away = max(abs(x), max(abs(y), abs(z)))
+    away = 1.0 / away if away > 0.0 else 0.0
+    return np.float32(x * away), np.float32(y * away), np.float32(z * away)
+
+
+@subroutine
+def _point_to_world(to_world, number, p, w):
+    """A point (w 1) or a direction (w 0) of an instance's space in the world."""
+    out_of_line()
+    m = to_world[number]
+    x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
+    return (
+        np.float32(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3] * w),
+        np.float32(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3] * w),
+        np.float32(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3] * w),
+    )
+
+
+@device
+def _tangent_to_world(scene, number, tangent):
+    """The bitangent's sign turns where the transform mirrors, for the normal keeps its side."""
+    d = _point_to_world(scene.to_world, number, (tangent[0], tangent[1], tangent[2]), _ZERO)
+    square = vec.dot(d, d)
+    if not square > _ZERO:
+        return _NO_TANGENT
+    scale = _ONE / math.sqrt(square)
+    m = scene.to_world[number]
+    determinant = (
+        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
+        - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
+        + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
+    )
+    return d[0] * scale, d[1] * scale, d[2] * scale, tangent[3] if determinant > 0.0 else -tangent[3]
+
+
+@device
+def hit_material(scene, hit):
+    """The number of the material at a Hit."""
+    triangles = len(scene.triangle)
+    if hit.primitive >= triangles:
+        return scene.sphere_material[hit.primitive - triangles]
+    if hit.instance >= 0 and scene.instance_material[hit.instance] >= 0:
+        return scene.instance_material[hit.instance]
+    return scene.triangle_material[hit.primitive]
 
 
 @device
@@ -179,8 +236,13 @@ def surface_at(scene, o, d, hit):
     wo = vec.neg(d)
     triangles = len(scene.triangle)
     uv1, color, tangent = _NO_UV, _WHITE, _NO_TANGENT
+    material = hit_material(scene, hit)
     if primitive < triangles:
+        # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
+        upright = normal
+        if hit.instance >= 0:
+            normal = _normal_to_world(scene.bvh.to_local, hit.instance, normal)
         square = vec.dot(normal, normal)
         if square == _ZERO:  # so small that its area is 0 in float32
             normal = wo
@@ -190,21 +252,31 @@ def surface_at(scene, o, d, hit):
         geometric = vec.scale(normal, away if front else -away)
         i, j, k = scene.triangle[primitive, 0], scene.triangle[primitive, 1], scene.triangle[primitive, 2]
         shading = _mix3(_row3(scene.normal, i), _row3(scene.normal, j), _row3(scene.normal, k), u, v)
+        if len(scene.tangent) > 0:
+            tangent = _tangent(scene.tangent, i, j, k, u, v)
         length2 = vec.dot(shading, shading)
         shadow_point = point
         if not abs(length2 - _ONE) <= _UNIT:  # smooth, or no normal at all; flat meshes are spared the root
+            shadow_point = _lifted(scene, point, primitive, u, v, shading, upright if front else vec.neg(upright))
+            if hit.instance < 0:
+                shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
+        number = scene.triangle_object[primitive]
+        if hit.instance >= 0:
+            point = _point_to_world(scene.to_world, hit.instance, point, _ONE)
+            shadow_point = _point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
+            error = scene.instance_stretch[hit.instance] * error + _ERROR * _magnitude(point)
+            shading = _normal_to_world(scene.bvh.to_local, hit.instance, shading)
+            length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
-            shadow_point = _lifted(scene, point, primitive, u, v, shading, geometric)
-        material = scene.triangle_material[primitive]
+            if len(scene.tangent) > 0:
+                tangent = _tangent_to_world(scene, hit.instance, tangent)
+            number = scene.instance_object[hit.instance]
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         if len(scene.uv1) > 0:
             uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v)
         if len(scene.color) > 0:
             color = _mix4(_row4(scene.color, i), _row4(scene.color, j), _row4(scene.color, k), u, v)
-        if len(scene.tangent) > 0:
-            tangent = _tangent(scene.tangent, i, j, k, u, v)
         light = scene.triangle_light[primitive]
-        number = scene.triangle_object[primitive]
     else:
         ball = primitive - triangles
         point, error, normal = sphere_point(scene.sphere, ball, o, d, t)
@@ -212,12 +284,22 @@ def surface_at(scene, o, d, hit):
         front = vec.dot(normal, wo) > _ZERO
         geometric = normal if front else vec.neg(normal)
         shading = normal
-        material = scene.sphere_material[ball]
         uv = sphere_uv(normal) if _is_textured(scene, material) else _NO_UV
         light = scene.sphere_light[ball]
         number = scene.sphere_object[ball]
     shading = _facing(shading, geometric, wo)
     return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, shadow_point)
+
+
+@device
+def departure(surface, reflected):
+    """Where a ray starts that leaves the surface: on the viewer's side where it is `reflected`, else on the other.
+
+    A reflected ray whose direction points below the facet meets the facet itself: a bent normal lets no light through.
+    """
+    if reflected:
+        return vec.add(surface.shadow_point, vec.scale(surface.geometric, surface.error))
+    return vec.sub(surface.point, vec.scale(surface.geometric, surface.error))
 
 
 @device

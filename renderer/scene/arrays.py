@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
+from renderer.kernel.rows import COLUMNS, SLOTS
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "flat", "nested", "seal"]
 
@@ -21,11 +22,19 @@ Array = npt.NDArray[Any]
 
 
 class CompiledScene(NamedTuple):
-    """What the kernel reads. V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual."""
+    """What the kernel reads.
+
+    I instances, V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual.
+    """
 
     bvh: Bvh
 
-    position: Array  # (V, 3) f32, world space
+    to_world: Array  # (I, 3, 4) f64, from each instance's space: a matrix and, last column, a translation
+    instance_stretch: Array  # (I,) f32: the most that to_world makes of a length of 1
+    instance_material: Array  # (I,) i32: its triangles' material, or -1 where they have their own
+    instance_object: Array  # (I,) i32
+
+    position: Array  # (V, 3) f32, world space; an instance's own where its triangles are
     normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
     uv: Array  # (V, 2) f32
     uv1: Array  # (V, 2) f32, or no rows where no texture looks there
@@ -34,21 +43,25 @@ class CompiledScene(NamedTuple):
     triangle: Array  # (T, 3) i32 into the vertices
     triangle_material: Array  # (T,) i32
     triangle_light: Array  # (T,) i32: its light, or -1
-    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py)
+    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py); an instance's counts instead
     sphere: Array  # (S, 4) f32: centre, radius
     sphere_material: Array  # (S,) i32
     sphere_light: Array  # (S,) i32: its light, or -1
     sphere_object: Array  # (S,) i32
 
-    material_kind: Array  # (M,) i32: renderer.kernel.material's DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS
-    material: Array  # (M, 10) f32: base colour 3, emission 3, metallic, roughness, ior, double-sided (0/1)
-    material_texture: Array  # (M, 3) i32: base colour, emission, metallic-roughness; -1 for none
+    material_kind: Array  # (M,) i32: kinds, flags, columns and slots are named in renderer/kernel/rows.py
+    material_flags: Array  # (M,) i32
+    material: Array  # (M, COLUMNS) f32
+    material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
 
-    texture: Array  # (X, 6) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1)
+    texture: Array  # (X, 7) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set
+    texture_transform: Array  # (X, 6) f32: the rows of the 2x3 matrix that UVs go through
     texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
+    light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
+    light_child: Array  # (Y, 3) i32
     light_area: Array  # (L,) f32, 0 for punctual lights
     punctual_kind: Array  # (K,) i32: renderer.kernel.punctual's POINT, SPOT, DIRECTIONAL
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
@@ -56,7 +69,9 @@ class CompiledScene(NamedTuple):
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
     environment_conditional: Array  # (H, W + 1) f32: cdf within a row
-    environment_frame: Array  # (4,) f32: cos and sin of the rotation, mean radiance, probability of choosing it over the lights
+    # (12,) f32: cos and sin of the rotation, mean luminance, probability of choosing it over the lights; the sun's direction 3,
+    # 1 - cos of its half angle (0: no sun), its radiance 3, its share of the environment's samples
+    environment_frame: Array
 
     bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
 
@@ -66,6 +81,12 @@ class CompiledScene(NamedTuple):
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
     "bvh.packet": ("<f4", ("P", PACKET_ROWS, WIDTH)),
+    "bvh.to_local": ("<f8", ("I", 3, 4)),
+    "to_world": ("<f8", ("I", 3, 4)),
+    "bvh.instance_root": ("<i4", ("I",)),
+    "instance_stretch": ("<f4", ("I",)),
+    "instance_material": ("<i4", ("I",)),
+    "instance_object": ("<i4", ("I",)),
     "position": ("<f4", ("V", 3)),
     "normal": ("<f4", ("V", 3)),
     "uv": ("<f4", ("V", 2)),
@@ -81,18 +102,22 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "sphere_light": ("<i4", ("S",)),
     "sphere_object": ("<i4", ("S",)),
     "material_kind": ("<i4", ("M",)),
-    "material": ("<f4", ("M", 10)),
-    "material_texture": ("<i4", ("M", 3)),
-    "texture": ("<i4", ("X", 6)),
+    "material_flags": ("<i4", ("M",)),
+    "material": ("<f4", ("M", COLUMNS)),
+    "material_texture": ("<i4", ("M", SLOTS)),
+    "texture": ("<i4", ("X", 7)),
+    "texture_transform": ("<f4", ("X", 6)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
+    "light_node": ("<f4", ("Y", 12)),
+    "light_child": ("<i4", ("Y", 3)),
     "light_area": ("<f4", ("L",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
-    "environment_frame": ("<f4", (4,)),
+    "environment_frame": ("<f4", (12,)),
     "bounds": ("<f4", (2, 3)),
     "texel": ("|u1", ("Q", 4)),
 }
@@ -106,7 +131,7 @@ def flat(scene: CompiledScene) -> dict[str, Array]:
 def nested(arrays: dict[str, Array]) -> CompiledScene:
     """The scene of these arrays: the reverse of `flat`."""
     rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
-    return CompiledScene(bvh=Bvh(arrays["bvh.node"], arrays["bvh.packet"]), **rest)
+    return CompiledScene(bvh=Bvh(*(arrays[f"bvh.{name}"] for name in Bvh._fields)), **rest)
 
 
 def seal(scene: CompiledScene) -> CompiledScene:
@@ -144,9 +169,12 @@ def check(arrays: dict[str, Array]) -> None:
         ("triangle", 0, lengths["V"]),
         ("triangle_material", 0, lengths["M"]),
         ("sphere_material", 0, lengths["M"]),
+        ("instance_material", -1, lengths["M"]),
+        ("bvh.instance_root", 0, lengths["N"]),
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
+        ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
     ):
         array = arrays[name]
@@ -162,7 +190,9 @@ def check(arrays: dict[str, Array]) -> None:
     if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
-    if not -2 * lengths["P"] <= int(children.min()) <= int(children.max()) < lengths["N"]:
+    leaves = ~children[children < 0]
+    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["P"])
+    if int(children.max()) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:

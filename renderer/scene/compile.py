@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from renderer.bvh.build import build
+from renderer.bvh.build import Instances, build
 from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
+from renderer.scene.environment import are_accents, choose_environment, tabulate_environment
 from renderer.scene.framing import frame
-from renderer.scene.geometry import MAX_COORDINATE, flatten
-from renderer.scene.lights import are_accents, choose_environment, list_lights, tabulate_environment
+from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, place
+from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
@@ -27,35 +29,38 @@ AUTO_CAMERA = "auto"
 Progress = Callable[[str, float], None]
 
 
-def compile_scene(description: SceneDescription, progress: Progress | None = None) -> CompiledScene:
+def compile_scene(description: SceneDescription, progress: Progress | None = None, brute: bool = False) -> CompiledScene:
     """The compiled scene, every array C-contiguous and read-only.
 
-    progress: told each step as a phrase and the fraction done, 0..1. Raises SceneError where there is nothing to see or
-    too much to hold.
+    progress: told each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
+    Raises SceneError where there is nothing to see or too much to hold.
     """
     say = progress or (lambda step, fraction: None)
     say("placing meshes", 0.0)
-    geometry = flatten(description)
+    geometry, placement = place(description)
     sphere = _spheres(description)
     sphere_material = np.array([s.material for s in description.spheres], np.int32)
-    bounds = _bounds(description.name, geometry.position, geometry.triangle, sphere)
+    bounds = _bounds(description.name, geometry, placement, sphere)
     say("packing textures", 0.25)
     packed = pack(description)
     say("listing lights", 0.4)
     punctual = tabulate_punctual(description.lights, bounds)
-    lights = list_lights(
-        packed.emitted, geometry.position, geometry.triangle, geometry.triangle_material, sphere, sphere_material, punctual.power
-    )
+    double_sided = np.array([m.double_sided for m in description.materials], bool)
+    lights = list_lights(packed.emitted, double_sided, geometry, sphere, sphere_material, punctual)
     if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
         light_studio(description)
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)
     chance = choose_environment(environment, lights.power, bounds)
-    rotation = environment.rotation
     say("building the BVH", 0.5)
-    bvh = build(geometry.position, geometry.triangle, sphere)
+    instances = Instances(placement.first, placement.group, placement.to_world) if len(placement.group) else None
+    bvh = build(geometry.position, geometry.triangle, sphere, instances, brute)
     scene = CompiledScene(
         bvh=bvh,
+        to_world=placement.to_world,
+        instance_stretch=np.linalg.norm(placement.to_world[:, :, :3], ord=2, axis=(1, 2)),
+        instance_material=placement.material,
+        instance_object=placement.object,
         position=geometry.position,
         normal=geometry.normal,
         uv=geometry.uv,
@@ -71,19 +76,23 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         sphere_light=lights.sphere_light,
         sphere_object=np.array(number_objects(description).sphere, np.int32),
         material_kind=packed.material_kind,
+        material_flags=packed.material_flags,
         material=packed.material,
         material_texture=packed.material_texture,
         texture=packed.texture,
+        texture_transform=packed.texture_transform,
         texel=packed.texel,
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
+        light_node=lights.node,
+        light_child=lights.child,
         light_area=lights.area,
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,
         environment_marginal=environment.marginal,
         environment_conditional=environment.conditional,
-        environment_frame=np.array([np.cos(rotation), np.sin(rotation), environment.mean, chance], np.float32),
+        environment_frame=environment.frame(chance),
         bounds=bounds,
     )
     scene = seal(scene)
@@ -105,7 +114,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     return {
         "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
         "counts": {
-            "triangles": len(compiled.triangle),
+            "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
+            "unique_triangles": len(compiled.triangle),
             "vertices": len(compiled.position),
             "spheres": len(compiled.sphere),
             "meshes": len(description.meshes),
@@ -130,24 +140,30 @@ def _spheres(description: SceneDescription) -> F32:
     return found.astype(np.float32)
 
 
-def _bounds(name: str, position: F32, triangle: np.ndarray, sphere: F32) -> F32:
-    corners = [position[triangle.reshape(-1)]] if len(triangle) else []
+def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32) -> F32:
+    corners: list[np.ndarray] = [*bounds_of(geometry, placement)]
     if len(sphere):
         corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
     if not corners:
         raise SceneError(f"{name}: has no triangle with an area and no sphere; export it with its meshes")
-    return np.array(
-        [np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)], np.float32
-    )
+    bounds = np.array([np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)])
+    if not np.abs(bounds).max() < MAX_COORDINATE:
+        raise SceneError(f"{name}: an instance's place is beyond what numbers hold; give it a sane transform")
+    return bounds.astype(np.float32)
 
 
 def _visible_points(compiled: CompiledScene) -> np.ndarray:
-    step = max(len(compiled.triangle) // 50_000, 1)
-    points = [compiled.position[compiled.triangle[::step].reshape(-1)]]
+    world = compiled.triangle[compiled.triangle_object >= 0]
+    points = [compiled.position[world[:: max(len(world) // 50_000, 1)].reshape(-1)]]
     directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     for x, y, z, radius in compiled.sphere[:2000]:
         points.append(np.array([x, y, z]) + radius * directions)
+    for root, transform in zip(compiled.bvh.instance_root[:10_000], compiled.to_world, strict=False):
+        node = compiled.bvh.node[root]
+        for lane in np.flatnonzero(node[0] <= node[1]):
+            corners = np.array(np.meshgrid(*node[:6, lane].reshape(3, 2), indexing="ij")).reshape(3, 8)
+            points.append((transform[:, :3] @ corners + transform[:, 3:]).T)
     return np.concatenate(points)
 
 
@@ -159,8 +175,11 @@ def _aimed(view: View, bounds: np.ndarray) -> View:
     if distance <= 1e-3 * float(np.linalg.norm(bounds[1] - bounds[0])):
         return view
     x, y, z = (float(c) for c in eye + forward * distance)
-    return View(view.eye, (x, y, z), view.up, view.fov)
+    focus = view.focus
+    if focus is None and view.aperture > 0:  # what was sharp stays sharp
+        focus = float(np.linalg.norm(target - eye))
+    return replace(view, target=(x, y, z), focus=focus)
 
 
 def _view_dict(view: View) -> dict[str, Any]:
-    return {"eye": list(view.eye), "target": list(view.target), "up": list(view.up), "fov": view.fov}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(view).items()}

@@ -22,7 +22,7 @@ from renderer.scene.arrays import LAYOUT, CompiledScene, check, flat, nested, se
 __all__ = ["CompiledScene", "load", "save", "seal"]
 
 _FORMAT = {"format": "rayfarm-scene", "version": "1"}
-_NAMES = {"<f4": "F32", "<i4": "I32", "|u1": "U8"}
+_NAMES = {"<f4": "F32", "<f8": "F64", "<i4": "I32", "|u1": "U8"}
 _ALIGN = 64
 _MAX_HEADER = 1 << 20
 

@@ -26,6 +26,7 @@ __all__ = [
     "MaterialKind",
     "Mesh",
     "SceneDescription",
+    "Sky",
     "Sphere",
     "Texture",
     "UvTransform",
@@ -87,7 +88,7 @@ class Material:
     alpha_mode: AlphaMode = "opaque"
     alpha_cutoff: float = 0.5
     metallic: float = 0.0
-    roughness: float = 1.0
+    roughness: float | None = None  # None: smooth glass and conductors, 1 for the rest
     metallic_roughness_texture: int | None = None  # G roughness, B metallic
     ior: float = 1.5
     emission: Vec3 = (0.0, 0.0, 0.0)
@@ -187,8 +188,25 @@ class Light:
 
 
 @dataclass
+class Sky:
+    """A clear sky and its sun (renderer/scene/atmosphere.py). Angles in degrees.
+
+    A white surface that faces the sun outside the atmosphere has radiance 1; on the ground at noon it is about as bright.
+    """
+
+    sun_elevation: float = 45.0  # -90 ... 90, above the horizon
+    sun_azimuth: float = 0.0  # clockwise seen from above: 0 is -Z, 90 is +X
+    air: float = 1.0  # 0 ... 10: molecules, dust and ozone relative to a clear day's
+    dust: float = 1.0
+    ozone: float = 1.0
+    sun: bool = True  # whether its disk shines; the sky is lit by it in any case
+    sun_size: float = 0.545  # across, 0.01 ... 30; its irradiance stays the same
+    ground_albedo: Vec3 = (0.3, 0.3, 0.3)  # of what is below the horizon
+
+
+@dataclass
 class Environment:
-    """Light from infinitely far: `color` radiance, multiplied by an equirectangular image where one is given.
+    """Light from infinitely far: `color` radiance, multiplied by an equirectangular image or a sky where one is given.
 
     The image's middle column looks along -Z and its top row up (+Y) before `rotation`, in degrees about +Y
     (counter-clockwise seen from above). `image` indexes SceneDescription.images (float32 pixels).
@@ -198,6 +216,7 @@ class Environment:
     image: int | None = None
     strength: float = 1.0
     rotation: float = 0.0
+    sky: Sky | None = None  # in place of an image
 
 
 @dataclass

@@ -1,25 +1,29 @@
-"""All instances as one list of triangles in world space."""
+"""All instances' triangles as one list: in the world's space, or once in their own."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.errors import SceneError
-from renderer.scene.description import F32, I32, Instance, Mesh, SceneDescription
+from renderer.scene.description import F32, I32, Mesh, SceneDescription
+from renderer.scene.instances import share
 from renderer.scene.normals import cofactors, face_normals
 from renderer.scene.objects import number_objects
 from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_set, vertex_tangents
 
-__all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "flatten"]
+__all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "Placement", "bounds_of", "flatten", "place"]
 
 MAX_TRIANGLES = 20_000_000
+_MOST_POINTS = 100_000_000  # instances times vertices whose places are looked at one by one
 MAX_COORDINATE = 1e15  # squares and products of it stay within float32
 
 
 class Geometry(NamedTuple):
-    """World-space triangles, as in CompiledScene; `dropped` counts those that had no area."""
+    """Triangles, as in CompiledScene: the world's first, then those of each group that is kept once, in its own space."""
 
     position: F32  # (V, 3)
     normal: F32  # (V, 3), unit
@@ -29,26 +33,73 @@ class Geometry(NamedTuple):
     tangent: F32  # (V or 0, 4)
     triangle: I32  # (T, 3)
     triangle_material: I32  # (T,)
-    triangle_object: I32  # (T,)
-    dropped: int
+    triangle_object: I32  # (T,); -1 in groups
+    dropped: int  # how many had no area
 
 
-def flatten(description: SceneDescription) -> Geometry:
-    """Places every instance. Raises SceneError where a scene has more than MAX_TRIANGLES or leaves the range of float32."""
-    shown = [description.meshes[i.mesh] for i in description.instances]
+class Placement(NamedTuple):
+    """Where the groups stand."""
+
+    first: I32  # (G + 1,) the first triangle of each group, and the number of all triangles
+    group: I32  # (I,) of each instance
+    to_world: npt.NDArray[np.float64]  # (I, 3, 4)
+    material: I32  # (I,) or -1: the triangles' own
+    object: I32  # (I,)
+
+
+def place(description: SceneDescription) -> tuple[Geometry, Placement]:
+    """Copies meshes into the world, or keeps them once, as renderer/scene/instances.py decides.
+
+    Raises SceneError where more than MAX_TRIANGLES are left, or a place is beyond the range of float32.
+    """
+    sharing = share(description)
+    objects = number_objects(description).instance
+    meshes = [description.meshes[description.instances[n].mesh] for n in sharing.copied]
+    meshes += [description.meshes[m] for group in sharing.groups for m in group.meshes]
     for total, limit, what in (
-        (sum(len(m.triangles) for m in shown), MAX_TRIANGLES, "triangles"),
-        (sum(len(m.positions) for m in shown), 3 * MAX_TRIANGLES, "vertices"),
+        (sum(len(m.triangles) for m in meshes), MAX_TRIANGLES, "triangles"),
+        (sum(len(m.positions) for m in meshes), 3 * MAX_TRIANGLES, "vertices"),
     ):
         if total > limit:
             raise SceneError(
-                f"{description.name}: shows {total / 1e6:.0f} million {what}; at most {limit // 10**6} million fit. "
-                "Simplify its meshes or show fewer instances"
+                f"{description.name}: has {total / 1e6:.0f} million {what}, repeated meshes counted once; at most "
+                f"{limit // 10**6} million fit. Simplify its meshes"
             )
-    parts = [
-        _place(description, description.meshes[i.mesh], i, number)
-        for i, number in zip(description.instances, number_objects(description).instance, strict=True)
-    ]
+    parts = []
+    for n in sharing.copied:
+        instance = description.instances[n]
+        mesh = description.meshes[instance.mesh]
+        material = mesh.material if instance.material is None else instance.material
+        parts.append(_placed(description, mesh, instance.transform, material, [material], objects[n]))
+    first = [sum(len(p.triangle) for p in parts)]
+    for group in sharing.groups:
+        for m in group.meshes:
+            mesh = description.meshes[m]
+            own = [description.instances[n].material for n in group.instances]
+            used = sorted({mesh.material if number is None else number for number in own})
+            material = mesh.material if mesh.material in used else used[0]
+            parts.append(_placed(description, mesh, np.eye(4), material, used, -1))
+        first.append(sum(len(p.triangle) for p in parts))
+    which = [(g, n) for g, group in enumerate(sharing.groups) for n in group.instances]
+    shown = [description.instances[n] for _, n in which]
+    placement = Placement(
+        np.array(first, np.int32),
+        np.array([g for g, _ in which], np.int32),
+        np.array([np.asarray(i.transform, np.float64)[:3] for i in shown]).reshape(-1, 3, 4),
+        np.array([-1 if i.material is None else i.material for i in shown], np.int32),
+        np.array([objects[n] for _, n in which], np.int32),
+    )
+    return _joined(parts), placement
+
+
+def flatten(description: SceneDescription) -> Geometry:
+    """Copies every instance into the world."""
+    objects = number_objects(description).instance
+    parts = []
+    for instance, number in zip(description.instances, objects, strict=True):
+        mesh = description.meshes[instance.mesh]
+        material = mesh.material if instance.material is None else instance.material
+        parts.append(_placed(description, mesh, instance.transform, material, [material], number))
     return _joined(parts)
 
 
@@ -82,8 +133,16 @@ def _joined(parts: list[Geometry]) -> Geometry:
     )
 
 
-def _place(description: SceneDescription, mesh: Mesh, instance: Instance, number: int) -> Geometry:
-    transform = np.asarray(instance.transform, np.float64)
+def _placed(
+    description: SceneDescription,
+    mesh: Mesh,
+    transform: npt.NDArray[np.float64],
+    material: int,
+    materials: list[int],
+    number: int,
+) -> Geometry:
+    """A mesh of one material and object; materials: all that instances may give it, which decides on its tangents."""
+    transform = np.asarray(transform, np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         position = (mesh.positions @ transform[:3, :3].T + transform[:3, 3]).astype(np.float32)
     if not np.isfinite(position).all() or np.abs(position).max(initial=0) > MAX_COORDINATE:
@@ -106,17 +165,16 @@ def _place(description: SceneDescription, mesh: Mesh, instance: Instance, number
     else:
         vertex = np.arange(len(position))
         normal = _unit_normals(mesh.normals.astype(np.float64) @ cofactors(transform).T, triangle, face)
-    number_of_material = mesh.material if instance.material is None else instance.material
     tangent = np.zeros((0, 4), np.float32)
-    if needs_tangents(description.materials[number_of_material]):
-        if mesh.tangents is not None and mesh.normals is not None:
-            tangent = _carried_tangents(mesh.tangents, transform, mirrors)
-        else:
-            uvs = mesh.uvs1 if tangent_uv_set(description, description.materials[number_of_material]) else mesh.uvs
-            uv = _finite(uvs, len(mesh.positions), 2)[vertex]
-            kept, triangle = split_mirrored(uv, triangle)
-            vertex, normal = vertex[kept], normal[kept]
-            tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
+    bent = [description.materials[m] for m in materials if needs_tangents(description.materials[m])]
+    if bent and mesh.tangents is not None and mesh.normals is not None:
+        tangent = _carried_tangents(mesh.tangents, transform, mirrors)
+    elif bent:
+        uvs = mesh.uvs1 if tangent_uv_set(description, bent[0]) else mesh.uvs
+        uv = _finite(uvs, len(mesh.positions), 2)[vertex]
+        kept, triangle = split_mirrored(uv, triangle)
+        vertex, normal = vertex[kept], normal[kept]
+        tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
     none = np.zeros((0, 4), np.float32)
     return Geometry(
         position[vertex],
@@ -126,10 +184,30 @@ def _place(description: SceneDescription, mesh: Mesh, instance: Instance, number
         none if mesh.colors is None else np.clip(_finite(mesh.colors, len(mesh.positions), 4), 0, 1)[vertex],
         tangent,
         triangle,
-        np.full(len(triangle), number_of_material, np.int32),
+        np.full(len(triangle), material, np.int32),
         np.full(len(triangle), number, np.int32),
         dropped,
     )
+
+
+def bounds_of(geometry: Geometry, placement: Placement) -> list[npt.NDArray[np.float64]]:
+    """(n, 3) points in the world whose box holds all triangles: tight, but for very many instances of large groups."""
+    world = geometry.triangle[: placement.first[0]].reshape(-1)
+    points = [_corners(geometry.position[world])] if len(world) else []
+    for g, (a, b) in enumerate(pairwise(placement.first)):
+        if a == b:
+            continue
+        shape = geometry.position[np.unique(geometry.triangle[a:b])].astype(np.float64)
+        shown = placement.to_world[placement.group == g]
+        if len(shape) * len(shown) > _MOST_POINTS:
+            low, high = _corners(shape)
+            shape = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)])
+        points += [_corners(shape @ m[:, :3].T + m[:, 3]) for m in shown]
+    return points
+
+
+def _corners(points: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
 
 
 def _finite(values: np.ndarray | None, count: int, width: int) -> F32:

@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer.errors import RayfarmError, SceneError
 from renderer.formats import SCENE_SUFFIXES
+from renderer.scene import sky
 from renderer.scene.description import Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.studio import light_studio
@@ -22,10 +23,12 @@ Reader = Callable[[SceneFiles, str, SceneDescription], None]
 def read(folder: Path, main: str, environment: str | None = None) -> SceneDescription:
     """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
-    environment: an HDR image of the folder that lights the scene in place of its own environment. A scene without any
-    light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights are but accents (a
-    car's tail lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside the folder is
-    opened. Raises SceneError with a sentence that names the file and says what to do.
+    environment: what lights the scene in place of its own environment: an HDR image of the folder, or a sky's
+    "sky:ELEVATION[,AZIMUTH]" (renderer/scene/sky.py).
+
+    A scene without any light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights
+    are but accents (a car's tail lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside
+    the folder is opened. Raises SceneError with a sentence that names the file and says what to do.
     """
     files = SceneFiles(folder)
     description = SceneDescription(name=PurePosixPath(main).stem)
@@ -80,6 +83,9 @@ def _reason(error: Exception) -> str:
 
 
 def _light_with(files: SceneFiles, name: str, description: SceneDescription) -> None:
+    if name.startswith(sky.PREFIX):
+        description.environment = sky.parse_sky(name)
+        return
     shelf = TextureShelf(description, files)
     found = files.find(name, ".")
     if found is None:

@@ -1,4 +1,4 @@
-"""Materials as rows of numbers, and all textures as one list of texels."""
+"""Materials as rows of numbers: what renderer/kernel/rows.py names, filled in from the description."""
 
 from __future__ import annotations
 
@@ -6,116 +6,183 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.errors import SceneError
-from renderer.image.tonemap import encode_srgb
-from renderer.kernel.material import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
-from renderer.kernel.texture import CLAMP, REPEAT
-from renderer.kernel.texture import MIRROR as MIRRORED
-from renderer.scene.description import F32, I32, SceneDescription
+from renderer.kernel import rows
+from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.lights import luminance
+from renderer.scene.texels import Texels
 
-__all__ = ["Packed", "pack"]
+__all__ = ["Packed", "conductor_reflectance", "pack"]
 
-_KINDS = {"diffuse": DIFFUSE, "mirror": MIRROR, "glass": GLASS, "metallic_roughness": METALLIC_ROUGHNESS}
-_WRAPS = {"repeat": REPEAT, "mirror": MIRRORED, "clamp": CLAMP}
-_MAX_TEXELS = (1 << 31) - 1
+_KINDS = {
+    "diffuse": rows.DIFFUSE,
+    "mirror": rows.MIRROR,
+    "glass": rows.GLASS,
+    "metallic_roughness": rows.METALLIC_ROUGHNESS,
+    "conductor": rows.CONDUCTOR,
+    "blinn_phong": rows.BLINN_PHONG,
+    "unlit": rows.UNLIT,
+}
+_SMOOTH = ("glass", "conductor")  # where no roughness is given
 _MAX_EMISSION = 1e9
+_LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
+
+# Slots that are filled by the texture alone; emission's texels have a scale.
+_TEXTURES = {
+    "base_color_texture": rows.BASE_TEXTURE,
+    "metallic_roughness_texture": rows.METALLIC_ROUGHNESS_TEXTURE,
+    "normal_texture": rows.NORMAL_TEXTURE,
+    "specular_texture": rows.SPECULAR_TEXTURE,
+    "specular_color_texture": rows.SPECULAR_COLOR_TEXTURE,
+    "clearcoat_texture": rows.CLEARCOAT_TEXTURE,
+    "clearcoat_roughness_texture": rows.CLEARCOAT_ROUGHNESS_TEXTURE,
+    "clearcoat_normal_texture": rows.CLEARCOAT_NORMAL_TEXTURE,
+    "sheen_color_texture": rows.SHEEN_COLOR_TEXTURE,
+    "sheen_roughness_texture": rows.SHEEN_ROUGHNESS_TEXTURE,
+    "transmission_texture": rows.TRANSMISSION_TEXTURE,
+    "anisotropy_texture": rows.ANISOTROPY_TEXTURE,
+    "iridescence_texture": rows.IRIDESCENCE_TEXTURE,
+    "iridescence_thickness_texture": rows.THICKNESS_TEXTURE,
+    "diffuse_transmission_texture": rows.DIFFUSE_TRANSMISSION_TEXTURE,
+    "diffuse_transmission_color_texture": rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE,
+}
 
 
 class Packed(NamedTuple):
     """As in CompiledScene, and each material's mean emitted luminance, texture included, of both sides where both shine."""
 
     material_kind: I32
+    material_flags: I32
     material: F32
     material_texture: I32
     texture: I32
+    texture_transform: F32
     texel: np.ndarray
     emitted: np.ndarray  # (M,) float64
 
 
-class _Texels:
-    """Collects texels; an image used by several textures is kept once."""
-
-    def __init__(self, description: SceneDescription) -> None:
-        self._description = description
-        self.rows: list[list[int]] = []
-        self.blocks: list[np.ndarray] = []
-        self._count = 0
-        self._images: dict[tuple[int, bool], tuple[int, int, float]] = {}  # to first texel, block, scale
-        self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # to row, scale
-        self._block_of_row: list[int] = []
-
-    def add(self, index: int, bright: bool = False) -> tuple[int, float]:
-        """The row of a texture, and what its texels are to be multiplied by.
-
-        Texels have 8 bits. An HDR image shines through `bright` textures undimmed: it is divided by its maximum, which is
-        returned. In others it is clipped at 1, for no surface reflects more.
-        """
-        if (index, bright) not in self._textures:
-            texture = self._description.textures[index]
-            image = self._description.images[texture.image]
-            floats = image.pixels.dtype != np.uint8
-            first, block, scale = self._place(texture.image, bright and floats)
-            height, width = image.pixels.shape[:2]
-            srgb = image.srgb or floats
-            self.rows.append([first, width, height, _WRAPS[texture.wrap_s], _WRAPS[texture.wrap_t], int(srgb)])
-            self._block_of_row.append(block)
-            self._textures[index, bright] = (len(self.rows) - 1, scale)
-        return self._textures[index, bright]
-
-    def mean_luminance(self, row: int) -> float:
-        """The mean linear luminance of a row's texels, 0..1."""
-        return _mean_luminance(self.blocks[self._block_of_row[row]], srgb=bool(self.rows[row][5]))
-
-    def _place(self, index: int, scaled: bool) -> tuple[int, int, float]:
-        if (index, scaled) not in self._images:
-            pixels = self._description.images[index].pixels
-            scale = max(float(pixels.max(initial=0)), 1e-6) if scaled else 1.0
-            if pixels.dtype != np.uint8:
-                pixels = _to_rgba8(pixels / np.float32(scale))
-            if self._count + pixels.shape[0] * pixels.shape[1] > _MAX_TEXELS:
-                raise SceneError("The scene's textures hold more than 2 billion texels; make them smaller")
-            self._images[index, scaled] = (self._count, len(self.blocks), scale)
-            self.blocks.append(np.ascontiguousarray(pixels).reshape(-1, 4))
-            self._count += len(self.blocks[-1])
-        return self._images[index, scaled]
-
-
 def pack(description: SceneDescription) -> Packed:
     """The materials and the textures that they use. Raises SceneError where the texels are too many."""
-    texels = _Texels(description)
+    texels = Texels(description)
     count = len(description.materials)
     kinds = np.zeros(count, np.int32)
-    rows = np.zeros((count, 10), np.float32)
-    textures = np.full((count, 3), -1, np.int32)
+    flags = np.zeros(count, np.int32)
+    columns = np.zeros((count, rows.COLUMNS), np.float32)
+    textures = np.full((count, rows.SLOTS), -1, np.int32)
     emitted = np.zeros(count)
     for i, m in enumerate(description.materials):
-        kinds[i] = _KINDS[m.kind]
+        for name, slot in _TEXTURES.items():
+            index = getattr(m, name)
+            if index is not None:
+                textures[i, slot] = texels.add(index)[0]
         emission = np.array(m.emission, np.float64)
         emitted[i] = luminance(emission)
-        if m.base_color_texture is not None:
-            textures[i, 0] = texels.add(m.base_color_texture)[0]
         if m.emission_texture is not None and emitted[i] > 0:
             row, scale = texels.add(m.emission_texture, bright=True)
-            textures[i, 1] = row
+            textures[i, rows.EMISSION_TEXTURE] = row
             emission = np.minimum(emission * scale, _MAX_EMISSION)
             emitted[i] *= scale * texels.mean_luminance(row)
-        if m.metallic_roughness_texture is not None:
-            textures[i, 2] = texels.add(m.metallic_roughness_texture)[0]
         if m.double_sided:
             emitted[i] *= 2
-        rows[i] = (*m.base_color, *emission, m.metallic, m.roughness, m.ior, float(m.double_sided))
-    texel = np.concatenate(texels.blocks) if texels.blocks else np.zeros((0, 4), np.uint8)
-    return Packed(kinds, rows, textures, np.array(texels.rows, np.int32).reshape(-1, 6), texel, emitted)
+        kinds[i] = _kind(m)
+        _fill(columns[i], m, emission)
+        flags[i] = _flags(m, [row for row in textures[i] if row >= 0], texels)
+    return Packed(kinds, flags, columns, textures, *texels.arrays(), emitted)
 
 
-def _to_rgba8(rgb: np.ndarray) -> np.ndarray:
-    encoded = (encode_srgb(np.clip(rgb, 0, 1)) * 255 + 0.5).astype(np.uint8)
-    return np.concatenate([encoded, np.full((*encoded.shape[:2], 1), 255, np.uint8)], axis=2)
+def _roughness(m: Material) -> float:
+    if m.roughness is None:
+        return 0.0 if m.kind in _SMOOTH else 1.0
+    return m.roughness
 
 
-def _mean_luminance(texels: np.ndarray, srgb: bool) -> float:
-    counts = np.stack([np.bincount(texels[:, c], minlength=256) for c in range(3)], axis=1)
-    level = np.arange(256) / 255.0
-    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4) if srgb else level
-    return float(luminance((linear @ counts) / max(len(texels), 1)))
+def _kind(m: Material) -> int:
+    if m.kind == "glass":
+        plain = _roughness(m) == 0 and not m.thin
+        return rows.GLASS if plain else rows.LAYERED
+    if m.kind == "metallic_roughness":
+        layers = m.clearcoat, m.transmission, m.diffuse_transmission, m.iridescence, m.anisotropy, *m.sheen_color
+        textured = m.specular_texture is not None or m.specular_color_texture is not None
+        return rows.LAYERED if any(layers) or textured else rows.METALLIC_ROUGHNESS
+    return _KINDS[m.kind]
+
+
+def _flags(m: Material, used: list[int], texels: Texels) -> int:
+    mapped = m.normal_texture is not None or m.clearcoat_normal_texture is not None
+    transmits = m.kind == "glass" or (m.kind == "metallic_roughness" and m.transmission > 0)
+    flags = {
+        rows.TEXTURED: bool(used),
+        rows.SECOND_UV: any(texels.looks_at_second_uvs(row) for row in used),
+        rows.NORMAL_MAPPED: m.normal_texture is not None,
+        rows.NEEDS_TANGENT: mapped or m.anisotropy != 0,
+        rows.MASKED: m.alpha_mode == "mask",
+        rows.BLENDED: m.alpha_mode == "blend",
+        rows.THIN: m.thin,
+        rows.DISPERSIVE: transmits and m.dispersion > 0 and not m.thin,
+        rows.ABSORBING: transmits and not m.thin and bool(_absorption(m).any()),
+    }
+    return sum(bit for bit, is_set in flags.items() if is_set)
+
+
+def _fill(row: F32, m: Material, emission: np.ndarray) -> None:
+    def put(column: int, *values: float) -> None:
+        row[column : column + len(values)] = values
+
+    put(rows.BASE, *m.base_color)
+    put(rows.EMISSION, *emission)
+    put(rows.METALLIC, m.metallic)
+    put(rows.ROUGHNESS, _roughness(m))
+    put(rows.IOR, m.ior)
+    put(rows.DOUBLE_SIDED, float(m.double_sided))
+    put(rows.OPACITY, m.opacity)
+    put(rows.ALPHA_CUTOFF, m.alpha_cutoff)
+    put(rows.NORMAL_SCALE, m.normal_scale)
+    put(rows.SPECULAR, m.specular)
+    put(rows.SPECULAR_COLOR, *m.specular_color)
+    put(rows.CLEARCOAT, m.clearcoat)
+    put(rows.CLEARCOAT_ROUGHNESS, m.clearcoat_roughness)
+    put(rows.CLEARCOAT_NORMAL_SCALE, m.clearcoat_normal_scale)
+    put(rows.SHEEN_COLOR, *m.sheen_color)
+    put(rows.SHEEN_ROUGHNESS, m.sheen_roughness)
+    put(rows.TRANSMISSION, m.transmission)
+    put(rows.ABSORPTION, *_absorption(m))
+    put(rows.ANISOTROPY, m.anisotropy)
+    put(rows.ROTATION, np.cos(m.anisotropy_rotation), np.sin(m.anisotropy_rotation))
+    put(rows.IRIDESCENCE, m.iridescence)
+    put(rows.IRIDESCENCE_IOR, m.iridescence_ior)
+    put(rows.THICKNESS, *m.iridescence_thickness)
+    put(rows.DISPERSION, m.dispersion)
+    put(rows.DIFFUSE_TRANSMISSION, m.diffuse_transmission)
+    put(rows.DIFFUSE_TRANSMISSION_COLOR, *m.diffuse_transmission_color)
+    put(rows.ETA, *m.eta)
+    put(rows.K, *m.k)
+    put(rows.SHININESS, m.shininess)
+    normal_incidence = ((m.ior - 1) / (m.ior + 1)) ** 2
+    put(rows.F0, *(min(normal_incidence * c, 1.0) for c in m.specular_color))
+    if m.kind == "glass":  # the principled surface that lets everything pass
+        put(rows.METALLIC, 0.0)
+        put(rows.TRANSMISSION, 1.0)
+        put(rows.SPECULAR, 1.0)
+        put(rows.SPECULAR_COLOR, 1.0, 1.0, 1.0)
+    if m.kind == "conductor":
+        put(rows.MEAN_FRESNEL, *_mean_reflectance(m))
+
+
+def _absorption(m: Material) -> np.ndarray:
+    """Per unit length, of the inside: what leaves attenuation_color of white after attenuation_distance."""
+    color = np.clip(np.array(m.attenuation_color, np.float64), _LEAST_COLOR, 1.0)
+    return -np.log(color) / max(m.attenuation_distance, 1e-30)
+
+
+def conductor_reflectance(cosine: np.ndarray, eta: float, k: float) -> np.ndarray:
+    """Fresnel reflectance of unpolarised light at a conductor eta + i k, in float64 (Born & Wolf, 14.4)."""
+    sine2 = 1 - cosine**2
+    root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)
+    s = (cosine - root) / (cosine + root)
+    index2 = (eta + 1j * k) ** 2
+    p = (index2 * cosine - root) / (index2 * cosine + root)
+    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
+
+
+def _mean_reflectance(m: Material) -> list[float]:
+    cosine = (np.arange(256) + 0.5) / 256
+    return [float(np.mean(2 * cosine * conductor_reflectance(cosine, e, k))) for e, k in zip(m.eta, m.k, strict=True)]

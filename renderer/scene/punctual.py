@@ -9,6 +9,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.kernel.punctual import DIRECTIONAL, POINT, SPOT
 from renderer.scene.description import F32, I32, Light
+from renderer.scene.light_tree import LightBounds
 
 __all__ = ["Punctual", "tabulate_punctual"]
 
@@ -28,6 +29,7 @@ class Punctual(NamedTuple):
     kind: I32  # (K,)
     row: F32  # (K, 12)
     power: np.ndarray  # (K,) float64, luminance; of a directional one, what the scene's bounding sphere catches
+    bounds: LightBounds  # for the tree of lights
 
 
 def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
@@ -37,7 +39,7 @@ def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
     power = np.array([_power(light, scene_radius) for light in lights], np.float64)
-    return Punctual(kind, row.astype(np.float32), power)
+    return Punctual(kind, row.astype(np.float32), power, _bounds(lights))
 
 
 def _check(light: Light) -> bool:
@@ -82,8 +84,30 @@ def _row(light: Light) -> tuple[float, ...]:
     return (*place, *direction, *value, extent, scale, -outer * scale)
 
 
+def _bounds(lights: list[Light]) -> LightBounds:
+    """Points shine all around, spots up to their outer cone, distant lights within half their angle."""
+    direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
+    place = np.array([light.position for light in lights], np.float64).reshape(-1, 3)
+    distant = np.array([light.kind == "directional" for light in lights], bool)
+    spread = {"point": lambda light: 180.0, "spot": lambda light: light.outer_cone, "directional": lambda light: light.angle / 2}
+    return LightBounds(
+        center=np.where(distant[:, None], direction, place),
+        radius=np.array([-1.0 if light.kind == "directional" else light.radius for light in lights]),
+        axis=np.where(direction.any(axis=1, keepdims=True), direction, (0.0, 0.0, 1.0)),
+        spread=np.radians([spread[light.kind](light) for light in lights]),
+        reach=np.zeros(len(lights)),
+        intensity=np.array([_luminance(light) for light in lights]),
+        both=np.zeros(len(lights)),
+    )
+
+
+def _luminance(light: Light) -> float:
+    return float(np.dot(light.intensity, (0.2126, 0.7152, 0.0722)))
+
+
 def _power(light: Light, scene_radius: float) -> float:
-    intensity = float(np.dot(light.intensity, (0.2126, 0.7152, 0.0722)))
+    intensity = _luminance(light)
     if light.kind == "directional":
         return np.pi * scene_radius**2 * intensity
     if light.kind == "point":

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import tempfile
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Request, Response
 from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
+from renderer import film as film_math
+from service.api.jobs import find_job
 from service.blobs import is_sha256
 from service.farm import FarmDependency
 from service.models import Scene
 from service.problem import Problem
 from service.uploads import disk_checker
-from worker.contract import BlobRef, Manifest
+from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]
 
@@ -55,6 +61,30 @@ def get_blob(sha256: str, farm: FarmDependency) -> FileResponse:
     if not is_sha256(sha256) or not farm.blobs.path(sha256).is_file():
         raise Problem(404, "There is no blob of this hash; its scene may have been deleted.")
     return FileResponse(farm.blobs.path(sha256), media_type="application/octet-stream")
+
+
+@router.get("/films/{job}/{frame}", response_class=FileResponse)
+def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
+    """A frame's means for a denoiser: worker.contract.DenoiseFrame says how they are laid out."""
+    found = find_job(job, farm)
+    film = farm.film(found)
+    if film is None or frame != 0:
+        raise Problem(404, "The job has no such picture yet.")
+    version, samples = film.version(frame), film.samples(frame)
+    handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            for channel in (film_math.COLOR, film_math.ALBEDO, film_math.NORMAL):
+                film.channel(frame, channel).astype("<f4").tofile(file)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+    return FileResponse(
+        name,
+        media_type="application/octet-stream",
+        headers={VERSION_HEADER: version, SAMPLES_HEADER: str(samples)},
+        background=BackgroundTask(lambda: Path(name).unlink(missing_ok=True)),
+    )
 
 
 @router.put("/blobs/{sha256}", status_code=204)

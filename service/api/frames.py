@@ -2,42 +2,54 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Path, Query, Request, Response
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
 
+from renderer import aovs
 from renderer import film as film_math
+from renderer.errors import SettingsError
 from renderer.image import tonemap
-from renderer.image.encode import encode
 from service.api.jobs import find_job
+from service.denoising import Denoised
 from service.farm import Farm, FarmDependency
 from service.films import Film
+from service.models import Scene
+from service.pictures import MEDIA, PictureWish, picture
 from service.problem import Problem
+from worker.contract import SAMPLES_HEADER
 
 __all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs/{id}/frames/{n}", tags=["frames"])
 
-MEDIA = {"png": "image/png", "jpg": "image/jpeg", "exr": "image/x-exr", "hdr": "image/vnd.radiance"}
-AOVS: dict[str, slice | int] = {"albedo": film_math.ALBEDO, "normal": film_math.NORMAL, "depth": film_math.DEPTH}
-
 Number = Annotated[int, Path(ge=0, le=65535, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+AOV_HELP = f"color, or one of {', '.join(aovs.AOVS)}; for exr also a list as color,normal, or all: layers beside the colour"
 
 
 class Pixel(BaseModel):
-    """A pixel as the film has it: means of its samples, scene-linear."""
+    """A pixel as the film has it: means of its samples, scene-linear, in world space."""
 
     x: int
     y: int
     samples: int
     color: list[float]
+    error: float | None = Field(description="standard error of the luminance; null where there are too few samples")
     albedo: list[float]
     normal: list[float]
     depth: float
+    position: list[float]
+    object: int | None = Field(description="number of the object that is seen first, null for none")
+    material: int | None
+    object_name: str | None
+    material_name: str | None
 
 
 class Digest(BaseModel):
@@ -48,30 +60,41 @@ class Digest(BaseModel):
 
 
 @router.get("/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
-def image(
+async def image(
     id: str,
     n: Number,
-    extension: Literal["png", "exr", "jpg", "hdr"],
+    extension: Literal["png", "exr", "jpg", "hdr", "rgb9e5"],
     request: Request,
     farm: FarmDependency,
-    aov: Literal["color", "albedo", "normal", "depth"] = "color",
+    aov: str = Query("color", max_length=200, description=AOV_HELP),
+    denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query("neutral", alias="tonemap", max_length=40, description="a curve's name; for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
 ) -> Response:
-    """The picture so far. EXR and HDR are scene-linear; PNG and JPEG are exposed and tone-mapped."""
+    """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
+
+    The header X-Samples has the number of samples, of all pixels together, that it was made of.
+    """
     if tonemap_curve not in tonemap.CURVES:
         raise Problem(422, f"tonemap: {tonemap_curve!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
-    film = _film(id, n, farm)
-    key = f"{film.version(n)} {extension} {aov} {exposure} {tonemap_curve} {width}"
+    planes, in_layers = _planes(aov)
+    if denoise and planes:
+        raise Problem(422, "denoise: only colour is denoised; leave aov out.")
+    PictureWish(extension, planes, in_layers).check()
+    film = await run_in_threadpool(_film, id, n, farm)
+    denoised = await _denoised(id, n, film, farm) if denoise else None
+    version, samples = (film.version(n), film.samples(n)) if denoised is None else (denoised.version, denoised.samples)
+    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
+    headers[SAMPLES_HEADER] = str(samples)
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    if aov == "color":
-        data = encode(_smaller(film.channel(n), width), extension, exposure, tonemap_curve)
-    else:
-        data = encode(_smaller(_visible(film, n, aov, extension), width), extension, 0.0, "srgb")
-    headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{"" if aov == "color" else "-" + aov}.{extension}"'
+    blob = None if denoised is None else farm.blobs.path(denoised.sha256)
+    wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
+    data = await run_in_threadpool(picture, film, n, wish)
+    kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
+    headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{kind}.{extension}"'
     return Response(data, media_type=MEDIA[extension], headers=headers)
 
 
@@ -84,16 +107,15 @@ def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     sums = film.tile_sums(n, at)
     sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
-    mean = {name: film_math.mean(sums, film.film_exponent, channel)[0, 0] for name, channel in AOVS.items()}
-    return Pixel(
-        x=x,
-        y=y,
-        samples=int(sums[film_math.SAMPLES, 0, 0]),
-        color=film_math.mean(sums, film.film_exponent)[0, 0].tolist(),
-        albedo=mean["albedo"].tolist(),
-        normal=mean["normal"].tolist(),
-        depth=float(mean["depth"]),
-    )
+    values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
+    if not math.isfinite(values["error"]):
+        values["error"] = None
+    names = _names(id, farm)
+    for kind in ("object", "material"):
+        number, known = int(values[kind]) - 1, names.get(f"{kind}s", [])
+        values[kind] = number if number >= 0 else None
+        values[f"{kind}_name"] = known[number] if 0 <= number < len(known) else None
+    return Pixel(x=x, y=y, color=film_math.mean(sums, film.film_exponent)[0, 0].tolist(), **values)
 
 
 @router.get("/digest", response_model=Digest)
@@ -101,6 +123,25 @@ def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
     film = _film(id, n, farm)
     return Digest(digest=film.digest(n), samples=film.samples(n))
+
+
+async def _denoised(id: str, n: int, film: Film, farm: Farm) -> Denoised:
+    """Waits without a thread of its own: many readers may wait at a time."""
+    if not film.samples(n):
+        raise Problem(409, "The picture has no samples yet. Try again when its first tiles are there.")
+    made = await run_in_threadpool(farm.engine.denoise, id, n, film)
+    # Shielded: a reader that leaves must not take the picture from those who wait for the same.
+    return await asyncio.shield(asyncio.wrap_future(made))
+
+
+def _planes(text: str) -> tuple[tuple[str, ...], bool]:
+    """The planes that are asked for, and whether as layers beside the colour."""
+    asked = [name.strip() for name in text.split(",")]
+    try:
+        names = aovs.known(name for name in asked if name not in ("color", ""))
+    except SettingsError as error:
+        raise Problem(422, f"{error}.") from None
+    return tuple(dict.fromkeys(names)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 
 def _film(id: str, n: int, farm: Farm) -> Film:
@@ -113,21 +154,9 @@ def _film(id: str, n: int, farm: Farm) -> Film:
     return film
 
 
-def _smaller(values: np.ndarray, width: int | None) -> np.ndarray:
-    """The (h, w, 3) picture averaged over squares of whole pixels, so that it is at least `width` wide; what is left over at
-    the right and lower edges of the last squares is cut off."""
-    side = min(values.shape[1] // (width or values.shape[1]), values.shape[0])
-    if side <= 1:
-        return values
-    h, w = values.shape[0] // side, values.shape[1] // side
-    return values[: h * side, : w * side].reshape(h, side, w, side, 3).mean(axis=(1, 3), dtype=np.float32)
-
-
-def _visible(film: Film, n: int, aov: str, extension: str) -> np.ndarray:
-    """An AOV as an RGB picture: as it is for EXR and HDR, within 0 ... 1 for what is to be looked at."""
-    values = film.channel(n, AOVS[aov])
-    if values.ndim == 2:
-        if extension in ("png", "jpg"):
-            values = values / max(float(values.max()), 1e-12)
-        return np.repeat(values[..., None], 3, axis=2)
-    return values * 0.5 + 0.5 if aov == "normal" and extension in ("png", "jpg") else values
+def _names(id: str, farm: Farm) -> dict[str, list[str]]:
+    """The names of the scene's objects and materials, by their numbers."""
+    with farm.sessions() as session:
+        scene = session.get(Scene, find_job(id, farm).scene)
+    names = ((scene.info if scene else None) or {}).get("names")
+    return names or {}

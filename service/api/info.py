@@ -7,6 +7,7 @@ from typing import Any
 
 from fastapi import APIRouter
 
+from renderer.aovs import AOVS
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
 from renderer.settings import (
@@ -54,5 +55,7 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         "filters": list(FILTERS),
         "projections": list(PROJECTIONS),
         "curves": list(CURVES),
+        "aovs": list(AOVS),
+        "denoise": farm.engine.denoising.kind() is not None,
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }

@@ -65,7 +65,7 @@ def run(spp: int, rounds: int, variant: str) -> dict[str, Any]:
     mi, theirs = _mitsuba(variant, spp)
     compile_s = warm_up()
     ours = compile_scene(read(SCENES, "cornell-box.yaml"))
-    settings = RenderSettings(SIZE, SIZE, View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077), max_depth=DEPTH)
+    settings = RenderSettings(SIZE, SIZE, View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077), max_depth=DEPTH, filter="box")
     samples = SIZE * SIZE * spp
 
     def render_theirs(seed: int) -> Any:

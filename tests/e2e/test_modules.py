@@ -59,12 +59,12 @@ def test_the_shader_is_the_tone_mapping_of_python(page: Page, exposure: float) -
         Object.assign(document.body.style, { margin: 0, whiteSpace: "normal" });
         Object.assign(view.element.style, { position: "fixed", inset: 0 });
         for (const canvas of view.element.children) canvas.style.position = "absolute";
-        const { decodeTile } = await import("/js/tile-packet.js");
-        view.putTile(decodeTile(new Uint8Array(a.packet).buffer));
+        const { Film } = await import("/js/film.js");
+        view.layers[0].setFilm(new Film(a.width, a.height, new Uint32Array(a.words)));
         view.canvas.resize();
         view.actualSize();
         window.view = view;"""
-    call(page, "film-view", mount, {"width": WIDTH, "height": HEIGHT, "packet": list(packet(1, film, 1))})
+    call(page, "film-view", mount, {"width": WIDTH, "height": HEIGHT, "words": rgbe9995.pack(film).ravel().tolist()})
     for curve in tonemap.CURVES:
         origin = page.evaluate(
             """async (look) => {

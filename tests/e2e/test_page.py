@@ -8,15 +8,14 @@ import re
 import time
 from pathlib import Path
 
-import httpx
 import numpy as np
-import OpenImageIO
 import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
-from renderer.image import rgbe9995, tonemap
+from renderer.image import tonemap
 from tests.e2e.conftest import Watched
+from tests.e2e.screen import assert_shows, read_exr
 from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
@@ -44,39 +43,6 @@ def samples_shown(page: Page) -> int:
     return int(page.get_by_label("Progress", exact=True).locator(".big").inner_text().replace(",", ""))
 
 
-def picture_on_screen(page: Page) -> np.ndarray:
-    """The picture's pixels on the screen at one to one, (HEIGHT, WIDTH, 3) uint8. WebGL's own readPixels may be empty."""
-    box = page.locator("canvas.film").bounding_box()
-    scale, x, y = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
-    assert box is not None and scale == 1
-    clip = {"x": box["x"] + x, "y": box["y"] + y, "width": WIDTH, "height": HEIGHT}
-    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB"))
-
-
-def read_exr(data: bytes, path: Path) -> np.ndarray:
-    """The colour of an EXR, (h, w, 3) float32."""
-    path.write_bytes(data)
-    picture = OpenImageIO.ImageInput.open(str(path))
-    assert picture, OpenImageIO.geterror()
-    return picture.read_image(0, 0, 0, 3, OpenImageIO.FLOAT)
-
-
-def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """The screen shows the film, as RGB9E5 carries it, through exposure and curve; to a last bit of 8. Gives the screen.
-
-    The software renderer draws a frame in some tens of milliseconds: it has a second.
-    """
-    wanted = tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve).astype(int)
-    deadline = time.monotonic() + 1
-    while True:
-        screen = picture_on_screen(page)
-        difference = np.abs(screen.astype(int) - wanted).max()
-        if difference <= 1 or time.monotonic() > deadline:
-            break
-    assert difference <= 1, f"{curve} at {exposure:+} EV differs by {difference}/255"
-    return screen
-
-
 def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     page.goto(farm.url)
@@ -88,7 +54,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     page.get_by_text("Custom").nth(1).click()
     page.get_by_label("Keep the aspect").uncheck()
     page.get_by_label("Width").fill(str(WIDTH))
-    page.get_by_label("Height").fill(str(HEIGHT))
+    page.get_by_label("Height", exact=True).fill(str(HEIGHT))
     page.get_by_text("Custom").nth(2).click()
     page.get_by_label("Samples per pixel").fill(str(SPP))
     render.click()
@@ -105,7 +71,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
 
     job = page.url.split("/jobs/")[1].split("?")[0]
     image = f"{farm.url}/api/jobs/{job}/frames/0/image"
-    film = read_exr(httpx.get(f"{image}.exr").raise_for_status().content, tmp_path / "film.exr")
+    film = read_exr(f"{image}.exr", tmp_path)
     assert film.shape == (HEIGHT, WIDTH, 3) and film.max() > 1 > film.min()
 
     page.keyboard.press("1")
@@ -165,7 +131,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
 def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)
-    page.get_by_role("button", name="Spheres").click()
+    page.get_by_role("button", name="Spheres", exact=True).click()
     page.get_by_role("button", name="Render").click()
     expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()

@@ -176,7 +176,12 @@ def _bsdf(mi: Any, description: SceneDescription, material: Material) -> dict[st
     if material.normal_texture is not None:
         if material.normal_scale != 1.0:
             raise ValueError("Mitsuba's normal maps have no scale")
-        bsdf = {"type": "normalmap", "normalmap": _texture(mi, description, material.normal_texture), "bsdf": bsdf}
+        bsdf = {
+            "type": "normalmap",
+            "normalmap": _texture(mi, description, material.normal_texture),
+            "bsdf": bsdf,
+            "use_shadowing_function": False,
+        }
     if material.kind != "glass":
         bsdf = {"type": "twosided", "bsdf": bsdf}
     if material.alpha_mode == "opaque":
@@ -191,7 +196,9 @@ def _bsdf(mi: Any, description: SceneDescription, material: Material) -> dict[st
 
 def _scattering(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
     base = _base(mi, description, material)
-    alpha = material.roughness**2
+    smooth = material.kind in ("glass", "conductor")
+    roughness = material.roughness if material.roughness is not None else 0.0 if smooth else 1.0
+    alpha = roughness**2
     if material.kind == "diffuse":
         return {"type": "diffuse", "reflectance": base}
     if material.kind == "mirror":

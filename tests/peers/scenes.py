@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere, Texture
 from renderer.scene.load import read
 from renderer.scene.normals import smoothed
 from renderer.settings import RenderSettings, View
@@ -130,10 +131,65 @@ def textured_floor_and_smooth_normals() -> Case:
 
 
 @_case
+def thin_lens() -> Case:
+    description = _scene(
+        [WHITE, emitter(5.0), Material(base_color=(0.7, 0.2, 0.1))],
+        [FLOOR, _ceiling(1, 1.2), box(2, 0.4, (-0.9, 0.4, -2.0)), box(2, 0.4, (0.2, 0.4, 0.3)), box(2, 0.3, (1.0, 0.3, 2.4))],
+        environment=Environment(color=(0.3, 0.4, 0.6)),
+    )
+    return description, _settings(_view(aperture=0.5, focus=5.2), 4)
+
+
+@_case
+def orthographic() -> Case:
+    description = _scene(
+        [WHITE, emitter(5.0), Material(base_color=(0.2, 0.5, 0.7))],
+        [FLOOR, _ceiling(1, 1.2), box(2, 0.6, (-0.7, 0.6, 0)), box(2, 0.3, (0.9, 0.3, 0.8))],
+        environment=Environment(color=gray(0.2)),
+    )
+    return description, _settings(_view(projection="orthographic", height=3.0), 4)
+
+
+@_case
+def point_spot_and_directional_light() -> Case:
+    lights = [
+        Light("point", (6.0, 5.0, 3.0), position=(-1.5, 2.0, 1.5)),
+        Light("spot", (3.0, 6.0, 12.0), position=(1.8, 3.0, 1.0), direction=(-0.4, -1.0, -0.3), inner_cone=22.0, outer_cone=22.0),
+        Light("directional", (0.6, 0.6, 0.5), direction=(-1.0, -2.0, -0.5)),
+    ]
+    description = _scene([WHITE, Material(base_color=gray(0.5))], [FLOOR, box(1, 0.5, (0, 0.5, 0))], lights=lights)
+    return description, _settings(_view(), 3)
+
+
+@_case
 def white_rough_metal() -> Case:
-    return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.3)), _settings(
+    return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.1)), _settings(
         _view()
     )
+
+
+@_case
+def normal_map() -> Case:
+    """Bumps on a turned wall and, their axes exchanged, on a slope: what swaps or flips an axis shows."""
+    y, x = np.meshgrid(np.arange(32) / 32 * 2 * math.pi, np.arange(32) / 32 * 2 * math.pi, indexing="ij")
+    n = np.stack([0.25 * np.cos(x), 0.2 * np.cos(2 * y), np.ones_like(x)], -1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    codes = np.concatenate([np.rint((n * 0.5 + 0.5) * 255), np.full((32, 32, 1), 255)], -1).astype(np.uint8)
+    bumpy = Material(base_color=(0.7, 0.7, 0.6), normal_texture=0)
+    wall = square((-0.9, 1.3, -1.0), (1.0, 0, -0.3), (0.1, 1.3, 0), 2)
+    slope = square((1.0, 0.7, 0.0), (0.9, 0, 0), (0, 0.6, -0.8), 2)
+    wall.uvs = np.array([(0, 2), (2, 2), (2, 0), (0, 0)], np.float32)
+    slope.uvs = np.array([(0, 0), (0, 2), (2, 2), (2, 0)], np.float32)
+    for mesh in (wall, slope):
+        normal = np.cross(mesh.positions[1] - mesh.positions[0], mesh.positions[3] - mesh.positions[0])
+        mesh.normals = np.tile(normal / np.linalg.norm(normal), (4, 1)).astype(np.float32)
+    description = _scene(
+        [WHITE, emitter(30.0), bumpy],
+        [FLOOR, wall, slope, square((1.5, 3.5, 1.5), (0.4, 0, 0), (0, 0, 0.4), 1)],
+        textures=[Texture(0)],
+        images=[Image("bumps", codes, srgb=False)],
+    )
+    return description, _settings(_view(), 3)
 
 
 @_case

@@ -15,6 +15,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 from PIL import Image
 
+from renderer.denoise import is_available
 from tests.helpers import ROOT, wait_until
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
@@ -68,16 +69,33 @@ def test_render_writes_aovs_and_stats_and_is_the_same_for_any_number_of_threads(
     for threads in (1, 2):
         done = rayfarm(
             "render", CORNELL, "-o", tmp_path / f"{threads}.exr", "--size=32x32", "--spp=4", f"--threads={threads}",
-            "--aov=albedo,normal,depth", "--stats", tmp_path / "stats.json",
+            "--aov=all", "--stats", tmp_path / "stats.json",
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
     one, names = read(tmp_path / "1.exr")
     two, _ = read(tmp_path / "2.exr")
     assert np.array_equal(one, two)
-    assert {"R", "G", "B", "albedo.R", "normal.X", "depth"} <= set(names)
+    assert {"R", "Denoising Albedo.R", "Normal.X", "Depth.Z", "IndexOB.X", "Standard Error.X"} <= set(names)
+    assert (one[..., names.index("Debug Sample Count.X")] == 4).all()
+    ids = one[..., names.index("IndexMA.X")]
+    assert np.array_equal(ids, np.rint(ids))
+    assert len(np.unique(ids)) >= 3, "the box has a white, a red and a green material"
     stats = json.loads((tmp_path / "stats.json").read_text())
     assert stats["samples"] == 32 * 32 * 4
     assert {"load_s", "build_s", "compile_s", "render_s", "samples_per_s", "peak_memory_bytes"} <= set(stats)
+
+
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
+    common = ["render", str(CORNELL), "--size=48x48", "--spp=4"]
+    assert rayfarm(*common, "-o", tmp_path / "plain.exr").returncode == 0
+    done = rayfarm(*common, "-o", tmp_path / "picture.exr", "--denoise", "--aov=depth")
+    assert done.returncode == 0, done.stderr
+    raw, names = read(tmp_path / "picture.exr")
+    clean, clean_names = read(tmp_path / "picture-denoised.exr")
+    assert np.array_equal(raw[..., :3], read(tmp_path / "plain.exr")[0]), "the raw picture is what it is without --denoise"
+    assert names == clean_names
+    assert np.abs(np.diff(clean[..., 0])).mean() < np.abs(np.diff(raw[..., 0])).mean()
 
 
 def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -> None:
@@ -113,7 +131,7 @@ def test_info_is_for_people_and_programs() -> None:
         (["render", str(CORNELL), "-o", "out.png", "--camera", "side"], 1, "no camera 'side'"),
         (["render", str(CORNELL), "-o", "out.png", "--integrator", "magic"], 1, "integrator is 'magic'"),
         (["render", str(CORNELL), "-o", "out.png", "--aov", "albedo"], 1, "--aov needs an .exr"),
-        (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "--aov 'mood' is not known"),
+        (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "aov 'mood' is not known"),
         (["render", str(CORNELL), "-o", "out.png", "--size=8x8", "--tile=4,4,8,8"], 1, "--tile reaches out"),
         (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
         (["render", str(CORNELL)], 2, "--output"),

@@ -43,10 +43,10 @@ def scene(
     materials: list[Material],
     meshes: tuple[Mesh, ...] = (),
     spheres: tuple[Sphere, ...] = (),
-    environment: float | np.ndarray | None = None,
+    environment: float | np.ndarray | Environment | None = None,
     lights: tuple[Light, ...] = (),
 ) -> CompiledScene:
-    """The compiled scene; environment: a constant radiance, or an image (h, w, 3) float32."""
+    """The compiled scene; environment: a constant radiance, an image (h, w, 3) float32, or a whole one."""
     description = SceneDescription(
         meshes=list(meshes),
         instances=[Instance(i) for i in range(len(meshes))],
@@ -57,6 +57,8 @@ def scene(
     if isinstance(environment, np.ndarray):
         description.images.append(Image("sky", environment.astype(np.float32), srgb=False))
         description.environment = Environment(image=0)
+    elif isinstance(environment, Environment):
+        description.environment = environment
     elif environment is not None:
         description.environment = Environment(color=gray(environment))
     return compile_scene(description)
@@ -65,7 +67,8 @@ def scene(
 def settings(
     eye: tuple[float, ...], target: tuple[float, ...], fov: float = 1.0, size: int = 24, **more: object
 ) -> RenderSettings:
-    """A square picture; `up` is chosen so that any line of sight will do."""
+    """A square picture, its pixels squares; `up` is chosen so that any line of sight will do."""
+    more.setdefault("filter", "box")
     sight = np.subtract(target, eye)
     up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)
     return RenderSettings(size, size, View(tuple(eye), tuple(target), up, fov), **more)

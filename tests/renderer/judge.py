@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.stats
 
-from renderer.film import COLOR, COLOR_EVEN, SAMPLES, SAMPLES_EVEN, Sums
+from renderer.film import COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF, Sums
 
 ALPHA = 0.01  # what all tests of a family together may fail by chance (Mitsuba's chi2.py)
 
@@ -24,12 +24,12 @@ def limit(tests: int) -> float:
 
 def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
     """The mean over all pixels and channels, and its standard error from the film's two halves."""
-    n, even = sums[SAMPLES].astype(float), sums[SAMPLES_EVEN].astype(float)
+    n, half = sums[SAMPLES].astype(float), sums[SAMPLES_HALF].astype(float)
     scale = 2.0**-film_exponent
     color = sums[COLOR].mean(0) * scale
-    color_even = sums[COLOR_EVEN].mean(0) * scale
-    difference = color_even / even - (color - color_even) / (n - even)
-    error = difference * np.sqrt(even * (n - even)) / n
+    color_half = sums[COLOR_HALF].mean(0) * scale
+    difference = color_half / half - (color - color_half) / (n - half)
+    error = difference * np.sqrt(half * (n - half)) / n
     return float((color / n).mean()), float(np.sqrt((error**2).sum()) / error.size)
 
 

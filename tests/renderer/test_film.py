@@ -10,13 +10,15 @@ from hypothesis import strategies as st
 from renderer.film import (
     CHANNELS,
     COLOR,
-    COLOR_EVEN,
+    COLOR_HALF,
     DEPTH,
     NORMAL,
     SAMPLE_MAX,
     SAMPLES,
-    SAMPLES_EVEN,
+    SAMPLES_HALF,
     digest,
+    error,
+    in_half,
     mean,
     noise,
 )
@@ -30,18 +32,19 @@ def film_of(values, height=2, width=3):
     fixed = np.rint(np.asarray(values, np.float64) * 2.0**EXPONENT).astype(np.int64)
     sums = np.zeros((CHANNELS, height, width), np.int64)
     sums[COLOR] = np.moveaxis(fixed.sum(0), -1, 0)
-    sums[COLOR_EVEN] = np.moveaxis(fixed[::2].sum(0), -1, 0)
+    half = np.array([in_half(i) for i in range(len(fixed))])
+    sums[COLOR_HALF] = np.moveaxis(fixed[half].sum(0), -1, 0)
     sums[SAMPLES] = len(fixed)
-    sums[SAMPLES_EVEN] = len(fixed[::2])
+    sums[SAMPLES_HALF] = half.sum()
     return sums
 
 
 def test_planes_do_not_overlap_and_fill_the_film():
     from renderer import film
 
-    planes = [film.COLOR, film.COLOR_EVEN, film.ALBEDO, film.NORMAL, film.POSITION]
+    planes = [film.COLOR, film.COLOR_HALF, film.ALBEDO, film.NORMAL, film.POSITION]
     used = [i for plane in planes for i in range(plane.start, plane.stop)]
-    used += [DEPTH, SAMPLES, SAMPLES_EVEN, film.OBJECT, film.MATERIAL]
+    used += [DEPTH, SAMPLES, SAMPLES_HALF, film.OBJECT, film.MATERIAL]
     assert sorted(used) == list(range(CHANNELS))
 
 
@@ -95,10 +98,38 @@ def test_noise_is_the_standard_error_of_the_mean(n, seed):
 def test_noise_is_unknown_where_a_half_is_empty():
     assert noise(film_of(np.ones((1, 2, 3, 3))), EXPONENT) == np.inf
     sums = film_of(np.ones((4, 2, 3, 3)))
-    sums[SAMPLES, 1, 1] = sums[SAMPLES_EVEN, 1, 1] = 0
+    sums[SAMPLES, 1, 1] = sums[SAMPLES_HALF, 1, 1] = 0
     assert noise(sums, EXPONENT) == np.inf
     assert noise(np.zeros((CHANNELS, 0, 0), np.int64), EXPONENT) == np.inf
 
 
 def test_noise_of_a_black_picture_is_zero():
     assert noise(film_of(np.zeros((4, 2, 3, 3))), EXPONENT) == 0
+
+
+def test_the_halves_are_two_for_every_power_of_two():
+    assert [i for i in range(20) if in_half(i)] == [0, 2, 4, 5, 8, 9, 10, 11, 16, 17, 18, 19]
+    for k in range(1, 12):
+        assert sum(map(in_half, range(1 << k))) == 1 << (k - 1)
+
+
+@pytest.mark.parametrize("n", [2, 3, 7, 64])
+def test_error_is_the_standard_error_of_each_pixels_luminance(n):
+    spread, level, side = np.array([0.3, 0.1, 0.2]), 2.0, 96
+    values = level + spread * np.random.default_rng(n).standard_normal((n, side, side, 3))
+    sums = film_of(values, side, side)
+    expected = np.sqrt(((spread * (0.2126, 0.7152, 0.0722)) ** 2).sum() / n)
+    found = error(sums, EXPONENT)
+    assert found.shape == (side, side)
+    assert found.dtype == np.float32
+    assert np.sqrt((found.astype(float) ** 2).mean()) == pytest.approx(expected, rel=5 / np.sqrt(2 * side * side))
+    np.testing.assert_allclose(
+        error(sums, EXPONENT, relative=True), found / (mean(sums, EXPONENT) @ (0.2126, 0.7152, 0.0722)), 1e-5
+    )
+
+
+def test_error_is_infinite_where_unknown_and_zero_where_all_samples_agree():
+    assert (error(np.zeros((CHANNELS, 2, 2), np.int64), EXPONENT) == np.inf).all()
+    assert (error(film_of(np.ones((1, 2, 3, 3))), EXPONENT) == np.inf).all()
+    assert (error(film_of(np.zeros((4, 2, 3, 3))), EXPONENT, relative=True) == 0).all()
+    assert (error(film_of(np.ones((4, 2, 3, 3))), EXPONENT, relative=True) == 0).all()

@@ -13,17 +13,22 @@ from renderer.film import (
     ALBEDO,
     CHANNELS,
     COLOR,
-    COLOR_EVEN,
+    COLOR_HALF,
     DEPTH,
+    MATERIAL,
     NORMAL,
+    OBJECT,
+    POSITION,
     SAMPLE_MAX,
     SAMPLES,
-    SAMPLES_EVEN,
+    SAMPLES_HALF,
     digest,
+    in_half,
     mean,
     noise,
 )
 from renderer.kernel.accumulate import MAX_BAD
+from renderer.kernel.accumulate import in_half as kernel_half
 from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.compiled import seal
 from renderer.scene.description import Material, Sphere
@@ -108,11 +113,12 @@ def test_a_frame_does_not_depend_on_the_frame_before(whole):
     assert digest(render_frame(varied(), MANY, SPP)) == digest(expected)
 
 
-def test_even_sums_are_those_of_the_even_sample_numbers(whole):
+def test_half_sums_are_those_of_the_half_of_the_sample_numbers(whole):
     made, expected = whole
-    even = sum(render_batch(made, MANY, Tile(0, 0, 40, 40), n, 1).sums for n in range(0, SPP, 2))
-    np.testing.assert_array_equal(expected[COLOR_EVEN], even[COLOR])
-    assert (expected[SAMPLES_EVEN] == SPP // 2).all()
+    numbers = [n for n in range(SPP) if in_half(n)]
+    half = sum(render_batch(made, MANY, Tile(0, 0, 40, 40), n, 1).sums for n in numbers)
+    np.testing.assert_array_equal(expected[COLOR_HALF], half[COLOR])
+    assert (expected[SAMPLES_HALF] == len(numbers)).all()
     assert (expected[SAMPLES] == SPP).all()
 
 
@@ -128,7 +134,7 @@ def test_seeds_and_pixels_and_samples_differ(whole):
     assert (np.diff(expected[COLOR], axis=2) != 0)[:, hit[:, 1:] & hit[:, :-1]].mean() > 0.95
     # the two are equally good estimates of one picture
     difference = (other[COLOR] - expected[COLOR]).astype(float).sum()
-    halves = [2 * s[COLOR_EVEN] - s[COLOR] for s in (other, expected)]
+    halves = [2 * s[COLOR_HALF] - s[COLOR] for s in (other, expected)]
     error = np.sqrt(sum((h.astype(float).sum(0) ** 2).sum() for h in halves))  # channels of a pixel are not independent
     assert abs(difference) < 3 * error
 
@@ -197,6 +203,11 @@ def test_first_hit_planes_of_a_known_plane():
     ray = forward + x[..., None] * np.array([1, 0, 0]) + y[..., None] * down
     depth = np.linalg.norm(ray, axis=-1) / -ray[..., 1]
     corners = np.stack([depth[:-1, :-1], depth[1:, :-1], depth[:-1, 1:], depth[1:, 1:]])
+    position = mean(sums, 24, POSITION)
+    np.testing.assert_allclose(position[..., 1], -1, atol=1e-5)
+    assert (np.abs(position[..., 0] / mean(sums, 24, DEPTH)) < 1).all()
+    assert (np.diff(position[..., 0], axis=1) > 0).all()
+    assert (np.diff(position[..., 2], axis=0) > 0).all()
     found = mean(sums, 24, DEPTH)
     assert (found <= corners.max(0) * (1 + 1e-5)).all()
     assert (found >= corners.min(0) * (1 - 1e-5)).all()
@@ -207,6 +218,8 @@ def test_first_hit_planes_are_zero_where_nothing_is_hit():
     assert not sums[ALBEDO, :8].any()
     assert not sums[NORMAL, :8].any()
     assert not sums[DEPTH, :8].any()
+    assert not sums[POSITION, :8].any()
+    assert not sums[[OBJECT, MATERIAL], :8].any()
     assert sums[DEPTH, 8:].all()
 
 
@@ -235,19 +248,71 @@ def test_a_dark_scene_is_lit_by_the_settings_environment():
     assert_mean(render_frame(made, asked, 64), 1.0)
 
 
-def test_noise_is_what_many_seeds_show():
-    """The film's own estimate against the spread of 48 pictures that differ in nothing but the seed."""
+def spread_and_estimate(sampler, spp, seeds=48):
+    """The spread of pictures that differ in nothing but the seed, the film's own estimate of it, and that one's error."""
     made = varied()
     pictures, estimates = [], []
-    for seed in range(48):
-        asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=20, max_depth=4, seed=seed)
-        sums = render_frame(made, asked, 8, threads=2)
+    for seed in range(seeds):
+        asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=20, max_depth=4, seed=seed, sampler=sampler)
+        sums = render_frame(made, asked, spp, threads=2)
         pictures.append(mean(sums, 24).astype(float))
         estimates.append(noise(sums, 24))
     spread = np.sqrt(np.var(pictures, axis=0, ddof=1).mean()) / np.mean(pictures)
-    found, error = np.sqrt(np.mean(np.square(estimates))), np.std(estimates, ddof=1) / np.sqrt(48)
+    return spread, np.sqrt(np.mean(np.square(estimates))), np.std(estimates, ddof=1) / np.sqrt(seeds)
+
+
+@pytest.mark.parametrize("spp", [8, 13])
+def test_noise_is_what_many_seeds_show(spp):
+    spread, found, error = spread_and_estimate("independent", spp)
     assert error < 0.05 * spread
     assert abs(found - spread) < 3 * 2 * error  # both sides are estimates of like precision
+
+
+@pytest.mark.parametrize("spp", [2, 8, 13, 64])
+def test_noise_of_sobol_samples_is_not_told_too_low_nor_as_if_they_were_independent(spp):
+    spread, found, error = spread_and_estimate("sobol", spp)
+    assert spread < found + 3 * 2 * error
+    assert found < 1.7 * spread
+
+
+def test_the_kernel_halves_the_samples_as_the_film_says():
+    numbers = [*range(5000), 2**19 - 1, 2**19, 3 * 2**18 - 1, 3 * 2**18, 2**20 - 1]
+    assert [bool(kernel_half(np.int64(n))) for n in numbers] == [in_half(n) for n in numbers]
+
+
+def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
+    """They are sample 0's: a batch without it adds nothing."""
+    made, expected = whole
+    assert set(np.unique(expected[MATERIAL])) == {0, 1, 2, 3, 4, 5}
+    assert ((expected[OBJECT] == 0) == (expected[MATERIAL] == 0)).all()
+    later = render_batch(made, MANY, Tile(0, 0, 40, 40), 1, 3).sums
+    assert not later[OBJECT].any()
+    assert not later[MATERIAL].any()
+    first = render_batch(made, MANY, Tile(0, 0, 40, 40), 0, 1).sums
+    np.testing.assert_array_equal(first[OBJECT], expected[OBJECT])
+    hit = first[OBJECT] > 0
+    assert (hit == (first[DEPTH] > 0)).all()
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "independent"])
+@pytest.mark.parametrize("name", ["blackman-harris", "tent", "box"])
+def test_filters_leave_no_seams(whole, name, sampler):
+    """A sample of a wide filter falls into other tiles too: it belongs to its pixel all the same."""
+    made, _ = whole
+    asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=3, filter=name, sampler=sampler)
+    digests = set()
+    for size in (16, 64):
+        sums = np.zeros((CHANNELS, 40, 40), np.int64)
+        for tile in tiles_of(40, 40, size):
+            add(sums, made, asked, tile, 0, 2)
+        digests.add(digest(sums))
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize(("spp", "gain"), [(4, 1.05), (16, 1.2), (64, 1.4)])
+def test_sobol_pictures_have_less_noise_than_independent_ones(spp, gain):
+    spreads = {sampler: spread_and_estimate(sampler, spp, 16)[0] for sampler in ("sobol", "independent")}
+    assert spreads["independent"] > gain * spreads["sobol"], spreads
 
 
 def test_tile_borders_leave_no_trace():

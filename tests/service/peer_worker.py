@@ -19,16 +19,18 @@ import httpx
 import numpy as np
 import redis
 
-from renderer.film import CHANNELS, COLOR, COLOR_EVEN, DEPTH, NORMAL, SAMPLES, SAMPLES_EVEN, Sums, digest
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, DEPTH, NORMAL, SAMPLES, SAMPLES_HALF, Sums, digest, in_half
 from renderer.settings import Tile
 from worker.contract import (
     HEARTBEAT_TTL_S,
     RESULTS,
     BlobRef,
+    DenoiseFrame,
     RenderBatch,
     Result,
     SceneInfo,
     WorkerReport,
+    denoise_queue,
     pack_sums,
     prepare_queue,
     render_queue,
@@ -48,12 +50,12 @@ def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
             word = (word ^ (word >> np.uint64(15))) * np.uint64(0x2C1B3C6D)
             value = (word >> np.uint64(4) & np.uint64(0xFFFFFF)).astype(np.int64)  # 0 ... 1 in the film's quantum
             sums[COLOR][channel] += value
-            if sample % 2 == 0:
-                sums[COLOR_EVEN][channel] += value
+            if in_half(sample):
+                sums[COLOR_HALF][channel] += value
         sums[NORMAL][2] += 1 << 24
         sums[DEPTH] += 2 << 24
         sums[SAMPLES] += 1
-        sums[SAMPLES_EVEN] += sample % 2 == 0
+        sums[SAMPLES_HALF] += in_half(sample)
     return sums
 
 
@@ -66,15 +68,25 @@ class PeerWorker:
     """One slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch."""
 
     def __init__(
-        self, redis_url: str, service: str, token: str, name: str = "peer", kind: str = "test-kind", slots: int = 2
+        self,
+        redis_url: str,
+        service: str,
+        token: str,
+        name: str = "peer",
+        kind: str = "test-kind",
+        slots: int = 2,
+        denoises: bool = True,
     ) -> None:
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"})
         self.name = name
         self.kind = kind
         self.slots = slots
+        self.denoises = denoises
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
+        self.on_denoise: Callable[[str], None] = lambda job: None
+        self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
         self.current: dict[str, Any] = {}
@@ -102,7 +114,9 @@ class PeerWorker:
 
     def report(self) -> None:
         current = [self.current, *[{}] * (self.slots - 1)]
-        report = WorkerReport(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current)
+        report = WorkerReport(
+            self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises
+        )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
     def send(self, event: dict[str, Any], sums: bytes | None = None) -> None:
@@ -131,7 +145,8 @@ class PeerWorker:
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                found: Any = self.redis.brpop([prepare_queue(self.kind), render_queue(self.kind)], timeout=0.1)
+                queues = [denoise_queue(self.kind)] * self.denoises + [prepare_queue(self.kind), render_queue(self.kind)]
+                found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:
                 time.sleep(0.1)
                 continue
@@ -141,8 +156,26 @@ class PeerWorker:
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
             if queue == prepare_queue(self.kind).encode():
                 self._prepare(arguments["scene"])
+            elif queue == denoise_queue(self.kind).encode():
+                self._denoise(DenoiseFrame(**arguments["frame"]))
             else:
                 self._render(RenderBatch.from_json(arguments["batch"]))
+
+    def _denoise(self, work: DenoiseFrame) -> None:
+        """A denoised picture is half the colour plus the albedo and the normal."""
+        about = {"work": work.work, "worker": self.name}
+        try:
+            means = self.http.get(f"/api/farm/films/{work.job}/{work.frame}").raise_for_status()
+            self.on_denoise(work.job)
+            color, albedo, normal = np.frombuffer(means.content, "<f4").reshape(3, work.height, work.width, 3)
+            clean = (color / 2 + albedo + normal).astype("<f4").tobytes()
+            sha256 = hashlib.sha256(clean).hexdigest()
+            self.http.put(f"/api/farm/blobs/{sha256}", content=clean).raise_for_status()
+            seen = {"version": means.headers["x-film-version"], "samples": int(means.headers["x-samples"])}
+            self.send({"type": "denoised", **about, "sha256": sha256, **seen})
+            self.denoised.append(work.job)
+        except (ValueError, httpx.HTTPError) as error:
+            self.send({"type": "denoise-failed", **about, "error": str(error)})
 
     def _render(self, work: RenderBatch) -> None:
         self.batches.append(work)

@@ -7,12 +7,16 @@ import json
 import random
 from collections.abc import Iterator
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 from PIL import Image
 
+from renderer.aovs import AOVS
+from renderer.image import rgbe9995
 from renderer.settings import OPTIONAL, Tile, View
 from service.schemas import JobIn, ViewModel
 from tests.helpers import running_redis
@@ -171,14 +175,48 @@ def test_pictures_are_what_the_film_has(service: Service, job: str) -> None:
     magic = {"exr": b"\x76\x2f\x31\x01", "hdr": b"#?RADIANCE", "jpg": b"\xff\xd8\xff", "png": b"\x89PNG"}
     for extension, start in magic.items():
         assert service.http.get(f"{url}/image.{extension}").content.startswith(start)
-    normal = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?aov=normal").content)))
-    assert (normal[..., 2] == 255).all()
-    for aov in ("albedo", "depth"):
-        assert service.http.get(f"{url}/image.exr?aov={aov}").status_code == 200
+    words = np.frombuffer(service.http.get(f"{url}/image.rgb9e5").content, "<u4").reshape(48, 64)
+    np.testing.assert_array_equal(words, rgbe9995.pack(np.moveaxis(mean, 0, -1).astype(np.float32)))
     problem(service.http.get(f"{url}/image.png?tonemap=magic"), 422)
     problem(service.http.get(f"{url}/image.bmp"), 422)
     problem(service.http.get(f"/api/jobs/{job}/frames/3/image.png"), 404)
     problem(service.http.get(f"{url}/pixel?x=64&y=0"), 422)
+
+
+def test_every_plane_of_the_film_can_be_looked_at_and_fetched(service: Service, job: str, tmp_path: Path) -> None:
+    url = f"/api/jobs/{job}/frames/0"
+    normal = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?aov=normal").content)))
+    assert (normal[..., 2] == 255).all()
+    for aov in AOVS:
+        for extension in ("png", "jpg", "exr", "hdr"):
+            assert service.http.get(f"{url}/image.{extension}?aov={aov}").status_code == 200, (aov, extension)
+    depth, names = exr(service.http.get(f"{url}/image.exr?aov=depth").content, tmp_path)
+    assert names == ["R", "G", "B"]
+    assert (depth == 2.0).all()
+    layers, names = exr(service.http.get(f"{url}/image.exr?aov=all").content, tmp_path)
+    assert {"R", "Denoising Albedo.R", "Normal.Z", "Depth.Z", "Position.X", "IndexOB.X", "IndexMA.X"} <= set(names)
+    assert (layers[..., names.index("Debug Sample Count.X")] == 8).all()
+    assert (layers[..., names.index("Normal.Z")] == 1).all()
+    two, names = exr(service.http.get(f"{url}/image.exr?aov=color,depth").content, tmp_path)
+    assert set(names) == {"R", "G", "B", "Depth.Z"}
+    np.testing.assert_array_equal(two[..., :3], exr(service.http.get(f"{url}/image.exr").content, tmp_path)[0])
+    pixel = service.http.get(f"{url}/pixel?x=5&y=6").json()
+    assert (pixel["depth"], pixel["normal"], pixel["samples"]) == (2.0, [0, 0, 1], 8)
+    assert (pixel["object"], pixel["object_name"], pixel["material"]) == (None, None, None)
+    assert pixel["error"] > 0
+    assert "known are albedo" in problem(service.http.get(f"{url}/image.png?aov=mood"), 422)["detail"]
+    assert "image.exr" in problem(service.http.get(f"{url}/image.png?aov=all"), 422)["detail"]
+    assert "colour alone" in problem(service.http.get(f"{url}/image.rgb9e5?aov=normal"), 422)["detail"]
+
+
+def exr(content: bytes, folder: Path) -> tuple[np.ndarray, list[str]]:
+    (folder / "picture.exr").write_bytes(content)
+    file = oiio.ImageInput.open(str(folder / "picture.exr"))
+    try:
+        names = list(file.spec().channelnames)
+        return file.read_image(), names
+    finally:
+        file.close()
 
 
 def test_a_picture_that_did_not_change_is_not_sent_again(service: Service, job: str) -> None:

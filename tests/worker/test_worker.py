@@ -21,20 +21,26 @@ import pytest
 import redis
 from celery import Celery
 
+from renderer.denoise import denoise, is_available
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
 from worker.contract import (
+    DENOISE,
     PREPARE,
     RENDER_BATCH,
     RESULTS,
+    SAMPLES_HEADER,
+    VERSION_HEADER,
     WORKER_KEYS,
     BlobRef,
+    DenoiseFrame,
     Manifest,
     RenderBatch,
     Result,
     SceneInfo,
     WorkerReport,
     celery_config,
+    denoise_queue,
     prepare_queue,
     render_queue,
     unpack_sums,
@@ -56,6 +62,7 @@ class FakeService(BaseHTTPRequestHandler):
 
     blobs: dict[str, bytes]
     manifests: dict[str, Manifest]
+    films: dict[str, bytes]
     redis_url: str
 
     def do_GET(self) -> None:
@@ -63,6 +70,9 @@ class FakeService(BaseHTTPRequestHandler):
             self._answer(401, b"{}")
         elif self.path == "/api/farm/join":
             self._answer(200, json.dumps({"redis_url": self.redis_url, "instance": "i", "data_dir": ""}).encode())
+        elif self.path.startswith("/api/farm/films/"):
+            means = self.films.get(self.path)
+            self._answer(200 if means else 404, means or b"{}", {VERSION_HEADER: "seven", SAMPLES_HEADER: "12"})
         elif self.path.endswith("/manifest"):
             self._answer(200, json.dumps(asdict(self.manifests[self.path.split("/")[4]])).encode())
         else:
@@ -74,8 +84,10 @@ class FakeService(BaseHTTPRequestHandler):
         self.blobs[self.path.rpartition("/")[2]] = data
         self._answer(201, b"{}")
 
-    def _answer(self, status: int, body: bytes) -> None:
+    def _answer(self, status: int, body: bytes, headers: dict[str, str] | None = None) -> None:
         self.send_response(status)
+        for name, value in (headers or {}).items():
+            self.send_header(name, value)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         self.wfile.write(body)
@@ -139,7 +151,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "redis_url": redis_url})
+    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     url = f"http://127.0.0.1:{server.server_port}"
@@ -241,6 +253,41 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
     assert event["type"] == "batch-failed"
     assert "cannot fetch the scene" in event["error"]
     assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --size=")
+
+
+def denoised(bench: Bench, work: DenoiseFrame) -> dict[str, Any]:
+    kind = bench.report().kind  # type: ignore[union-attr]
+    bench.celery.send_task(DENOISE, kwargs={"frame": asdict(work)}, queue=denoise_queue(kind))
+    return bench.next("denoised", "denoise-failed").event
+
+
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_a_frame_is_denoised_from_the_films_means(bench: Bench) -> None:
+    assert bench.report().denoises  # type: ignore[union-attr]
+    random = np.random.default_rng(5)
+    truth = np.full((40, 60, 3), 0.5, np.float32)
+    noisy = (truth * random.gamma(2, 0.5, truth.shape)).astype(np.float32)
+    normal = np.zeros_like(truth)
+    normal[..., 2] = 1
+    bench.service.films["/api/farm/films/job/0"] = np.stack([noisy, truth, normal]).tobytes()
+    event = denoised(bench, DenoiseFrame("first", "job", 0, 60, 40))
+    assert event["type"] == "denoised", event
+    assert (event["work"], event["version"], event["samples"]) == ("first", "seven", 12)
+    clean = np.frombuffer(bench.service.blobs[event["sha256"]], "<f4").reshape(40, 60, 3)
+    np.testing.assert_allclose(clean, denoise(noisy, truth, normal), rtol=1e-3, atol=1e-3)
+    assert np.abs(clean - truth).mean() < np.abs(noisy - truth).mean() / 4
+    again = denoised(bench, DenoiseFrame("again", "job", 0, 60, 40))
+    assert again["sha256"] == event["sha256"]
+
+
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_a_frame_that_cannot_be_denoised_says_why(bench: Bench) -> None:
+    event = denoised(bench, DenoiseFrame("gone", "nowhere", 0, 60, 40))
+    assert event["type"] == "denoise-failed"
+    assert "answers 404" in event["error"]
+    bench.service.films["/api/farm/films/short/0"] = b"\0" * 400
+    event = denoised(bench, DenoiseFrame("short", "short", 0, 60, 40))
+    assert "The picture" in event["error"]
 
 
 def busy_with(bench: Bench, count: int) -> bool:

@@ -117,10 +117,47 @@ export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
  * @param {string} job
- * @param {"png" | "exr" | "jpg"} format
+ * @param {"png" | "exr" | "jpg" | "rgb9e5"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
 export function imageUrl(job, format, query = {}) {
   const text = new URLSearchParams(Object.entries(query).map(([k, v]) => [k, String(v)])).toString();
   return `api/jobs/${job}/frames/0/image.${format}${text ? `?${text}` : ""}`;
+}
+
+/**
+ * @param {string} job
+ * @param {Parameters<typeof imageUrl>[1]} format
+ * @param {Record<string, string | number>} query
+ * @param {AbortSignal} signal
+ */
+async function fetchPicture(job, format, query, signal) {
+  const response = await fetch(imageUrl(job, format, query), { signal });
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return response;
+}
+
+/**
+ * A plane of the film as a picture to look at.
+ *
+ * @param {string} job
+ * @param {Record<string, string | number>} query
+ * @param {AbortSignal} signal
+ * @returns {Promise<ImageBitmap>}
+ */
+export async function fetchImage(job, query, signal) {
+  const blob = await (await fetchPicture(job, "png", query, signal)).blob();
+  return createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+}
+
+/**
+ * A picture as linear light: RGB9E5 words, rows from the top.
+ *
+ * @param {string} job
+ * @param {Record<string, string | number>} query
+ * @param {AbortSignal} signal
+ * @returns {Promise<Uint32Array>}
+ */
+export async function fetchWords(job, query, signal) {
+  return new Uint32Array(await (await fetchPicture(job, "rgb9e5", query, signal)).arrayBuffer());
 }

@@ -1,5 +1,7 @@
-/** How the picture is shown: exposure, tone curve, channel. The state is a store; sliders, keys and the URL all write it. */
+/** How the picture is shown: exposure, tone curve, channel, denoised or not. The state is a store; sliders, keys and the URL all write it. */
 
+import { CHANNELS } from "./channels.js";
+import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
 import { h, setText } from "./dom.js";
 import { field } from "./fields.js";
 import { stops } from "./format.js";
@@ -12,15 +14,10 @@ import { Store } from "./store.js";
  * @property {number} exposure stops
  * @property {string} curve
  * @property {string} channel "" for the colour, or an AOV
+ * @property {"off" | "wipe" | "on"} denoise
+ * @property {number} wipe how much of the width is the raw picture's, where it lies beside the denoised one
  * @property {boolean} outlines of the tiles that are being rendered
  */
-
-export const CHANNELS = [
-  { name: "", label: "Colour" },
-  { name: "albedo", label: "Albedo" },
-  { name: "normal", label: "Normal" },
-  { name: "depth", label: "Depth" },
-];
 
 export const EXPOSURE_STEP = 0.5;
 const EXPOSURE_RANGE = 12;
@@ -28,31 +25,55 @@ const EXPOSURE_RANGE = 12;
 /** @returns {Store<Display>} as the URL says, and written back to it */
 export function displayFromUrl() {
   const { params } = here();
-  const curve = params.get("tone") ?? DEFAULT_CURVE;
   const channel = params.get("aov") ?? "";
+  const denoise = DENOISE_MODES.find((mode) => mode === params.get("denoise")) ?? "off";
+  /** @type {Store<Display>} */
   const store = new Store({
-    exposure: clampExposure(Number(params.get("ev") ?? 0) || 0),
-    curve: CURVES.some(({ name }) => name === curve) ? curve : DEFAULT_CURVE,
+    ...lookFromUrl(params),
     channel: CHANNELS.some(({ name }) => name === channel) ? channel : "",
+    denoise,
+    wipe: wipeFrom(params.get("wipe")),
     outlines: params.get("tiles") !== "0",
   });
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  store.subscribe(({ exposure, curve, channel, outlines }) => {
+  store.subscribe(({ exposure, curve, channel, denoise, wipe, outlines }) => {
     // Browsers throttle history changes; a dragged slider makes sixty a second.
     clearTimeout(timer);
     const { path } = here();
     timer = setTimeout(() => {
       if (here().path.join() !== path.join()) return;
       setParams({
-        ev: exposure === 0 ? null : String(exposure),
-        tone: curve === DEFAULT_CURVE ? null : curve,
+        ...lookParams({ exposure, curve }),
         aov: channel || null,
+        denoise: denoise === "off" ? null : denoise,
+        wipe: denoise !== "wipe" || wipe === 0.5 ? null : wipe.toFixed(3),
         tiles: outlines ? null : "0",
       });
     }, 300);
   });
   return store;
+}
+
+/** @param {URLSearchParams} params @returns {{exposure: number, curve: string}} */
+export function lookFromUrl(params) {
+  const curve = params.get("tone") ?? DEFAULT_CURVE;
+  return {
+    exposure: clampExposure(Number(params.get("ev") ?? 0) || 0),
+    curve: CURVES.some(({ name }) => name === curve) ? curve : DEFAULT_CURVE,
+  };
+}
+
+/** @param {{exposure: number, curve: string}} look @returns {Record<string, string | null>} for the URL */
+export const lookParams = ({ exposure, curve }) => ({
+  ev: exposure === 0 ? null : String(exposure),
+  tone: curve === DEFAULT_CURVE ? null : curve,
+});
+
+/** @param {string | null} text of the URL @returns {number} 0..1, the middle where it says none */
+export function wipeFrom(text) {
+  const fraction = Number(text ?? 0.5);
+  return fraction >= 0 && fraction <= 1 ? fraction : 0.5;
 }
 
 /** @param {number} exposure rounded to what the slider shows */
@@ -62,10 +83,53 @@ export function clampExposure(exposure) {
 
 /**
  * @param {Store<Display>} display
- * @param {{normalise: () => void}} actions
+ * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
+ * @returns {{element: HTMLElement, updateDenoise: (state: import("./picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void}}
+ */
+export function displayPanel(display, { normalise, denoise: renew }) {
+  const look = lookFields(display, normalise);
+  const denoise = denoiseFields(display, renew);
+  const channel = h(
+    "select",
+    { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
+    CHANNELS.map(({ name, label }) => h("option", { value: name }, label)),
+  );
+  const channelField = field("Channel", channel, " ");
+  const hint = /** @type {HTMLElement} */ (channelField.lastElementChild);
+  const outlines = h("input", {
+    type: "checkbox",
+    onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
+  });
+  const colourOnly = h("div", { class: "stack" }, look, denoise.element);
+  display.subscribe((d) => {
+    channel.value = d.channel;
+    const told = CHANNELS.find(({ name }) => name === d.channel)?.hint ?? "";
+    setText(hint, told);
+    hint.hidden = told === "";
+    outlines.checked = d.outlines;
+    colourOnly.hidden = d.channel !== "";
+  });
+  const element = h(
+    "section",
+    { class: "side-section stack", "aria-label": "Display" },
+    channelField,
+    colourOnly,
+    h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
+  );
+  /** @param {boolean} can */
+  const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
+  return { element, updateDenoise: denoise.update, offerDenoise };
+}
+
+/**
+ * Exposure and tone curve.
+ *
+ * @template {{exposure: number, curve: string}} T
+ * @param {Store<T>} display
+ * @param {() => void} normalise
  * @returns {HTMLElement}
  */
-export function displayPanel(display, { normalise }) {
+export function lookFields(display, normalise) {
   const value = h("output", { class: "mono" });
   const slider = h("input", {
     type: "range",
@@ -79,15 +143,6 @@ export function displayPanel(display, { normalise }) {
     { onchange: () => display.update((d) => ({ ...d, curve: curve.value })) },
     CURVES.map(({ name, label, hint }) => h("option", { value: name, title: hint }, label)),
   );
-  const channel = h(
-    "select",
-    { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
-    CHANNELS.map(({ name, label }) => h("option", { value: name }, label)),
-  );
-  const outlines = h("input", {
-    type: "checkbox",
-    onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
-  });
   const exposure = field("Exposure", slider);
   const reset = h(
     "button",
@@ -114,22 +169,12 @@ export function displayPanel(display, { normalise }) {
       ),
     ),
   );
-  const colourOnly = h("div", { class: "stack" }, exposure, field("Tone curve", curve));
   display.subscribe((d) => {
     setText(value, `${stops(d.exposure)} EV`);
     slider.valueAsNumber = d.exposure;
     slider.setAttribute("aria-valuetext", `${d.exposure.toFixed(1)} stops`);
     reset.hidden = d.exposure === 0;
     curve.value = d.curve;
-    channel.value = d.channel;
-    outlines.checked = d.outlines;
-    colourOnly.hidden = d.channel !== "";
   });
-  return h(
-    "section",
-    { class: "side-section stack", "aria-label": "Display" },
-    field("Channel", channel),
-    colourOnly,
-    h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
-  );
+  return h("div", { class: "stack" }, exposure, field("Tone curve", curve));
 }

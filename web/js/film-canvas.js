@@ -1,12 +1,11 @@
 /**
- * The WebGL2 canvas: a film's RGB9E5 texture, written tile by tile, and the draw call that shows it. What is drawn is
- * decided by `look` and `viewport`; `invalidate` draws once at the next frame.
+ * The WebGL2 canvas: one picture, or two beside each other at a wipe. What is drawn is decided by `layers`, `wipe`, `look`
+ * and `viewport`; `invalidate` draws once at the next frame.
  */
 
+import { FilmLayer } from "./film-layer.js";
 import { FRAGMENT, VERTEX, curveIndex } from "./film-shader.js";
 
-/** @typedef {import("./film.js").Film} Film */
-/** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
 /** @typedef {{exposure: number, curve: string}} Look */
@@ -28,10 +27,8 @@ export class FilmCanvas {
     this.viewport = viewport;
     /** @type {Look} */
     this.look = { exposure: 0, curve: "neutral" };
-    /** @type {Film | null} */
-    this.film = null;
-    /** A finished display image (an AOV) that is shown in the film's place. @type {ImageBitmap | null} */
-    this.overlay = null;
+    /** How much of the canvas' width, from the left, is the first layer's; the rest is the second's. */
+    this.wipe = 1;
     /** Told after every draw, to move what lies over the picture. */
     this.afterDraw = () => {};
     this.pending = 0;
@@ -43,11 +40,16 @@ export class FilmCanvas {
       );
     this.gl = gl;
     this.maxSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+    /** Left and right of the wipe. */
+    this.layers = /** @type {const} */ ([
+      new FilmLayer(gl, () => this.invalidate()),
+      new FilmLayer(gl, () => this.invalidate()),
+    ]);
     this.build();
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.build();
-      this.uploadAll();
+      for (const layer of this.layers) layer.upload();
     });
   }
 
@@ -72,82 +74,21 @@ export class FilmCanvas {
     gl.useProgram(program);
     this.uniforms = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    this.filmTexture = null;
-    this.overlayTexture = null;
-  }
-
-  /** @param {Film} film */
-  setFilm(film) {
-    if (film.width > this.maxSize || film.height > this.maxSize) {
-      throw new CannotShow(
-        `The picture is ${film.width}×${film.height}; this browser shows up to ${this.maxSize}×${this.maxSize}. The downloads still have all of it.`,
-      );
-    }
-    this.film = film;
-    this.viewport.setPicture(film.width, film.height);
-    this.uploadAll();
-  }
-
-  /** @param {ImageBitmap | null} image */
-  setOverlay(image) {
-    this.overlay?.close();
-    this.overlay = image;
-    this.uploadOverlay();
-    this.invalidate();
-  }
-
-  /** @param {TilePacket} tile already put into the film */
-  putTile({ x, y, w, h, words }) {
-    const { gl } = this;
-    if (!this.film || x + w > this.film.width || y + h > this.film.height) return;
-    gl.bindTexture(gl.TEXTURE_2D, this.filmTexture ?? null);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, w, h, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, words);
-    this.invalidate();
-  }
-
-  uploadAll() {
-    const { gl, film } = this;
-    if (film) {
-      gl.deleteTexture(this.filmTexture ?? null);
-      this.filmTexture = this.newTexture(gl.RGB9_E5, film.width, film.height);
-      gl.texSubImage2D(
-        gl.TEXTURE_2D,
-        0,
-        0,
-        0,
-        film.width,
-        film.height,
-        gl.RGB,
-        gl.UNSIGNED_INT_5_9_9_9_REV,
-        film.words,
-      );
-    }
-    this.uploadOverlay();
-    this.invalidate();
-  }
-
-  uploadOverlay() {
-    const { gl, overlay } = this;
-    gl.deleteTexture(this.overlayTexture ?? null);
-    this.overlayTexture = null;
-    if (!overlay) return;
-    this.overlayTexture = this.newTexture(gl.RGBA8, overlay.width, overlay.height);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, overlay);
   }
 
   /**
-   * @param {GLenum} format
+   * The size of the picture, which is the first layer's; the second is drawn as wide.
+   *
    * @param {number} width
    * @param {number} height
    */
-  newTexture(format, width, height) {
-    const { gl } = this;
-    const texture = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-    return texture;
+  setPicture(width, height) {
+    if (width > this.maxSize || height > this.maxSize) {
+      throw new CannotShow(
+        `The picture is ${width}×${height}; this browser shows up to ${this.maxSize}×${this.maxSize}. The downloads still have all of it.`,
+      );
+    }
+    this.viewport.setPicture(width, height);
   }
 
   /** Lays the canvas onto the screen's own pixels, so that a pixel of it is one of them: layout gives fractions of both. */
@@ -182,29 +123,42 @@ export class FilmCanvas {
   draw() {
     cancelAnimationFrame(this.pending);
     this.pending = 0;
-    const { gl, canvas, viewport, look, uniforms } = this;
-    if (gl.isContextLost() || !uniforms) return;
+    const { gl, canvas, wipe } = this;
+    if (gl.isContextLost() || !this.uniforms) return;
     gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.disable(gl.SCISSOR_TEST);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    const texture = this.overlayTexture ?? this.filmTexture;
-    if (texture) {
-      gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.uniform1i(uniforms.film ?? null, 0);
-      gl.uniform2f(uniforms.canvasSize ?? null, canvas.width, canvas.height);
-      gl.uniform2f(uniforms.origin ?? null, viewport.x, viewport.y);
-      gl.uniform1f(uniforms.scale ?? null, viewport.scale);
-      gl.uniform1f(uniforms.gain ?? null, 2 ** look.exposure);
-      gl.uniform1i(uniforms.curve ?? null, curveIndex(look.curve));
-      gl.uniform1i(uniforms.raw ?? null, this.overlayTexture ? 1 : 0);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-    }
+    gl.enable(gl.SCISSOR_TEST);
+    const split = Math.round(wipe * canvas.width);
+    this.drawLayer(this.layers[0], 0, split);
+    this.drawLayer(this.layers[1], split, canvas.width - split);
     this.afterDraw();
   }
 
+  /**
+   * @param {FilmLayer} layer
+   * @param {number} left of the strip of the canvas that it fills
+   * @param {number} width
+   */
+  drawLayer(layer, left, width) {
+    const { gl, canvas, viewport, look, uniforms } = this;
+    if (!layer.texture || !layer.size || width <= 0) return;
+    gl.scissor(left, 0, width, canvas.height);
+    gl.bindTexture(gl.TEXTURE_2D, layer.texture);
+    gl.uniform1i(uniforms?.film ?? null, 0);
+    gl.uniform2f(uniforms?.canvasSize ?? null, canvas.width, canvas.height);
+    gl.uniform2f(uniforms?.origin ?? null, viewport.x, viewport.y);
+    gl.uniform1f(uniforms?.scale ?? null, (viewport.scale * viewport.picture.width) / layer.size.width);
+    gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
+    gl.uniform1i(uniforms?.curve ?? null, curveIndex(look.curve));
+    gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
   dispose() {
+    for (const layer of this.layers) layer.clear();
     cancelAnimationFrame(this.pending);
-    this.overlay?.close();
     this.gl.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only some 16 contexts
   }
 }

@@ -1,16 +1,14 @@
 /**
- * The picture on the page: film, WebGL canvas, what lies over it, and the mouse. It knows nothing of jobs; it is given
- * tiles and a look, and tells which pixel is under the cursor.
+ * The picture on the page, or two at a wipe: WebGL canvas, what lies over it, and the mouse. It knows nothing of jobs; it is
+ * given layers to fill and a look, and tells which pixel is under the cursor.
  */
 
 import { h } from "./dom.js";
 import { FilmCanvas } from "./film-canvas.js";
-import { Film } from "./film.js";
 import { panAndZoom } from "./pan-zoom.js";
 import { PixelOverlay } from "./pixel-overlay.js";
 import { Viewport } from "./viewport.js";
 
-/** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
 /** @typedef {import("./film-canvas.js").Look} Look */
 
 /**
@@ -21,7 +19,7 @@ import { Viewport } from "./viewport.js";
 
 export class FilmView {
   /**
-   * @param {number} width of the picture, in pixels
+   * @param {number} width of the picture, in pixels; a second one is shown as wide
    * @param {number} height
    * @param {FilmHandlers} handlers
    */
@@ -31,11 +29,11 @@ export class FilmView {
     const canvas = h("canvas", { class: "film", role: "img", "aria-label": "The picture" });
     const overlay = h("canvas", { class: "over", "aria-hidden": "true" });
     this.element = h("div", { class: "stage" }, canvas, overlay);
-    this.film = new Film(width, height);
-    this.over = new PixelOverlay(overlay, this.viewport);
-    this.over.film = this.film;
+    this.size = { width, height };
+    this.over = new PixelOverlay(overlay, this.viewport, { width, height }, (cx) => this.filmAt(cx));
     this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
-    this.canvas.setFilm(this.film);
+    this.canvas.setPicture(width, height);
+    this.layers = this.canvas.layers;
     this.canvas.afterDraw = () => {
       this.over.draw();
       // Where the picture lies, for whoever compares screenshots with films.
@@ -58,10 +56,20 @@ export class FilmView {
     this.element.addEventListener("dblclick", () => this.fit());
   }
 
-  /** @param {TilePacket} tile */
-  putTile(tile) {
-    this.film.put(tile);
-    this.canvas.putTile(tile);
+  /** @param {number} fraction of the stage's width that the first picture has; the second has the rest */
+  setWipe(fraction) {
+    this.canvas.wipe = fraction;
+    this.canvas.invalidate();
+  }
+
+  /**
+   * The film that is seen at a place across the canvas; null where an image is, whose values are not the film's.
+   *
+   * @param {number} cx device pixels
+   */
+  filmAt(cx) {
+    const layer = this.layers[cx < this.canvas.wipe * this.viewport.canvas.width ? 0 : 1];
+    return layer.image ? null : layer.film;
   }
 
   /** @param {Look} look */
@@ -69,12 +77,6 @@ export class FilmView {
     this.canvas.look = look;
     this.over.exposure = look.exposure;
     this.canvas.invalidate();
-  }
-
-  /** @param {ImageBitmap | null} image shown in place of the film */
-  setOverlay(image) {
-    this.over.showValues = image === null;
-    this.canvas.setOverlay(image);
   }
 
   /** @param {import("./pixel-overlay.js").Outline[]} outlines */
@@ -88,7 +90,8 @@ export class FilmView {
   pointAt(event) {
     const { x, y } = this.place(event);
     const at = this.viewport.pixelAt(x, y);
-    this.setCursor(this.film.contains(at.x, at.y) ? at : null);
+    const { width, height } = this.size;
+    this.setCursor(at.x >= 0 && at.y >= 0 && at.x < width && at.y < height ? at : null);
   }
 
   /** @param {{x: number, y: number} | null} at */
@@ -107,7 +110,7 @@ export class FilmView {
    * @param {number} dy
    */
   moveCursor(dx, dy) {
-    const { width, height } = this.film;
+    const { width, height } = this.size;
     const { x, y } = this.over.cursor ?? { x: Math.floor(width / 2) - dx, y: Math.floor(height / 2) - dy };
     this.setCursor({ x: Math.min(Math.max(x + dx, 0), width - 1), y: Math.min(Math.max(y + dy, 0), height - 1) });
   }

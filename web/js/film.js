@@ -13,11 +13,13 @@ export class Film {
   /**
    * @param {number} width
    * @param {number} height
+   * @param {Uint32Array} [words] RGB9E5, rows from the top; black where left out
    */
-  constructor(width, height) {
+  constructor(width, height, words = new Uint32Array(width * height)) {
+    if (words.length !== width * height) throw new Error(`A picture of ${width}×${height} came with ${words.length} words.`);
     this.width = width;
     this.height = height;
-    this.words = new Uint32Array(width * height);
+    this.words = words;
     this.samples = new Uint32Array(width * height);
   }
 

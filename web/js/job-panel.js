@@ -1,6 +1,6 @@
-/** A job's progress and what can be done with it: pause, resume, cancel, more samples, download. */
+/** A job's progress and what can be done with it: pause, resume, cancel, more samples. */
 
-import { changeJob, imageUrl } from "./api.js";
+import { changeJob } from "./api.js";
 import { fill, h, setText } from "./dom.js";
 import { putJob } from "./farm.js";
 import { clock, compact, count, plural } from "./format.js";
@@ -10,7 +10,6 @@ import { progressBar } from "./state-chip.js";
 import { showError } from "./tray.js";
 
 /** @typedef {import("./types.js").Job} Job */
-/** @typedef {import("./store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
 const MORE_SAMPLES = 256;
 /** States from which a job goes on where it stopped: its film stays. */
@@ -165,39 +164,5 @@ export function moreSamples(job) {
     job,
     { spp: (job.spp ?? 0) + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
     "No samples were added",
-  );
-}
-
-/**
- * @param {Job} job
- * @param {DisplayStore} display
- */
-export function savePanel(job, display) {
-  /** @param {"png" | "exr" | "jpg"} format @param {string} hint */
-  const save = (format, hint) => {
-    const anchor = h("a", { class: "button", title: hint }, icon("download"), format.toUpperCase());
-    // The address is made when it is used: exposure and channel are those of that moment.
-    const aim = () => {
-      const { exposure, curve, channel } = display.value;
-      /** @type {Record<string, string | number>} */
-      const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
-      anchor.href = imageUrl(job.id, format, query);
-      anchor.download = `${job.name.replace(/\.[a-z]+$/i, "")}${channel && `-${channel}`}.${format}`;
-    };
-    for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
-    aim();
-    return anchor;
-  };
-  return h(
-    "section",
-    { class: "side-section stack", "aria-label": "Save" },
-    h("h2", null, "Save"),
-    h(
-      "div",
-      { class: "triple" },
-      save("png", "As it looks now, exposure and tone curve included"),
-      save("exr", "Scene-linear floats, untouched by exposure and curve"),
-      save("jpg", "As it looks now, small"),
-    ),
   );
 }

@@ -9,6 +9,7 @@ import { buildShell } from "./shell.js";
 import { addShortcuts } from "./shortcuts.js";
 import { showError } from "./tray.js";
 import { acceptDrops } from "./uploads.js";
+import { compareView } from "./views/compare.js";
 import { homeView } from "./views/home.js";
 import { jobView } from "./views/job.js";
 import { jobsView } from "./views/jobs.js";
@@ -17,14 +18,18 @@ import { workersView } from "./views/workers.js";
 
 /** @typedef {{element: HTMLElement, dispose: () => void}} View */
 
+/** The section that a view belongs to, where it is not called so. @type {Record<string, string>} */
+const SECTION_OF = { scenes: "", compare: "jobs" };
+
 /**
  * @param {string[]} path
  * @returns {View}
  */
-function viewFor([section, id]) {
+function viewFor([section, id, other]) {
   if (!section) return homeView();
   if (section === "scenes" && id) return sceneView(id);
   if (section === "jobs") return id ? jobView(id) : jobsView();
+  if (section === "compare" && id) return compareView(id, other);
   if (section === "workers") return workersView();
   const element = h(
     "div",
@@ -44,7 +49,7 @@ onNavigate(({ path }) => {
   shown?.dispose();
   shown = viewFor(path);
   fill(main, shown.element);
-  markSection(path[0] === "scenes" ? "" : (path[0] ?? ""));
+  markSection(SECTION_OF[path[0] ?? ""] ?? path[0] ?? "");
   scrollTo(0, 0);
   // A screen reader starts to read the new view; at the start the browser's own focus stays.
   if (!first) main.focus({ preventScroll: true });

@@ -18,34 +18,34 @@ export class PixelOverlay {
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {Viewport} viewport
+   * @param {{width: number, height: number}} size of the picture
+   * @param {(cx: number) => Film | null} filmAt whose values are shown at a place across the canvas
    */
-  constructor(canvas, viewport) {
+  constructor(canvas, viewport, size, filmAt) {
     this.canvas = canvas;
     this.viewport = viewport;
+    this.size = size;
+    this.filmAt = filmAt;
     this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-    /** @type {Film | null} */
-    this.film = null;
     /** @type {{x: number, y: number} | null} */
     this.cursor = null;
     /** @type {Outline[]} */
     this.outlines = [];
     this.exposure = 0;
-    /** Values are the film's: over an AOV they would mislead. */
-    this.showValues = true;
   }
 
   draw() {
-    const { canvas, context, viewport, film } = this;
+    const { canvas, context, viewport } = this;
     const { width, height } = viewport.canvas;
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     context.clearRect(0, 0, width, height);
     const ratio = devicePixelRatio;
-    const values = film !== null && this.showValues && viewport.scale >= VALUES_FROM * ratio;
+    const values = viewport.scale >= VALUES_FROM * ratio;
     const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
     // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
     canvas.hidden = !values && !cursor && this.outlines.length === 0;
     for (const outline of this.outlines) this.drawOutline(outline);
-    if (values) this.drawValues(film, ratio);
+    if (values) this.drawValues(ratio);
     if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
   }
 
@@ -110,23 +110,22 @@ export class PixelOverlay {
     }
   }
 
-  /**
-   * @param {Film} film
-   * @param {number} ratio
-   */
-  drawValues(film, ratio) {
+  /** @param {number} ratio */
+  drawValues(ratio) {
     const { context, viewport } = this;
     const size = Math.min(12, (viewport.scale / ratio) * 0.17) * ratio;
     context.font = `${size}px ui-monospace, monospace`;
     context.textAlign = "center";
     const from = viewport.pixelAt(0, 0);
     const to = viewport.pixelAt(viewport.canvas.width, viewport.canvas.height);
-    for (let y = Math.max(0, from.y); y <= Math.min(film.height - 1, to.y); y++) {
-      for (let x = Math.max(0, from.x); x <= Math.min(film.width - 1, to.x); x++) {
+    for (let y = Math.max(0, from.y); y <= Math.min(this.size.height - 1, to.y); y++) {
+      for (let x = Math.max(0, from.x); x <= Math.min(this.size.width - 1, to.x); x++) {
+        const cx = viewport.x + (x + 0.5) * viewport.scale;
+        const film = this.filmAt(cx);
+        if (film?.width !== this.size.width) continue; // of another size: its pixels are elsewhere
         const { rgb } = film.at(x, y);
         const luminance = (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]) * 2 ** this.exposure;
         const ink = luminance > 0.18 ? "#000" : "#fff";
-        const cx = viewport.x + (x + 0.5) * viewport.scale;
         const cy = viewport.y + (y + 0.5) * viewport.scale;
         rgb.forEach((value, i) => this.text(radiance(value), cx, cy + (i - 0.65) * size * 1.35, ink, 0));
       }

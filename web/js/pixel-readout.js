@@ -4,49 +4,66 @@
  */
 
 import { getPixel } from "./api.js";
+import { DENOISED, channelOf } from "./channels.js";
 import { h, setText } from "./dom.js";
-import { radiance } from "./format.js";
+import { count, radiance } from "./format.js";
 
-/** @typedef {import("./film.js").Film} Film */
+/** @typedef {import("./picture-side.js").PictureSide} PictureSide */
 
 const REST_MS = 200;
-const NAMES = /** @type {Record<string, string>} */ ({ normal: "XYZ", depth: "Z" });
+/** Numbers that are counted, not measured. */
+const WHOLE = new Set(["object", "material", "samples"]);
+const MOST_VALUES = 3;
 
 export class PixelReadout {
-  /**
-   * @param {string} job
-   * @param {Film} film
-   */
-  constructor(job, film) {
-    this.job = job;
-    /** "" for the colour, or an AOV. */
-    this.channel = "";
-    this.film = film;
+  /** @param {PictureSide} side whose pixels are read */
+  constructor(side) {
+    this.side = side;
     /** @type {{x: number, y: number} | null} */
     this.at = null;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
     this.asking = new AbortController();
     this.place = h("span", { class: "place" });
-    this.channels = [0, 1, 2].map(() => ({
+    this.values = Array.from({ length: MOST_VALUES }, () => ({
       name: h("span", { class: "quiet" }),
       value: h("span", { class: "value" }),
     }));
     this.samples = h("span", { class: "samples" });
-    this.hint = h("span", { class: "quiet" }, "Point at the picture to read its values");
-    this.values = h(
+    this.hint = h("span", { class: "quiet hint" }, "Point at the picture to read its values");
+    this.name = h("strong", null);
+    this.line = h(
       "span",
       { class: "values", hidden: true },
+      this.name,
       this.place,
-      this.channels.map(({ name, value }) => h("span", { class: "channel" }, name, value)),
+      this.values.map(({ name, value }) => h("span", { class: "channel" }, name, value)),
       this.samples,
     );
     this.element = h(
       "div",
       { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" },
       this.hint,
-      this.values,
+      this.line,
     );
+    const unlisten = [
+      side.state.subscribe(() => this.refresh()),
+      side.live.onTile(({ x, y, w, h }) => {
+        const { at } = this;
+        if (at && at.x >= x && at.y >= y && at.x < x + w && at.y < y + h) this.refresh();
+      }),
+    ];
+    this.dispose = () => {
+      clearTimeout(this.timer);
+      this.asking.abort();
+      for (const end of unlisten) end();
+    };
+  }
+
+  /** @param {string} name of the side where there are two; "" where it is alone */
+  setName(name) {
+    setText(this.name, name);
+    this.element.setAttribute("aria-label", `Pixel under the cursor${name && `, ${name}`}`);
   }
 
   /** @param {{x: number, y: number} | null} at */
@@ -55,64 +72,49 @@ export class PixelReadout {
     this.refresh();
   }
 
-  /** @param {string} channel "" for the colour, or an AOV */
-  choose(channel) {
-    this.channel = channel;
-    this.refresh();
-  }
-
-  /** @param {{x: number, y: number, w: number, h: number}} tile of the film that has new samples */
-  tileChanged({ x, y, w, h }) {
-    const { at } = this;
-    if (at && at.x >= x && at.y >= y && at.x < x + w && at.y < y + h) this.refresh();
-  }
-
-  /** The film changed, or the cursor moved. */
+  /** The film changed, another channel is shown, or the cursor moved. */
   refresh() {
     clearTimeout(this.timer);
     this.asking.abort();
-    const { at } = this;
+    const { at, side } = this;
     this.hint.hidden = at !== null;
-    this.values.hidden = at === null;
+    this.line.hidden = at === null;
     if (!at) return;
-    const { rgb, samples } = this.film.at(at.x, at.y);
-    this.show(this.channel ? [] : rgb, samples, false);
-    if (samples) this.timer = setTimeout(() => this.ask(at), REST_MS);
+    const { samples } = side.live.film.at(at.x, at.y);
+    this.show(side.film?.at(at.x, at.y).rgb ?? [], samples, false);
+    const { channel } = side.state.value;
+    if (samples && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
   }
 
-  /** @param {{x: number, y: number}} at */
-  async ask(at) {
+  /** @param {{x: number, y: number}} at @param {string} channel */
+  async ask(at, channel) {
     this.asking = new AbortController();
     try {
-      const pixel = await getPixel(this.job, at.x, at.y, this.asking.signal);
-      this.show([/** @type {any} */ (pixel)[this.channel || "color"]].flat(), pixel.samples, true);
+      const pixel = await getPixel(this.side.live.job, at.x, at.y, this.asking.signal);
+      this.show([pixel[channel || "color"] ?? []].flat(), pixel.samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.
     }
   }
 
   /**
-   * @param {number[]} values
+   * @param {number[]} numbers
    * @param {number} samples
    * @param {boolean} exact
    */
-  show(values, samples, exact) {
-    const names = NAMES[this.channel] ?? "RGB";
+  show(numbers, samples, exact) {
+    const { channel } = this.side.state.value;
+    const names = channelOf(channel).values;
     setText(this.place, `${this.at?.x}, ${this.at?.y}`);
-    this.channels.forEach(({ name, value }, i) => {
-      const number = values[i];
+    this.values.forEach(({ name, value }, i) => {
+      const number = numbers[i];
       setText(name, names[i] ?? "");
-      setText(value, number === undefined ? "" : radiance(number));
+      setText(value, number === undefined ? "" : WHOLE.has(channel) ? count(number) : radiance(number));
     });
     setText(this.samples, `${samples} spp`);
-    this.values.classList.toggle("exact", exact);
-    this.values.title = exact
+    this.line.classList.toggle("exact", exact);
+    this.line.title = exact
       ? "Exact values of the film, linear Rec.709"
       : "Values of the live picture, true to 0.2 %";
-  }
-
-  dispose() {
-    clearTimeout(this.timer);
-    this.asking.abort();
   }
 }

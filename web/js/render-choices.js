@@ -51,3 +51,6 @@ export const DEFAULTS = {
   light_samples: 1,
   ao_distance: 0,
 };
+
+/** @param {Choice[]} choices @param {string | undefined} name @returns {string | undefined} */
+export const labelOf = (choices, name) => choices.find((choice) => choice.name === name)?.label ?? name;

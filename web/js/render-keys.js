@@ -1,7 +1,10 @@
 /** The keys of the render view; tev's, where tev has them. */
 
+import { DENOISE_MODES, canDenoise } from "./denoise-fields.js";
 import { EXPOSURE_STEP, clampExposure } from "./display-panel.js";
+import { workers } from "./farm.js";
 import { moreSamples, pauseOrResume } from "./job-panel.js";
+import { go } from "./router.js";
 import { announce } from "./tray.js";
 
 /** @typedef {import("./shortcuts.js").Shortcut} Shortcut */
@@ -14,20 +17,21 @@ const ARROWS = /** @type {const} */ ([
 ]);
 
 /**
+ * The keys of every stage: exposure, zoom, the pixel that is read.
+ *
+ * @template {{exposure: number, curve: string}} T
  * @param {object} parts
- * @param {() => import("./types.js").Job} parts.job
  * @param {import("./film-view.js").FilmView | null} parts.view
- * @param {import("./store.js").Store<import("./display-panel.js").Display>} parts.display
+ * @param {import("./store.js").Store<T>} parts.display
  * @param {() => void} parts.normalise
  * @returns {Shortcut[]}
  */
-export function renderKeys({ job, view, display, normalise }) {
+export function stageKeys({ view, display, normalise }) {
   /** @param {number} exposure */
   const expose = (exposure) => {
     display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
     announce(`Exposure ${display.value.exposure} stops`);
   };
-  const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
   const inspect = ARROWS.flatMap(([key, dx, dy]) =>
     [1, 10].map((by) => ({
       keys: by > 1 ? `Shift+${key}` : key,
@@ -46,6 +50,30 @@ export function renderKeys({ job, view, display, normalise }) {
     { keys: "+", does: "Zoom in", run: () => view?.zoom(1) },
     { keys: "-", does: "Zoom out", run: () => view?.zoom(-1) },
     ...inspect,
+  ];
+}
+
+/**
+ * The keys of a job beside those of its stage.
+ *
+ * @param {object} parts
+ * @param {() => import("./types.js").Job} parts.job
+ * @param {import("./store.js").Store<import("./display-panel.js").Display>} parts.display
+ * @returns {Shortcut[]}
+ */
+export function jobKeys({ job, display }) {
+  const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
+  const denoise = () => {
+    if (!canDenoise(workers.value)) {
+      announce("No worker that is connected can denoise");
+      return;
+    }
+    const next = DENOISE_MODES[(DENOISE_MODES.indexOf(display.value.denoise) + 1) % DENOISE_MODES.length] ?? "off";
+    display.update((look) => ({ ...look, denoise: next }));
+  };
+  return [
+    { keys: "D", does: "Denoised: off, beside, instead", run: denoise },
+    { keys: "C", does: "Compare with another picture", run: () => go("compare", job().id) },
     { keys: "T", does: "Outline the tiles being rendered", run: outline },
     { keys: "Space", does: "Pause or resume", run: () => pauseOrResume(job()) },
     { keys: "M", does: "More samples", run: () => moreSamples(job()) },

@@ -32,9 +32,10 @@ export function go(...path) {
  * Writes view state into the URL without a history entry, and without a navigation. Null takes a parameter out.
  *
  * @param {Record<string, string | null>} changes
+ * @param {string[]} [path] where the view's own choice is a part of it
  */
-export function setParams(changes) {
-  const { path, params } = here();
+export function setParams(changes, path = here().path) {
+  const { params } = here();
   for (const [name, value] of Object.entries(changes)) {
     if (value === null) params.delete(name);
     else params.set(name, value);

@@ -89,11 +89,12 @@
  * @property {string} state
  * @property {string} cpu
  * @property {number} samples_per_s of one slot
+ * @property {boolean} [denoises]
  * @property {Record<string, any>[]} current a slot each
  *
  * @typedef {{name: string, title: string, description: string}} Example
  *
- * @typedef {{color: Vec3, albedo: Vec3, normal: Vec3, depth: number, samples: number}} PixelValue
+ * @typedef {Record<string, number | number[]> & {samples: number}} PixelValue by channel, `color` being the light
  */
 
 export {};

@@ -34,7 +34,7 @@ export function viewFields(start = START, projected = () => {}) {
       field("Aperture", aperture, "The lens's radius in scene units; 0 is sharp everywhere."),
       field("Focus distance", focus, "What lies this far away is sharp; empty: the target."),
     ],
-    orthographic: [field("Height", height, "Scene units from the picture's lower edge to its upper.")],
+    orthographic: [field("View height", height, "Scene units from the picture's lower edge to its upper.")],
     panorama: [],
   };
 

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric
 
-__all__ = ["fresnel_dielectric", "sample_glass"]
+__all__ = ["sample_glass"]
 
-_ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
-
-
-@device
-def fresnel_dielectric(cosine, eta):
-    """(reflectance of unpolarised light, cosine of refraction). eta: index beyond over index here; total reflection: (1, 0)."""
-    sine2 = max(_ZERO, _ONE - cosine * cosine) / (eta * eta)
-    if sine2 >= _ONE:
-        return _ONE, _ZERO
-    refracted = math.sqrt(_ONE - sine2)
-    parallel = (eta * cosine - refracted) / (eta * cosine + refracted)
-    perpendicular = (cosine - eta * refracted) / (cosine + eta * refracted)
-    return _HALF * (parallel * parallel + perpendicular * perpendicular), refracted
 
 
 @device

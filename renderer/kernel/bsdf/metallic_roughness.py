@@ -1,9 +1,9 @@
-"""glTF's metallic-roughness material: a GGX layer over a diffuse base, after the glTF 2.0 specification, appendix B.
+"""glTF's metallic-roughness surface: GGX over a diffuse base, Schlick's Fresnel, energy-compensated and reciprocal.
 
-F0 is 0.04 mixed with the base colour by `metallic`; alpha is roughness squared. Single scattering: what rough metal would
-scatter twice is lost, as in the specification. The base gets what the layer leaves on the way in and on the way out
-(Shirley et al., "A practitioners' assessment of light reflection models", 1997), where a rough layer takes less at grazing
-angles: the specification's plain 1 - F of the half vector would reflect up to 1.2 times the light that comes in.
+The metal reflects by its base colour; the dielectric by f0 (three channels) and f90, which KHR_materials_ior and _specular
+tell. Light that the dielectric's microfacets let in is scattered diffusely: the base gets (1 - E(wo)) (1 - E(wi)) / (1 - mean)
+of it, E the microfacets' whole albedo, so that a white base reflects exactly what they leave (Kelemen & Szirmay-Kalos 2001).
+alpha is roughness squared. Source of the model: the glTF 2.0 specification, appendix B.
 """
 
 from __future__ import annotations
@@ -14,144 +14,92 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.polynomial import sincos_turns
+from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_scattering, schlick_mean
+from renderer.kernel.bsdf.fresnel import schlick
+from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 
-__all__ = ["eval_and_pdf_metallic_roughness", "eval_metallic_roughness", "pdf_metallic_roughness", "sample_metallic_roughness"]
+__all__ = ["eval_and_pdf_metallic_roughness", "sample_metallic_roughness"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
-_PI = np.float32(math.pi)
 _INV_PI = np.float32(1.0 / math.pi)
-_DIELECTRIC_F0 = np.float32(0.04)
-_MEAN_SCHLICK_TERM = np.float32(1.0 / 21.0)  # over the cosine-weighted hemisphere
-_LOSS_1, _LOSS_2 = np.float32(0.45), np.float32(0.5)
-_MIN_ALPHA = np.float32(1e-3)  # smoother is a mirror to the eye, and float32 keeps the lobe's density
-_MIN_CHOICE = np.float32(0.05)
+_LEAST_LOSS = np.float32(1e-3)  # of mirrors so smooth that nothing is lost but at grazing angles
+_LEAST = np.float32(1e-6)
+_MIN_CHOICE = np.float32(0.125)  # a highlight may be far brighter than its share of the surface's albedo
 
 
 @device
-def _alpha(roughness):
-    return max(roughness * roughness, _MIN_ALPHA)
+def _view(base, metallic, roughness, f0, f90, wo):
+    """All that does not depend on the light's direction: (f0 of the mixture, its f90, light lost by single scattering towards
+    wo, its mean, what becomes of it, passing the dielectric from wo over the mean, chance of the microfacets)."""
+    a, b = ggx_albedo(wo[2], roughness)
+    mean_a, mean_b = ggx_mean_albedo(roughness)
+    mean = mean_a + mean_b
+    dielectric = _ONE - metallic
+    mixed = vec.add(vec.scale(base, metallic), vec.scale(f0, dielectric))
+    mixed_90 = metallic + f90 * dielectric
+    loss = max(_ONE - a - b, _ZERO)
+    mean_loss = max(_ONE - mean, _LEAST_LOSS)
+    # Of the dielectric, the channel that reflects most stands for all: the base below keeps its colour.
+    brightest = vec.maximum(f0)
+    again = multiple_scattering(schlick_mean(brightest, f90), mean)
+    later = dielectric * again
+    multiple = (
+        later + metallic * multiple_scattering(schlick_mean(base[0], _ONE), mean),
+        later + metallic * multiple_scattering(schlick_mean(base[1], _ONE), mean),
+        later + metallic * multiple_scattering(schlick_mean(base[2], _ONE), mean),
+    )
+    passing = _ONE - brightest * a - f90 * b - again * loss
+    mean_passing = _ONE - brightest * mean_a - f90 * mean_b - again * mean_loss
+    specular = vec.luminance(mixed) * a + mixed_90 * b
+    rest = vec.luminance(base) * dielectric * passing + vec.luminance(multiple) * loss
+    choice = max(specular / max(specular + rest, _LEAST), _MIN_CHOICE)
+    return mixed, mixed_90, loss / mean_loss, multiple, again, passing / max(mean_passing, _LEAST), choice
 
 
 @device
-def _f0(base, metallic):
-    """Reflectance at normal incidence."""
-    keep = _DIELECTRIC_F0 * (_ONE - metallic)
-    return base[0] * metallic + keep, base[1] * metallic + keep, base[2] * metallic + keep
-
-
-@device
-def _schlick_term(cosine):
-    m = max(_ZERO, _ONE - cosine)
-    return (m * m) * (m * m) * m
-
-
-@device
-def _glancing(roughness):
-    """How much of Schlick's rise towards grazing angles the whole layer shows: fitted so that white stays below 1."""
-    rough = min(roughness, _ONE)
-    return _ONE - rough * (_LOSS_1 + _LOSS_2 * rough)
-
-
-@device
-def _schlick(f0, cosine):
-    m5 = _schlick_term(cosine)
-    return f0[0] + (_ONE - f0[0]) * m5, f0[1] + (_ONE - f0[1]) * m5, f0[2] + (_ONE - f0[2]) * m5
-
-
-@device
-def _ggx_density(h, alpha):
-    """D(h): microfacet normals per steradian of h."""
-    x = h[0] / alpha
-    y = h[1] / alpha
-    s = x * x + y * y + h[2] * h[2]
-    return _INV_PI / (alpha * alpha * s * s)
-
-
-@device
-def _smith_lambda(w, alpha):
-    """Smith's Lambda: masked over visible area."""
-    tangent2 = (w[0] * w[0] + w[1] * w[1]) / (w[2] * w[2])
-    a2t2 = alpha * alpha * tangent2
-    return (math.sqrt(_ONE + a2t2) - _ONE) / _TWO
-
-
-@device
-def _specular_choice(f0, base, metallic, roughness, wo):
-    """The probability of sampling the GGX layer: its share of the reflectance seen from wo."""
-    normal = vec.luminance(f0)
-    specular = normal + (_ONE - normal) * _glancing(roughness) * _schlick_term(wo[2])
-    diffuse = vec.luminance(base) * (_ONE - metallic) * (_ONE - specular)
-    return max(specular / max(specular + diffuse, np.float32(1e-6)), _MIN_CHOICE)
-
-
-@device
-def _half(wo, wi):
-    return vec.normalize(vec.add(wo, wi))
-
-
-@device
-def _visible_normal(wo, alpha, u):
-    """A microfacet normal by its visible area (Dupuy & Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023)."""
-    v = vec.normalize((wo[0] * alpha, wo[1] * alpha, wo[2]))
-    z = (_ONE - u[0]) * (_ONE + v[2]) - v[2]
-    radius = math.sqrt(min(max(_ONE - z * z, _ZERO), _ONE))
-    sine, cosine = sincos_turns(u[1])
-    h = (radius * cosine + v[0], radius * sine + v[1], z + v[2])
-    return vec.normalize((h[0] * alpha, h[1] * alpha, h[2]))
-
-
-@device
-def eval_and_pdf_metallic_roughness(base, metallic, roughness, wo, wi):
-    """(f |cos|, pdf) together: they share most of their terms."""
+def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
+    """(f |cos|, pdf) from a `_view`."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
         return (_ZERO, _ZERO, _ZERO), _ZERO
-    alpha = _alpha(roughness)
-    f0 = _f0(base, metallic)
-    h = _half(wo, wi)
-    fresnel = _schlick(f0, vec.dot(wo, h))
-    lambda_o = _smith_lambda(wo, alpha)
-    lambda_i = _smith_lambda(wi, alpha)
-    density = _ggx_density(h, alpha) / (_FOUR * wo[2])
-    specular = density / (_ONE + lambda_o + lambda_i)
-    glancing = _glancing(roughness)
-    passing = (_ONE - glancing * _schlick_term(wo[2])) * (_ONE - glancing * _schlick_term(wi[2]))
-    # divided by its mean over all directions, so that a white base reflects all that the layer lets in from wo
-    passing *= (_ONE - _DIELECTRIC_F0) / (_ONE - glancing * _MEAN_SCHLICK_TERM)
-    diffuse = (_ONE - metallic) * passing * wi[2] * _INV_PI
-    f = vec.add(vec.scale(fresnel, specular), vec.scale(base, diffuse))
-    choice = _specular_choice(f0, base, metallic, roughness, wo)
+    mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
+    alpha = max(roughness * roughness, MIN_ALPHA)
+    h = vec.normalize(vec.add(wo, wi))
+    fresnel = schlick(mixed, mixed_90, vec.dot(wo, h))
+    lambda_o = smith_lambda(wo, alpha, alpha)
+    lambda_i = smith_lambda(wi, alpha, alpha)
+    density = ggx_density(h, alpha, alpha) / (_FOUR * wo[2])
+    a, b = ggx_albedo(wi[2], roughness)
+    loss = max(_ONE - a - b, _ZERO)
+    cosine = wi[2] * _INV_PI
+    diffuse = (_ONE - metallic) * passing_o * (_ONE - vec.maximum(f0) * a - f90 * b - again * loss) * cosine
+    f = vec.add(vec.scale(fresnel, density / (_ONE + lambda_o + lambda_i)), vec.scale(base, diffuse))
+    f = vec.add(f, vec.scale(multiple, loss_o * loss * cosine))
     pdf = choice * density / (_ONE + lambda_o) + (_ONE - choice) * square_to_cosine_hemisphere_pdf(wi)
     return f, pdf
 
 
 @device
-def eval_metallic_roughness(base, metallic, roughness, wo, wi):
-    """f |cos|."""
-    f, _ = eval_and_pdf_metallic_roughness(base, metallic, roughness, wo, wi)
-    return f
+def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
+    """(f |cos|, pdf per steradian) together: they share most of their terms."""
+    view = _view(base, metallic, roughness, f0, f90, wo)
+    return _scatter(base, metallic, roughness, f0, f90, view, wo, wi)
 
 
 @device
-def pdf_metallic_roughness(base, metallic, roughness, wo, wi):
-    """Per steradian."""
-    _, pdf = eval_and_pdf_metallic_roughness(base, metallic, roughness, wo, wi)
-    return pdf
-
-
-@device
-def sample_metallic_roughness(base, metallic, roughness, wo, choose, u):
-    """(wi, weight, pdf); `choose` picks the layer, u the direction."""
-    if choose < _specular_choice(_f0(base, metallic), base, metallic, roughness, wo):
-        h = _visible_normal(wo, _alpha(roughness), u)
+def sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u):
+    """(wi, weight, pdf); `choose` picks microfacets or diffuse light, u the direction."""
+    view = _view(base, metallic, roughness, f0, f90, wo)
+    if choose < view[6]:
+        alpha = max(roughness * roughness, MIN_ALPHA)
+        h = sample_visible_normal(wo, alpha, alpha, u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
     else:
         wi = square_to_cosine_hemisphere(u)
-    f, pdf = eval_and_pdf_metallic_roughness(base, metallic, roughness, wo, wi)
+    f, pdf = _scatter(base, metallic, roughness, f0, f90, view, wo, wi)
     if pdf <= _ZERO:
         return wi, (_ZERO, _ZERO, _ZERO), _ZERO
     return wi, vec.scale(f, _ONE / pdf), pdf

@@ -2,86 +2,24 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import PurePosixPath
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.image.read import IMAGE_SUFFIXES
-from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
+from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
+from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import read_mtl
+from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
 
-MAX_BYTES = 400 << 20  # its text takes some ten times as much memory while it is read
-
-Corner = tuple[int, int, int]  # position, uv, normal; -1 for none
-
-
-class _Faces:
-    """The triangles of one material as corners; a corner seen again is the same vertex."""
-
-    def __init__(self) -> None:
-        self.vertices: dict[Corner, int] = {}
-        self.triangles: list[tuple[int, int, int]] = []
-
-    def add(self, polygon: list[Corner]) -> None:
-        numbers = [self.vertices.setdefault(corner, len(self.vertices)) for corner in polygon]
-        for b, c in pairwise(numbers[1:]):
-            self.triangles.append((numbers[0], b, c))
-
-
-class _Lines:
-    """What the lines of a file say."""
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.positions: list[str] = []
-        self.uvs: list[str] = []
-        self.normals: list[str] = []
-        self.faces: dict[str | None, _Faces] = {}
-        self.libraries: list[str] = []
-        self.others = 0  # lines and points, which have no surface
-
-    def read(self, text: str) -> None:
-        current = self.faces.setdefault(None, _Faces())
-        for number, line in enumerate(_logical_lines(text), 1):
-            keyword, _, rest = line.partition(" ")
-            if keyword == "v":
-                self.positions.append(rest)
-            elif keyword == "vt":
-                self.uvs.append(rest)
-            elif keyword == "vn":
-                self.normals.append(rest)
-            elif keyword == "f":
-                current.add([self._corner(word, number) for word in rest.split()])
-            elif keyword == "usemtl":
-                current = self.faces.setdefault(rest.strip(), _Faces())
-            elif keyword == "mtllib":
-                self.libraries.append(rest.strip())
-            elif keyword in ("l", "p", "curv", "surf"):
-                self.others += 1
-
-    def _corner(self, word: str, number: int) -> Corner:
-        parts = word.split("/")
-        try:
-            values = [int(p) if p else 0 for p in parts[:3]]
-        except ValueError:
-            raise SceneError(f"{self.file}, line {number}: {word[:40]!r} is no corner of a face; write it as v/vt/vn") from None
-        counts = (len(self.positions), len(self.uvs), len(self.normals))
-        corner = [-1, -1, -1]
-        for k, (value, count) in enumerate(zip(values, counts, strict=False)):
-            if value == 0 and k > 0:
-                continue
-            at = value - 1 if value > 0 else count + value
-            if not 0 <= at < (count if value < 0 else 1 << 31) or value == 0:
-                raise SceneError(f"{self.file}, line {number}: a face names element {value} where {count} stand before it")
-            corner[k] = at
-        return corner[0], corner[1], corner[2]
+MAX_BYTES = 400 << 20  # of text; its arrays take about as much again
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -91,91 +29,93 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             f"{main}: has {len(data) >> 20} MiB; an OBJ has at most {MAX_BYTES >> 20}. Export it as .glb or binary .ply"
         )
-    lines = _Lines(main)
-    lines.read(data.decode("utf-8", errors="replace"))
-    positions = _table(lines.positions, 3, main, "v")
-    uvs = _table(lines.uvs, 2, main, "vt")
-    uvs[:, 1] = 1 - uvs[:, 1]  # OBJ counts v from the image's lower edge
-    normals = _table(lines.normals, 3, main, "vn")
+    said = parse(data, main)
+    said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
+    _check_corners(said, main)
     shelf = TextureShelf(description, files)
-    materials = _Materials(lines, files, shelf, description)
-    for name, faces in lines.faces.items():
-        if faces.triangles:
-            mesh = _mesh(name or PurePosixPath(main).stem, faces, positions, uvs, normals, main)
+    materials = _Materials(main, said.libraries, files, shelf, description)
+    for name, faces in _stretches(said).items():
+        mesh = _mesh(name or PurePosixPath(main).stem, said, faces)
+        if mesh is not None:
             mesh.material = materials.number(name, has_uvs=mesh.uvs is not None)
             description.meshes.append(smoothed(mesh))
-            description.instances.append(Instance(len(description.meshes) - 1))
-    if lines.others:
-        shelf.warn(f"{main}: {lines.others} lines, points or curves have no surface and are left out.")
+            description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
+    if said.others:
+        shelf.warn(f"{main}: {said.others} lines, points or curves have no surface and are left out.")
 
 
-def _logical_lines(text: str) -> list[str]:
-    """Lines with tabs as spaces; one that ends in a backslash goes on in the next, whose own number then stays empty."""
-    lines = [line.strip().replace("\t", " ") for line in text.splitlines()]
-    for i in range(len(lines) - 2, -1, -1):
-        if lines[i].endswith("\\"):
-            lines[i], lines[i + 1] = f"{lines[i][:-1]} {lines[i + 1]}", ""
-    return lines
+def _check_corners(said: Statements, file: str) -> None:
+    highest = said.corners.max(axis=0, initial=-1)
+    for k, (table, what) in enumerate(((said.positions, "v"), (said.uvs, "vt"), (said.normals, "vn"))):
+        if highest[k] >= len(table):
+            raise SceneError(f"{file}: a face names {what} {highest[k] + 1} where the file has {len(table)}; export it again")
 
 
-def _table(rows: list[str], width: int, file: str, keyword: str) -> F32:
-    """(N, width) float32 of rows of numbers; further numbers (w, vertex colours) are left out."""
-    words = " ".join(rows).split()
-    if len(words) != width * len(rows):
-        words = [w for row in rows for w in ([*row.split(), "0"] if width == 2 else row.split())[:width]]
-    try:
-        table = np.array(words, np.float64).reshape(len(rows), width)
-    except ValueError as error:
-        wrong = next((r for r in rows if not _is_row(r, width)), "")
-        raise SceneError(f"{file}: '{keyword} {wrong[:60]}' does not hold {width} numbers; export the file again") from error
-    with np.errstate(over="ignore"):
-        found = table.astype(np.float32)
-    if not np.isfinite(found).all():
-        wrong = rows[int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])]
-        raise SceneError(f"{file}: '{keyword} {wrong[:60]}' is not finite; export the file again")
-    return found
+def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
+    """The faces of each material, by its name; None before any is named."""
+    ends = [face for face, _ in said.materials[1:]] + [len(said.starts) - 1]
+    stretches: list[tuple[str | None, int, int]] = [(None, 0, said.materials[0][0] if said.materials else ends[0])]
+    stretches += [(name, face, end) for (face, name), end in zip(said.materials, ends, strict=False)]
+    found: dict[str | None, list[npt.NDArray[np.int64]]] = {}
+    for name, first, last in stretches:
+        found.setdefault(name, []).append(np.arange(first, last))
+    return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _is_row(row: str, width: int) -> bool:
-    try:
-        return len([float(w) for w in row.split()]) >= min(width, 1 if width == 2 else width)
-    except ValueError:
-        return False
-
-
-def _mesh(name: str, faces: _Faces, positions: F32, uvs: F32, normals: F32, file: str) -> Mesh:
-    corners = np.array(list(faces.vertices), np.int64).reshape(-1, 3)
-    for k, (table, what) in enumerate(((positions, "v"), (uvs, "vt"), (normals, "vn"))):
-        if corners[:, k].max() >= len(table):
-            raise SceneError(
-                f"{file}: a face names {what} {corners[:, k].max() + 1} where the file has {len(table)}; export it again"
-            )
+def _mesh(name: str, said: Statements, faces: npt.NDArray[np.int64]) -> Mesh | None:
+    """The mesh of some faces, polygons cut into fans; None where they have no triangle."""
+    size = said.starts[faces + 1] - said.starts[faces]
+    count = np.maximum(size - 2, 0)
+    if count.sum() == 0:
+        return None
+    first = np.repeat(said.starts[faces], count)
+    step = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
+    fans = np.stack([first, first + step + 1, first + step + 2], axis=1)
+    corners, triangles = _joined(said.corners[fans.reshape(-1)])
 
     def pick(table: F32, k: int) -> F32 | None:
-        if (corners[:, k] < 0).all():
+        at = corners[:, k]
+        if (at < 0).all():
             return None
-        return np.where(corners[:, k : k + 1] >= 0, table[np.maximum(corners[:, k], 0)], np.float32(0))
+        return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))
 
-    return Mesh(name, positions[corners[:, 0]], np.array(faces.triangles, np.int32), pick(normals, 2), pick(uvs, 1))
+    mesh = Mesh(name, said.positions[corners[:, 0]], triangles.reshape(-1, 3), pick(said.normals, 2), pick(said.uvs, 1))
+    if said.colors is not None:
+        mesh.colors = vertex_colors(said.colors[corners[:, 0]])
+    return mesh
+
+
+def _joined(corners: I32) -> tuple[I32, I32]:
+    """Corners that are the same made one vertex: the (V, 3) vertices, and the vertex of each corner."""
+    low = corners.min(axis=0).astype(np.int64)
+    span = corners.max(axis=0) - low + 1
+    if float(span[0]) * float(span[1]) * float(span[2]) < 2.0**62:
+        key = ((corners[:, 0] - low[0]) * span[1] + (corners[:, 1] - low[1])) * span[2] + (corners[:, 2] - low[2])
+        _, first, number = np.unique(key, return_index=True, return_inverse=True)
+    else:
+        _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    return corners[first], number.reshape(-1).astype(np.int32)
 
 
 class _Materials:
     """The description's numbers of the materials that faces name."""
 
-    def __init__(self, lines: _Lines, files: SceneFiles, shelf: TextureShelf, description: SceneDescription) -> None:
-        self._file, self._files, self._shelf, self._description = lines.file, files, shelf, description
+    def __init__(
+        self, file: str, libraries: list[str], files: SceneFiles, shelf: TextureShelf, description: SceneDescription
+    ) -> None:
+        self._file, self._files, self._shelf, self._description = file, files, shelf, description
         self._numbers: dict[str | None, int] = {}
         self._found: dict[str, Material] = {}
-        for library in lines.libraries:
-            name = files.find(library, lines.file)
-            names = [name] if name else [n for word in library.split() if (n := files.find(word, lines.file))]
+        for library in libraries:
+            name = files.find(library, file)
+            names = [name] if name else [n for word in library.split() if (n := files.find(word, file))]
             if not names:
                 shelf.warn(
-                    f"{lines.file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
+                    f"{file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
                 )
             for n in names:
                 self._found.update(read_mtl(files, n, shelf))
-        self._bare = not lines.libraries
+        self._bare = not libraries
 
     def number(self, name: str | None, has_uvs: bool) -> int:
         if name not in self._numbers:

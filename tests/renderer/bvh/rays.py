@@ -19,14 +19,15 @@ class Hits(NamedTuple):
     primitive: np.ndarray  # (n,) i32; -1 where nothing is hit
     uv: np.ndarray  # (n, 2) f32
     shadow: np.ndarray  # (n,) bool: any_hit
+    instance: np.ndarray  # (n,) i32; -1 in the world
 
 
 @entry
-def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow):
+def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
-        t[i], primitive[i], uv[i, 0], uv[i, 1], _ = closest_hit(bvh, stack, origin, direction, t_max[i])
+        t[i], primitive[i], uv[i, 0], uv[i, 1], instance[i] = closest_hit(bvh, stack, origin, direction, t_max[i])
         shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i])
 
 
@@ -36,7 +37,9 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
     n = len(d)
     o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (n, 3)))
     limit = np.ascontiguousarray(np.broadcast_to(np.float32(t_max), (n,)))
-    hits = Hits(np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_))
+    hits = Hits(
+        np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_), np.empty(n, np.int32)
+    )
     _trace(bvh, new_stack(), o, d, limit, *hits)
     return hits
 
@@ -64,6 +67,7 @@ def _nearer(a: Hits | None, b: Hits, first: int) -> Hits:
         np.where(take, b.primitive, a.primitive),
         np.where(take[:, None], b.uv, a.uv),
         a.shadow | b.shadow,
+        a.instance,
     )
 
 

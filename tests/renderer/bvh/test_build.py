@@ -7,7 +7,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from renderer.bvh.build import build
-from renderer.bvh.layout import ROW_CHILD, ROW_PRIMITIVE, STACK_SIZE, WIDTH
+from renderer.bvh.layout import ROW_CHILD, ROW_PRIMITIVE, SPHERES, STACK_SIZE, TRIANGLES, WIDTH
 from tests.renderer.bvh.rays import NO_SPHERES, trace, without_a_tree
 
 NONE = np.zeros((0, 3), np.float32)
@@ -34,7 +34,9 @@ def leaves(bvh):
             if child[node, lane] >= 0:
                 pending.append((child[node, lane], here))
                 continue
-            packet, is_sphere = divmod(~child[node, lane], 2)
+            packet, kind = divmod(~child[node, lane], 4)
+            is_sphere = kind == SPHERES
+            assert kind in (TRIANGLES, SPHERES)
             assert packet not in packets
             packets.add(packet)
             for k in np.flatnonzero(~np.isnan(bvh.packet[packet, 0])):

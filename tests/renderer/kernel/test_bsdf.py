@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from renderer.jit import entry
-from renderer.kernel.bsdf.glass import fresnel_dielectric
-from renderer.kernel.material import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR, Material, eval_material, sample_material
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric
+from renderer.kernel.material import LAYER_SLOTS, Material, eval_material, sample_material
+from renderer.kernel.rows import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
 from tests.renderer.judge import chi_squared, direction_test, limit
 
 WHITE = (1.0, 1.0, 1.0)
@@ -19,11 +20,11 @@ ANGLES = (0, 45, 80)
 
 
 @entry
-def _sample(kind, base, metallic, roughness, ior, front, wo, u, wi, weight, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, ior)
+def _sample(kind, base, metallic, roughness, f0, f90, eta, layers, wo, u, wi, weight, pdf):
+    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, (f0, f0, f0), f90, eta, layers)
     for i in range(len(u)):
         w = (wo[i, 0], wo[i, 1], wo[i, 2])
-        d, f, p, scale = sample_material(material, front, w, u[i, 0], (u[i, 1], u[i, 2]))
+        d, f, p, scale = sample_material(material, w, u[i, 0], (u[i, 1], u[i, 2]))
         for k in range(3):
             wi[i, k] = d[k]
             weight[i, k] = f[k]
@@ -32,17 +33,28 @@ def _sample(kind, base, metallic, roughness, ior, front, wo, u, wi, weight, pdf)
 
 
 @entry
-def _eval(kind, base, metallic, roughness, ior, wo, wi, f, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, ior)
+def _eval(kind, base, metallic, roughness, f0, f90, eta, layers, wo, wi, f, pdf):
+    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, (f0, f0, f0), f90, eta, layers)
     for i in range(len(wi)):
         value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
         for k in range(3):
             f[i, k] = value[k]
 
 
-def arguments(model):
+def arguments(model, front=True):
     kind, base, metallic, roughness, ior = model
-    return np.int32(kind), np.array(base, np.float32), np.float32(metallic), np.float32(roughness), np.float32(ior)
+    eta = np.float32(ior if front else 1 / ior)
+    layers = np.zeros(LAYER_SLOTS, np.float32)
+    return (
+        np.int32(kind),
+        np.array(base, np.float32),
+        np.float32(metallic),
+        np.float32(roughness),
+        np.float32(((ior - 1) / (ior + 1)) ** 2),
+        np.float32(1),
+        eta,
+        layers,
+    )
 
 
 def many(vector, n):
@@ -53,7 +65,7 @@ def sample(model, wo, n=200_000, front=True, seed=0):
     """(wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
-    _sample(*arguments(model), front, many(wo, n), u, wi, weight, pdf)
+    _sample(*arguments(model, front), many(wo, n), u, wi, weight, pdf)
     return wi, weight, pdf[:, 0], pdf[:, 1]
 
 
@@ -139,8 +151,7 @@ def test_scattering_is_reciprocal(model):
 
 @pytest.mark.parametrize("degrees", [0, 30, 60, 70, 80])
 def test_no_more_light_leaves_than_came(degrees):
-    """White of every metallic and roughness, by the mean weight and by integrating eval; not much less, unless single
-    scattering off rough metal loses it."""
+    """White of every metallic and roughness, by the mean weight and by integrating eval; and no less to half a per cent."""
     z, turn = np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(400) + 0.5) / 400 * 2 * np.pi, indexing="ij")
     r = np.sqrt(1 - z * z)
     grid = np.stack([r * np.cos(turn), r * np.sin(turn), z], -1).reshape(-1, 3)
@@ -150,8 +161,7 @@ def test_no_more_light_leaves_than_came(degrees):
             _, weight, _, _ = sample(model, tilted(degrees), 20_000)
             error = weight[:, 0].std() / np.sqrt(len(weight))
             albedo = weight[:, 0].mean(dtype=np.float64)
-            assert albedo <= 1.005 + limit(45) * error
-            assert metallic > 0 or albedo > 0.7
+            assert abs(albedo - 1) <= 0.005 + limit(45) * error
             integral = evaluate(model, tilted(degrees), grid)[0][:, 0].mean(dtype=np.float64) * 2 * np.pi
             assert abs(albedo - integral) < limit(45) * error + 4e-3
 
@@ -174,7 +184,7 @@ def test_extremes_stay_finite(roughness, degrees):
         wi, weight, pdf, _ = sample(model, tilted(degrees), 20_000)
         for values in (wi, weight, pdf, *evaluate(model, tilted(degrees), wi)):
             assert np.isfinite(values).all()
-        assert weight.max() < 1.05 if metallic == 1 else weight.max() < 25
+        assert weight.max() < 20
 
 
 def test_mirror():

@@ -6,7 +6,7 @@ import pytest
 from renderer.jit import entry
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.scene.description import Environment, Image, SceneDescription
-from renderer.scene.lights import tabulate_environment
+from renderer.scene.environment import tabulate_environment
 from tests.renderer.judge import chi_squared
 
 N = 300_000
@@ -16,7 +16,7 @@ N = 300_000
 def _run(which, environment, marginal, conditional, frame, given, direction, value):
     for i in range(len(given)):
         if which == 0:
-            direction_i, value[i, 0] = sample_environment(marginal, conditional, frame, (given[i, 0], given[i, 1]))
+            direction_i, value[i, 0] = sample_environment(marginal, conditional, frame, given[i, 2], (given[i, 0], given[i, 1]))
             for k in range(3):
                 direction[i, k] = direction_i[k]
         else:
@@ -41,7 +41,7 @@ class Sky:
         description.environment = Environment(image=0, rotation=rotation)
         tables = tabulate_environment(description)
         self.radiance, self.marginal, self.conditional = tables.radiance, tables.marginal, tables.conditional
-        self.frame = np.array([np.cos(tables.rotation), np.sin(tables.rotation), tables.mean, 1.0], np.float32)
+        self.frame = tables.frame(1.0)
         self.rotation = np.radians(rotation)
 
     def _run(self, which, given):
@@ -51,7 +51,7 @@ class Sky:
         return direction, value[:, 0]
 
     def sample(self, n=N, seed=0):
-        return self._run(0, np.pad(np.random.default_rng(seed).random((n, 2), np.float32), ((0, 0), (0, 1))))
+        return self._run(0, np.random.default_rng(seed).random((n, 3), np.float32))
 
     def pdf(self, direction):
         return self._run(1, direction)[1]

@@ -10,13 +10,13 @@ from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
 from renderer.kernel.surface import surface_at
-from renderer.scene.description import Material, Sphere
+from renderer.scene.description import Environment, Material, Sky, Sphere
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.bvh.rays import trace
 from tests.renderer.judge import assert_uniform, direction_test, limit
 
 N = 300_000
-TESTS = 12
+TESTS = 13
 P = (0.1, -0.2, 0.3)
 NO_NORMAL = (np.float32(0.0), np.float32(0.0), np.float32(0.0))
 
@@ -79,6 +79,11 @@ SCENES = {
     "a sphere around": lambda: scene([Material(), emitter(2.0, double_sided=True)], spheres=(Sphere((0.5, 0, 0), 2.0, 1),)),
     "an image of a sky": lambda: scene([Material()], (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),), environment=sky()),
     "a constant sky": lambda: scene([Material()], (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),), environment=0.7),
+    "a sky with a sun": lambda: scene(
+        [Material()],
+        (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),),
+        environment=Environment(sky=Sky(40.0, 20.0, sun_size=30.0), rotation=50.0),
+    ),
     "all of them": lambda: scene(
         [Material(), emitter(2.0, double_sided=True)], TRIANGLES, (Sphere((1, -2, -1), 0.8, 1),), environment=sky()
     ),

@@ -74,6 +74,21 @@ class Gltf:
         return json.dumps({**self.root, "buffers": [{"byteLength": len(self.binary), "uri": uri or data}]}).encode()
 
 
+def world(description, instance=0):
+    """An instance's corners in the world, (T, 3, 3)."""
+    shown = description.instances[instance]
+    mesh = description.meshes[shown.mesh]
+    positions = mesh.positions @ shown.transform[:3, :3].T + shown.transform[:3, 3]
+    return positions[mesh.triangles]
+
+
+def cup():
+    """The bytes of a GLB with one triangle."""
+    g = Gltf()
+    g.mesh()
+    return g.glb()
+
+
 def rotation_y(degrees):
     """A 4x4 rotation about +Y."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))

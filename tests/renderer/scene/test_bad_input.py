@@ -240,7 +240,8 @@ def test_a_large_file_is_refused_unread(tmp_path, monkeypatch):
 
 def test_images_that_together_are_too_large_are_left_out(scene, png, monkeypatch):
     monkeypatch.setattr("renderer.scene.textures.MAX_IMAGE_BYTES", 20)
-    text = "textures: {a: {image: a.png}, b: {image: b.png}}\nshapes: [{type: quad}]"
+    text = "textures: {a: {image: a.png}, b: {image: b.png}}\nmaterials: {m: {texture: a}, n: {texture: b}}\n"
+    text += "shapes: [{type: quad}]"
     description = scene("s.yaml", text, {"a.png": png(1, 1, 1), "b.png": png(2, 2, 2)})
     assert [i.name for i in description.images] == ["a.png", "studio"]
     assert any("b.png" in w for w in description.warnings)

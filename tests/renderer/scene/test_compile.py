@@ -1,5 +1,7 @@
 """Descriptions compiled: what the kernel reads is what the author meant."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -87,7 +89,7 @@ def test_too_many_triangles_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("renderer.scene.geometry.MAX_TRIANGLES", 10)
     description = described(shapes.quad("q"))
     description.instances *= 6
-    with pytest.raises(SceneError, match="fewer instances"):
+    with pytest.raises(SceneError, match="Simplify"):
         compile_scene(description)
 
 
@@ -143,7 +145,7 @@ def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
     scene = compile_scene(description)
     np.testing.assert_array_equal(scene.material[0, 3:6], [8, 8, 8])
     base, emission = scene.texture[scene.material_texture[0, 0]], scene.texture[scene.material_texture[0, 1]]
-    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, 1]
+    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, 1, 0]
     assert scene.texel[base[0]].tolist() == [255, 255, 0, 255]
     assert scene.texel[emission[0]].tolist() == [255, 188, 0, 255]  # 0.5 in sRGB
 
@@ -155,7 +157,7 @@ def test_one_image_in_several_textures_is_packed_once():
     description.materials = [Material(base_color_texture=0), Material(base_color_texture=1)]
     scene = compile_scene(description)
     assert scene.texel.shape == (6, 4)
-    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1], [0, 3, 2, 2, 2, 1]]
+    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1, 0], [0, 3, 2, 2, 2, 1, 0]]
 
 
 def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
@@ -175,7 +177,8 @@ def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
     expected = weight[0] / weight[0].sum()
     np.testing.assert_allclose(np.diff(scene.environment_conditional[0]), expected, atol=1e-6)
     np.testing.assert_allclose(np.diff(scene.environment_conditional[3]), 1 / 16, atol=1e-6)  # black rows stay samplable
-    cosine, sine, mean, chance = scene.environment_frame
+    cosine, sine, mean, chance = scene.environment_frame[:4]
+    assert not scene.environment_frame[4:].any()
     assert (cosine, sine) == pytest.approx((0, 1), abs=1e-6)
     assert mean == pytest.approx(mean_expected, rel=1e-5)
     assert chance == 1  # nothing else shines
@@ -254,11 +257,33 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     compiled = compile_scene(description)
     summary = summarise(description, compiled)
     assert [c["name"] for c in summary["cameras"]] == ["front", AUTO_CAMERA]
-    assert summary["cameras"][0]["view"] == {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30}
+    assert View.from_json(summary["cameras"][0]["view"]) == View((0, 0, 9), (0, 0, 0), fov=30)
     assert summary["bounds"] == [[-1, -1.5, -1.5], [5.5, 1.5, 1.5]]
     assert summary["counts"]["triangles"] == 12
     assert summary["counts"]["spheres"] == 1
     assert (summary["animations"], summary["warnings"], summary["defaults"]) == (["spin"], ["w"], {"spp": 4})
+
+
+def test_a_lens_stays_focused_when_its_target_moves_along_the_line_of_sight():
+    description = described(shapes.cube("a"))
+    description.cameras = [Camera("lens", View((0, 0, 9), (0, 0, 8.5), aperture=0.1)), Camera("flat", View((0, 0, 9), (0, 0, 8)))]
+    description.cameras[1].view = replace(description.cameras[1].view, projection="orthographic", height=3.0)
+    lens, flat, _ = (View.from_json(c["view"]) for c in summarise(description, compile_scene(description))["cameras"])
+    assert (lens.target, lens.focus) == ((0, 0, 0), 0.5)
+    assert (flat.projection, flat.height, flat.focus) == ("orthographic", 3.0, None)
+
+
+def test_objects_and_materials_are_named_in_the_order_of_their_numbers():
+    description = described(shapes.cube("a"), shapes.quad("b"), shapes.quad("c"))
+    description.materials = [Material("red"), Material("blue")]
+    description.instances[0].name = description.instances[2].name = "table"
+    description.spheres = [Sphere((4, 0, 0), 1.0, 0, "ball"), Sphere((7, 0, 0), 1.0, 1, "ball")]
+    compiled = compile_scene(description)
+    summary = summarise(description, compiled)
+    assert summary["objects"] == ["table", "b", "ball", "ball"]
+    assert summary["materials"] == ["red", "blue"]
+    assert compiled.triangle_object.tolist() == [0] * 12 + [1] * 2 + [0] * 2
+    assert compiled.sphere_object.tolist() == [2, 3]
 
 
 def test_a_files_own_camera_may_be_called_auto():

@@ -8,17 +8,9 @@ import pytest
 from PIL import Image
 
 from renderer.errors import SceneError
-from tests.renderer.scene.builders import TRIANGLE, Gltf
+from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 
 SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
-
-
-def world(description, instance=0):
-    """An instance's corners in the world, (T, 3, 3)."""
-    shown = description.instances[instance]
-    mesh = description.meshes[shown.mesh]
-    positions = mesh.positions @ shown.transform[:3, :3].T + shown.transform[:3, 3]
-    return positions[mesh.triangles]
 
 
 def test_buffers_inside_beside_and_as_data_uri_are_the_same(scene):
@@ -83,32 +75,6 @@ def test_sparse_values_replace_some(scene, base):
     expected = SQUARE.copy() if base else np.zeros_like(SQUARE)
     expected[[1, 3]] = [(5, 0, 0), (0, 7, 0)]
     np.testing.assert_array_equal(scene("a.glb", g.glb()).meshes[0].positions, expected)
-
-
-def test_nodes_multiply_down_the_tree_in_both_notations(scene):
-    g = Gltf()
-    leaf = g.mesh()
-    half = np.sqrt(0.5)
-    leaf |= {"translation": [1, 2, 3], "rotation": [0, 0, half, half], "scale": [2, 3, 4]}  # a quarter turn about z
-    g.root["scenes"][0]["nodes"] = [1]
-    g.node(top=False, children=[0], matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10, 20, 30, 1])
-    np.testing.assert_allclose(world(scene("a.glb", g.glb()))[0], [(11, 22, 33), (11, 24, 33), (8, 22, 33)], atol=1e-6)
-
-
-def test_a_mesh_on_two_nodes_is_kept_once(scene):
-    g = Gltf()
-    g.mesh()
-    g.node(mesh=0, translation=[5, 0, 0])
-    description = scene("a.glb", g.glb())
-    assert len(description.meshes) == 1
-    np.testing.assert_array_equal(world(description, 1)[0], TRIANGLE + np.float32([5, 0, 0]))
-
-
-def test_nodes_outside_of_the_scene_are_not_shown(scene):
-    g = Gltf()
-    g.mesh()
-    g.node(top=False, mesh=0)
-    assert len(scene("a.glb", g.glb()).instances) == 1
 
 
 def test_metallic_roughness_with_textures_and_wraps(scene, png):
@@ -234,85 +200,6 @@ def test_a_map_of_specular_and_glossiness_gives_colour_and_roughness(scene):
     assert (description.images[color.image].srgb, description.images[rough.image].srgb) == (True, False)
     np.testing.assert_allclose(description.images[rough.image].pixels[0, :, 1] / 255, [0.5, 0.9], atol=0.003)
     assert (rough.wrap_s, material.roughness) == ("clamp", 1)
-
-
-def test_cameras_look_down_minus_z_of_their_node(scene):
-    g = Gltf()
-    g.mesh()
-    g.root["cameras"] = [
-        {"type": "perspective", "name": "lens", "perspective": {"yfov": np.radians(50), "znear": 0.1}},
-        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1.5, "znear": 0, "zfar": 1}},
-    ]
-    half = np.sqrt(0.5)
-    g.node(name="left", camera=0, translation=[1, 2, 3], rotation=[0, half, 0, half])  # a quarter turn about y: looks along -x
-    g.node(camera=1)
-    description = scene("a.glb", g.glb())
-    camera, flat = description.cameras
-    assert camera.name == "left"
-    assert camera.view.fov == pytest.approx(50)
-    assert camera.view.eye == (1, 2, 3)
-    direction = np.subtract(camera.view.target, camera.view.eye)
-    np.testing.assert_allclose(direction / np.linalg.norm(direction), (-1, 0, 0), atol=1e-12)
-    assert (flat.view.projection, flat.view.height) == ("orthographic", 3)
-
-
-def test_punctual_lights_in_watts_along_minus_z(scene):
-    g = Gltf()
-    g.mesh()
-    spot = {"innerConeAngle": np.radians(20), "outerConeAngle": np.radians(30)}
-    lights = [
-        {"type": "point", "intensity": 683, "color": [1, 0.5, 0], "range": 4},
-        {"type": "spot", "intensity": 1366, "spot": spot},
-        {"type": "directional", "name": "sun"},
-    ]
-    g.root["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
-    g.root["extensionsUsed"] = ["KHR_lights_punctual"]
-    half = np.sqrt(0.5)
-    for i, name in enumerate(("lamp", "beam", "")):
-        place = {"translation": [1, 2, 3], "rotation": [-half, 0, 0, half], "scale": [2, 3, 4]}  # -z turned down
-        g.node(name=name, extensions={"KHR_lights_punctual": {"light": i}}, **place)
-    description = scene("a.glb", g.glb())
-    lamp, beam, sun = description.lights
-    assert [light.kind for light in description.lights] == ["point", "spot", "directional"]
-    assert [light.name for light in description.lights] == ["lamp", "beam", "sun"]
-    np.testing.assert_allclose(lamp.intensity, (1, 0.5, 0))
-    np.testing.assert_allclose(sun.intensity, [1 / 683] * 3)
-    np.testing.assert_allclose((beam.inner_cone, beam.outer_cone), (20, 30))
-    np.testing.assert_allclose(beam.direction, (0, -1, 0), atol=1e-12)
-    assert beam.position == (1, 2, 3)
-    assert description.warnings == []
-
-
-def test_instances_of_the_gpu_extension(scene):
-    g = Gltf()
-    node = g.mesh()
-    half = np.sqrt(0.5)
-    places = np.array([(1, 0, 0), (0, 2, 0)], np.float32)
-    turns = np.array([(0, 0, 0, 1), (0, 0, half, half)], np.float32)  # a quarter turn about z
-    attributes = {"TRANSLATION": g.array(places), "ROTATION": g.array(turns)}
-    node |= {"name": "tree", "scale": [2, 2, 2], "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}
-    g.root["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
-    description = scene("a.glb", g.glb())
-    assert [i.name for i in description.instances] == ["tree [0]", "tree [1]"]
-    assert len(description.meshes) == 1
-    np.testing.assert_allclose(world(description, 0)[0], TRIANGLE * 2 + np.float32([2, 0, 0]), atol=1e-6)
-    np.testing.assert_allclose(world(description, 1)[0], [(0, 4, 0), (0, 6, 0), (-2, 4, 0)], atol=1e-6)
-
-
-def test_objects_are_named_after_their_nodes(scene):
-    g = Gltf()
-    for name in ("chair", "chair", ""):
-        g.mesh()["name"] = name
-    g.root["meshes"][2]["name"] = "table"
-    g.root["meshes"][0]["primitives"] *= 2
-    assert [i.name for i in scene("a.glb", g.glb()).instances] == ["chair", "chair", "chair (2)", "table"]
-
-
-def test_what_a_file_hides_is_not_shown(scene):
-    g = Gltf()
-    g.mesh()
-    g.mesh()["extensions"] = {"KHR_node_visibility": {"visible": False}}
-    assert len(scene("a.glb", g.glb()).instances) == 1
 
 
 def test_what_is_not_rendered_is_named(scene):

@@ -120,7 +120,7 @@ def test_every_field_of_an_extension(scene, png, name, fields, expected):
             assert image.srgb == (field in COLOURS)
         else:
             assert found == value, field
-    plain = Material(material.name, "metallic_roughness", (1.0, 1.0, 1.0), metallic=1.0)
+    plain = Material(material.name, "metallic_roughness", (1.0, 1.0, 1.0), metallic=1.0, roughness=1.0)
     untouched = [f for f in vars(plain) if f not in expected and getattr(material, f) != getattr(plain, f)]
     assert untouched == []
     assert [w for w in description.warnings if "no light" not in w] == []

@@ -133,3 +133,57 @@ def test_what_is_wrong_is_said(scene, text, said):
         scene("a.obj", text)
     assert said in str(caught.value)
     assert str(caught.value).startswith("a.obj")
+
+
+def test_numbers_in_every_notation(scene):
+    words = [
+        "1",
+        "-1",
+        "+2",
+        ".5",
+        "-.25",
+        "3.",
+        "1e3",
+        "1E-3",
+        "-2.5e+2",
+        "0.1234567890123456789012",
+        "123456789012345678901",
+        "1e-60",
+    ]
+    text = "".join(f"v {w} 0 0\n" for w in words) + "v 0 1 0\nv 0 0 1\n"
+    text += "".join(f"f {i + 1} {len(words) + 1} {len(words) + 2}\n" for i in range(len(words)))
+    mesh = scene("a.obj", text).meshes[0]
+    np.testing.assert_array_equal(np.unique(mesh.positions[:, 0]), np.unique(np.float32([*map(float, words), 0])))
+
+
+def test_random_numbers_are_read_to_the_bit(scene):
+    rng = np.random.default_rng(4)
+    values = (rng.normal(size=(300, 3)) * 10.0 ** rng.integers(-8, 8, (300, 3))).astype(np.float32)
+    text = "".join("v " + " ".join(repr(float(c)) for c in row) + "\n" for row in values)
+    text += "".join(f"f {i} {i + 1} {i + 2}\n" for i in range(1, 299))
+    mesh = scene("a.obj", text).meshes[0]
+    np.testing.assert_array_equal(mesh.positions[mesh.triangles], values[np.arange(298)[:, None] + np.arange(3)])
+
+
+def test_lines_that_go_on_comments_tabs_and_line_ends(scene):
+    text = (
+        "# v 9 9 9\r\nv\t0 0 0\r\nv 1 0 0 # here\r\nv 0 \\\r\n1 0\r\ncurv 1\r\n\r\nf 1//\\\n 2 \\\n\t3\r\nsomething else\r\nl 1 2"
+    )
+    description = scene("a.obj", text)
+    mesh = description.meshes[0]
+    np.testing.assert_array_equal(mesh.positions[mesh.triangles[0]], [(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    assert any("2 lines, points or curves" in w for w in description.warnings)
+
+
+def test_faces_of_one_material_in_several_stretches_are_one_mesh(scene):
+    text = TRIANGLE + "f 1 2 3\nusemtl a\nf 1 2 3\nf 2 3 1\nusemtl b\nf 1 2 3\nusemtl a\nf 3 1 2\n"
+    meshes = scene("a.obj", text).meshes
+    assert [len(m.triangles) for m in meshes] == [1, 3, 1]
+
+
+def test_colours_after_positions_are_vertex_colours(scene):
+    text = "v 0 0 0 1 0 0\nv 1 0 0 0 0.5 0\nv 0 1 0 0 0 1\nf 1 2 3\n"
+    mesh = scene("a.obj", text).meshes[0]
+    expected = [(1, 0, 0, 1), (0, ((0.5 + 0.055) / 1.055) ** 2.4, 0, 1), (0, 0, 1, 1)]
+    np.testing.assert_allclose(mesh.colors[mesh.triangles[0]], expected, atol=1e-6)
+    assert scene("b.obj", text.replace(" 0 0.5 0", " 1")).meshes[0].colors is None  # a weight, and not all are coloured

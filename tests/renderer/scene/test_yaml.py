@@ -1,15 +1,12 @@
 """Our scene files: what they say is what is read, and what is wrong is said with line and field."""
 
-import json
-import runpy
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.geometry import flatten
-from renderer.scene.load import read
+from renderer.scene.readers.metals import METALS
+from tests.renderer.scene.builders import cup
 
 QUAD = "shapes:\n  - {type: quad}\n"
 
@@ -66,6 +63,127 @@ shapes:
     assert placed[0].max(axis=0)[1] == 9  # the second: turned upright, y from 5 to 9
     assert description.materials[description.meshes[-1].material] is table
     assert description.warnings == []
+
+
+def test_every_field_of_every_kind_of_material(scene, png):
+    description = scene(
+        "s.yaml",
+        """
+textures:
+  t: {image: t.png, uv_set: 1, scale: [2, 3], rotate: 90, offset: [0.5, 0.25], wrap: [clamp, mirror]}
+  raw: {checker: {colors: [0, 0.5], squares: 2}}
+materials:
+  glass: {ior: 1.7, abbe: 40, kind: glass, roughness: 0.2, thin: true, attenuation_color: 0.5, attenuation_distance: 3}
+  metal: {metal: gold, roughness: 0.1, anisotropy: 0.5, anisotropy_rotation: 90, anisotropy_texture: t}
+  own: {eta: 0.2, k: [3, 2, 1]}
+  phong: {color: 0.5, specular_color: 0.25, shininess: 50}
+  seen: {kind: unlit, texture: t, opacity: 0.5}
+  holes: {texture: t, alpha_mode: mask, alpha_cutoff: 0.25, normal_texture: t, normal_scale: 2}
+  film: {iridescence: 1, iridescence_ior: 1.4, iridescence_thickness: 500, iridescence_thickness_texture: t}
+  coat: {clearcoat: 0.5, clearcoat_roughness: 0.1, clearcoat_normal_texture: t, clearcoat_normal_scale: 0.5, metallic: 1}
+  cloth: {sheen_color: "#ffffff", sheen_roughness: 0.3, sheen_color_texture: t, specular: 0.5, specular_color: 0.9}
+  leaf: {diffuse_transmission: 0.5, diffuse_transmission_color: 0.25, transmission: 0.1, dispersion: 0.3}
+  rough: {metallic_roughness_texture: raw}
+shapes: [{type: quad}]
+""",
+        {"t.png": png(1, 2, 3)},
+    )
+    found = {m.name: m for m in description.materials}
+    kinds = {name: m.kind for name, m in found.items()}
+    assert list(kinds.values())[:5] == ["glass", "conductor", "conductor", "blinn_phong", "unlit"]
+    assert {kinds[name] for name in ("film", "coat", "cloth", "leaf", "rough")} == {"metallic_roughness"}
+    glass, metal, own = found["glass"], found["metal"], found["own"]
+    assert (glass.ior, glass.dispersion, glass.roughness, glass.thin) == (1.7, 0.5, 0.2, True)
+    assert (glass.attenuation_color, glass.attenuation_distance, glass.base_color) == ((0.5,) * 3, 3, (1, 1, 1))
+    assert (metal.eta, metal.k) == METALS["gold"]
+    assert (metal.roughness, metal.anisotropy, metal.anisotropy_rotation) == (0.1, 0.5, np.radians(90))
+    assert (own.eta, own.k) == ((0.2,) * 3, (3, 2, 1))
+    assert (found["phong"].specular_color, found["phong"].shininess) == ((0.25,) * 3, 50)
+    assert (found["seen"].opacity, found["seen"].alpha_mode) == (0.5, "blend")
+    holes = found["holes"]
+    assert (holes.kind, holes.alpha_mode, holes.alpha_cutoff, holes.normal_scale) == ("diffuse", "mask", 0.25, 2)
+    colour, normal = (description.textures[t] for t in (holes.base_color_texture, holes.normal_texture))
+    assert [description.images[t.image].srgb for t in (colour, normal)] == [True, False]
+    assert (colour.uv_set, colour.wrap_s, colour.wrap_t) == (1, "clamp", "mirror")
+    np.testing.assert_allclose(colour.transform, (0, 3, 0.5, -2, 0, 0.25), atol=1e-12)
+    film, coat, cloth, leaf = (found[name] for name in ("film", "coat", "cloth", "leaf"))
+    assert (film.iridescence, film.iridescence_ior, film.iridescence_thickness) == (1, 1.4, (0, 500))
+    assert film.iridescence_thickness_texture == coat.clearcoat_normal_texture == holes.normal_texture
+    assert (coat.clearcoat, coat.clearcoat_roughness, coat.clearcoat_normal_scale, coat.metallic) == (0.5, 0.1, 0.5, 1)
+    assert (cloth.sheen_color, cloth.sheen_roughness, cloth.sheen_color_texture) == ((1, 1, 1), 0.3, holes.base_color_texture)
+    assert (cloth.specular, cloth.specular_color) == (0.5, (0.9,) * 3)
+    assert (leaf.diffuse_transmission, leaf.diffuse_transmission_color) == (0.5, (0.25,) * 3)
+    assert (leaf.transmission, leaf.dispersion) == (0.1, 0.3)
+    raw = description.images[description.textures[found["rough"].metallic_roughness_texture].image]
+    assert (raw.srgb, raw.pixels[0, -1, 0]) == (False, 128)  # as data, 0.5 is 0.5
+
+
+def test_lights_and_cameras(scene):
+    description = scene(
+        "s.yaml",
+        """
+lights:
+  - {type: point, position: [1, 2, 3], intensity: 4, color: [1, 0.5, 0], radius: 0.25, name: bulb}
+  - {type: spot, position: [0, 5, 0], target: [0, 1, 0], intensity: [1, 2, 3], inner_cone: 10, outer_cone: 20}
+  - {type: directional, direction: [0, -2, 0], angle: 0.53}
+cameras:
+  - {eye: [0, 0, 5], target: [0, 0, 0], projection: orthographic, height: 3}
+  - {eye: [0, 0, 5], target: [0, 0, 0], aperture: 0.1, focus: 2, near: 1}
+  - {eye: [0, 0, 5], target: [0, 0, 0], fov: 27, f_stop: 2, focus: [1, 1, 1]}
+  - {eye: [0, 0, 5], target: [0, 0, 0], projection: panorama}
+shapes: [{type: quad}]
+""",
+    )
+    point, spot, sun = description.lights
+    assert (point.kind, point.name, point.position, point.intensity, point.radius) == (
+        "point",
+        "bulb",
+        (1, 2, 3),
+        (4, 2, 0),
+        0.25,
+    )
+    assert (spot.direction, spot.intensity, spot.inner_cone, spot.outer_cone) == ((0, -1, 0), (1, 2, 3), 10, 20)
+    assert (sun.kind, sun.direction, sun.intensity, sun.angle) == ("directional", (0, -1, 0), (1, 1, 1), 0.53)
+    plan, lens, portrait, around = (c.view for c in description.cameras)
+    assert (plan.projection, plan.height) == ("orthographic", 3)
+    assert (lens.aperture, lens.focus, lens.near) == (0.1, 2, 1)
+    # A 50 mm lens has this field of view on 36 x 24 mm; at f/2 it is 25 mm wide.
+    assert portrait.aperture == pytest.approx(0.0125, rel=1e-3)
+    assert portrait.focus == 4
+    assert around.projection == "panorama"
+
+
+def test_polygons_with_uvs_flat_and_smooth(scene):
+    text = """
+shapes:
+  - {type: faces, positions: [[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]], faces: [[0, 1, 2, 3, 4]]}
+  - type: faces
+    name: ridge
+    positions: [[0, 0, 0], [1, 0.1, 0], [1, 0.1, -1], [0, 0, -1], [2, 0, 0], [2, 0, -1]]
+    uvs: [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
+    faces: [[0, 1, 2, 3], [1, 4, 5, 2]]
+    smooth: true
+"""
+    pentagon, ridge = scene("s.yaml", text).meshes
+    assert pentagon.normals is None
+    corners = pentagon.positions[pentagon.triangles].astype(np.float64)
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    assert areas.tolist() == [1, 1.5, 0.5]
+    assert len(ridge.triangles) == 4
+    top = ridge.positions[:, 1] > 0
+    assert ridge.normals[top][:, 1] == pytest.approx(1)  # rounded off: upright in the middle
+    assert ridge.uvs[ridge.positions[:, 0] == 2].tolist() == [[2, 0], [2, 1]]
+
+
+def test_objects_are_named_after_their_shapes(scene):
+    text = """
+shapes:
+  - {type: quad, name: pane, instances: [[{translate: [1, 0, 0]}], [{translate: [2, 0, 0]}]]}
+  - {type: mesh, file: cup.glb, name: cup}
+  - {type: cube}
+"""
+    names = [i.name for i in scene("s.yaml", text, {"cup.glb": cup()}).instances]
+    assert names == ["pane [0]", "pane [1]", "cup/mesh 0", "cube 2"]
 
 
 def test_json_is_yaml_too(scene):
@@ -139,6 +257,36 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
         ),
         ("environment: {image: sky.exr}\n" + QUAD, "line 1: environment.image: sky.exr is not among"),
         ("textures: {t: {wrap: clamp}}\n" + QUAD, "one of image and checker"),
+        ("textures: {t: {image: a.png, wrap: [clamp]}}\n" + QUAD, "textures.t.wrap"),
+        (
+            "materials:\n  m: {kind: mirror, metallic: 1}\n" + QUAD,
+            "line 2: materials.m.metallic: means nothing for the kind mirror",
+        ),
+        ("materials:\n  m: {metal: cheese}\n" + QUAD, "line 2: materials.m.metal: 'cheese' is not one of"),
+        ("materials:\n  m: {metal: gold, k: 1}\n" + QUAD, "line 2: materials.m: a conductor has either"),
+        ("materials:\n  m: {eta: 1}\n" + QUAD, "line 2: materials.m: a conductor has either"),
+        ("materials:\n  m: {shininess: 5}\n" + QUAD, "line 2: materials.m: blinn_phong needs its specular_color"),
+        ("lights:\n  - {type: point}\n" + QUAD, "line 2: lights[0]: a point light has a position"),
+        ("lights:\n  - {type: directional, radius: 1}\n" + QUAD, "line 2: lights[0].radius: means nothing for a directional"),
+        ("lights:\n  - {type: directional, direction: [0, 0, 0]}\n" + QUAD, "line 2: lights[0].direction: gives no direction"),
+        ("lights:\n  - {type: directional}\n" + QUAD, "line 2: lights[0]: a directional light has a direction"),
+        (
+            "lights: [{type: spot, position: [0, 1, 0], target: [0, 0, 0], inner_cone: 50}]\n" + QUAD,
+            "lights[0].inner_cone: is wider than the outer cone",
+        ),
+        ("cameras: [{eye: [0, 0, 1], target: [0, 0, 0], aperture: 1, f_stop: 2}]\n" + QUAD, "one of aperture and f_stop"),
+        ("cameras: [{eye: [0, 0, 1], target: [0, 0, 0], focus: [0, 0, 9]}]\n" + QUAD, "cameras[0]: focus is -8"),
+        ("shapes:\n  - {type: faces, positions: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}", "'faces' is a required property"),
+        (
+            "shapes:\n  - {type: faces, positions: [[0, 0], 1, 2], faces: [[0]]}",
+            "line 2: shapes[0].positions[0]: is no list of 3",
+        ),
+        (
+            "shapes: [{type: faces, positions: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces: [[0, 1]]}]",
+            "faces[0]: is no list of three",
+        ),
+        ("shapes: [{type: faces, positions: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces: [[0, 1, 3]]}]", "beyond 0 to 2"),
+        ("shapes: [{type: faces, positions: [[0, 0, 0], [1, 0, 1e300], [0, 1, 0]], faces: [[0, 1, 2]]}]", "positions[1]"),
     ],
 )
 def test_errors_name_line_and_field(scene, text, said):
@@ -165,46 +313,3 @@ def test_nesting_without_end_is_refused(scene, bracket):
 def test_an_alias_inside_itself_is_refused(scene):
     with pytest.raises(SceneError, match="nested deeper"):
         scene("s.yaml", "a: &a [*a]\n")
-
-
-def test_the_documentations_example_is_a_scene(scene):
-    text = (Path(__file__).parents[3] / "docs" / "scene-format.md").read_text()
-    example = text.split("```yaml\n")[1].split("```")[0]
-    assert "cup.glb" in example
-    example = example.replace("cup.glb", "cup.obj").replace("image: sky.exr, ", "")
-    description = scene("s.yaml", example, {"cup.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"})
-    assert len(description.spheres) == 1
-
-
-def test_the_documentation_names_every_field_of_the_schema():
-    root = Path(__file__).parents[3]
-    schema = json.loads((root / "renderer" / "scene" / "schema.json").read_text())
-    text = (root / "docs" / "scene-format.md").read_text()
-
-    def fields(part):
-        if isinstance(part, dict):
-            for key, value in part.items():
-                if key == "properties":
-                    yield from value
-                yield from fields(value)
-        elif isinstance(part, list):
-            for value in part:
-                yield from fields(value)
-
-    missing = {name for name in fields(schema) if f"`{name}`" not in text and f"{name}:" not in text}
-    assert missing == set()
-
-
-@pytest.mark.parametrize("name", ["cornell-box", "spheres", "still-life"])
-def test_our_example_scenes_read_without_a_warning(name):
-    folder = Path(__file__).parents[3] / "scenes"
-    assert (folder / f"{name}.yaml").stat().st_size < 300_000
-    assert read(folder, f"{name}.yaml").warnings == []
-
-
-def test_the_made_scenes_are_those_of_the_script():
-    folder = Path(__file__).parents[3] / "scenes"
-    made = runpy.run_path(str(folder / "make.py"))
-    for name, scene in (("spheres", made["spheres"]()), ("still-life", made["still_life"]())):
-        written = (folder / f"{name}.yaml").read_text().split("\n", 2)[2]
-        assert written == made["text_of"](scene, "").split("\n", 2)[2]

@@ -1,6 +1,7 @@
 /** The front page: where a scene is dropped, examples for whoever has none, and what is there already. */
 
 import { getExamples, openExample } from "../api.js";
+import { getComparisons, openComparison } from "../comparisons.js";
 import { fill, h, keyedList } from "../dom.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
 import { noWorkerNotice } from "../hints.js";
@@ -54,9 +55,9 @@ export function homeView() {
     life.add(/** @type {import("../store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
 
-  getExamples().then(
-    (examples) => {
-      fill(exampleGrid, examples.map(exampleCard));
+  Promise.all([getExamples(), getComparisons()]).then(
+    ([examples, comparisons]) => {
+      fill(exampleGrid, examples.map((example) => exampleCard(example, comparisons[example.name] ?? [])));
       exampleSection.hidden = examples.length === 0;
     },
     () => {}, // a service without examples: the section stays away
@@ -105,8 +106,11 @@ function dropZone() {
   );
 }
 
-/** @param {Example} example */
-function exampleCard(example) {
+/**
+ * @param {Example} example
+ * @param {import("../comparisons.js").ExampleComparison[]} comparisons
+ */
+function exampleCard(example, comparisons) {
   // Rendered by Rayfarm; an example that has none yet shows the stand-in.
   const picture = `examples/${encodeURIComponent(example.name)}.jpg`;
   const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
@@ -128,8 +132,33 @@ function exampleCard(example) {
       { class: "body" },
       h("button", { class: "name", type: "button", onclick: open }, example.title),
       h("p", { class: "quiet small" }, example.description),
+      comparisons.map((comparison) => comparisonButton(example, comparison)),
     ),
   );
+}
+
+/**
+ * @param {Example} example
+ * @param {import("../comparisons.js").ExampleComparison} comparison
+ */
+function comparisonButton(example, comparison) {
+  const run = async () => {
+    button.disabled = true;
+    try {
+      await openComparison(example.name, comparison);
+    } catch (error) {
+      showError(`“${comparison.title}” could not be opened`, error);
+    } finally {
+      button.disabled = false;
+    }
+  };
+  const button = h(
+    "button",
+    { class: "button small", type: "button", title: comparison.about, onclick: run },
+    icon("compare"),
+    comparison.title,
+  );
+  return button;
 }
 
 /**

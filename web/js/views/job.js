@@ -1,15 +1,18 @@
 /** The render view: the picture as it grows, and all that can be done with it. */
 
 import { getJob } from "../api.js";
+import { canDenoise } from "../denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
 import { fill, h } from "../dom.js";
 import { adoptJob, jobs, workers } from "../farm.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
-import { actionsPanel, progressPanel, savePanel } from "../job-panel.js";
+import { actionsPanel, progressPanel } from "../job-panel.js";
 import { livePicture } from "../live-picture.js";
-import { renderKeys } from "../render-keys.js";
+import { INTEGRATORS, SAMPLINGS, labelOf } from "../render-choices.js";
+import { jobKeys, stageKeys } from "../render-keys.js";
 import { go, linkTo, setTitle } from "../router.js";
+import { savePanel } from "../save-panel.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
@@ -67,7 +70,13 @@ export function jobView(id) {
 function open(page, job, life) {
   let latest = job;
   const display = displayFromUrl();
-  const picture = livePicture(job, display, life);
+  const normalise = () => {
+    const exposure = picture.film.normalisingExposure();
+    if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
+  };
+  const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
+  const save = savePanel(job, display);
+  const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right));
   const actions = actionsPanel();
   const progress = progressPanel();
   const chip = stateChip(job.state);
@@ -80,17 +89,26 @@ function open(page, job, life) {
   const isWaiting = () => workers.value?.length === 0 && !["finished", "failed", "cancelled"].includes(latest.state);
   life.add(workers.subscribe(() => fill(notice, isWaiting() && noWorkerNotice())));
 
-  const normalise = () => {
-    const exposure = picture.view?.film.normalisingExposure();
-    if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
-  };
-  life.add(addShortcuts(renderKeys({ job: () => latest, view: picture.view, display, normalise })));
+  life.add(
+    workers.subscribe((all) => {
+      look.offerDenoise(canDenoise(all));
+      save.offerDenoised(canDenoise(all));
+    }),
+  );
+  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise })));
+  life.add(addShortcuts(jobKeys({ job: () => latest, display })));
 
   const remove = () => {
     removeJob(latest);
     go("jobs");
   };
   const back = { class: "icon-button", href: linkTo("scenes", job.scene), "aria-label": "Back to the scene" };
+  const compare = {
+    class: "icon-button",
+    href: linkTo("compare", job.id),
+    "aria-label": "Compare with another picture",
+    title: "Compare with another picture (C)",
+  };
   const bin = { class: "icon-button danger", type: "button", "aria-label": "Delete this picture", onclick: remove };
   fill(
     page,
@@ -102,6 +120,7 @@ function open(page, job, life) {
       chip.element,
       h("span", { class: "grow" }),
       actions.element,
+      h("a", compare, icon("compare")),
       h("button", bin, icon("trash")),
     ),
     h("div", { class: "job-line" }, line.element),
@@ -111,8 +130,8 @@ function open(page, job, life) {
       "aside",
       { class: "side", "aria-label": "Picture" },
       progress.element,
-      displayPanel(display, { normalise }),
-      savePanel(job, display),
+      look.element,
+      save.element,
       details(job),
     ),
   );
@@ -134,7 +153,9 @@ function details(job) {
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
     ["Size", `${job.width}×${job.height}`],
     ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
+    ["Integrator", job.settings && labelOf(INTEGRATORS, job.settings.integrator)],
     ["Max depth", job.settings?.max_depth],
+    ["Light sampling", job.settings && labelOf(SAMPLINGS, job.settings.sampling)],
     ["Seed", job.settings?.seed],
     ["Job", h("code", null, job.id)],
   ];

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.readers.yaml_lines import Path, Yaml
+from renderer.scene.readers.yaml.lines import Path, Yaml
 
 __all__ = ["matrix", "uniform_scale"]
 

@@ -1,0 +1,118 @@
+"""What a film holds beside colour: the values of each plane, its channels in an EXR, and how it looks on a screen.
+
+Channels are named as Blender and Cycles name theirs, so that compositors recognise them.
+"""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer import film
+from renderer.errors import SettingsError
+from renderer.film import Sums
+
+__all__ = ["AOVS", "VECTORS", "known", "layers", "values", "visible"]
+
+F32 = npt.NDArray[np.float32]
+
+_MEANS: dict[str, slice | int] = {
+    "albedo": film.ALBEDO,
+    "normal": film.NORMAL,
+    "depth": film.DEPTH,
+    "position": film.POSITION,
+}
+_PLAIN = {"object": film.OBJECT, "material": film.MATERIAL, "samples": film.SAMPLES}
+_CHANNELS = {
+    "albedo": ("Denoising Albedo.R", "Denoising Albedo.G", "Denoising Albedo.B"),
+    "normal": ("Normal.X", "Normal.Y", "Normal.Z"),
+    "depth": ("Depth.Z",),
+    "position": ("Position.X", "Position.Y", "Position.Z"),
+    "object": ("IndexOB.X",),
+    "material": ("IndexMA.X",),
+    "samples": ("Debug Sample Count.X",),
+    "error": ("Standard Error.X",),  # ours: Cycles has none
+}
+AOVS = tuple(_CHANNELS)
+VECTORS = ("albedo", "normal", "position")  # of three values a pixel
+
+# Of a heat map: black body, with a blue beginning so that little is told from nothing.
+_HEAT = np.array([(0, 0, 0), (50, 25, 120), (190, 45, 100), (250, 140, 35), (255, 250, 195)], np.float32) / 255
+_GOLDEN = 0.6180339887498949  # hues this far apart never come close to an earlier one soon
+
+
+def known(names: Iterable[str]) -> list[str]:
+    """The AOVs that a list of names means, `all` for every one. Raises SettingsError for one that is not known."""
+    wanted = list(names)
+    for name in wanted:
+        if name not in (*AOVS, "all"):
+            raise SettingsError(f"aov {name!r} is not known; known are {', '.join(AOVS)}, or all")
+    return list(AOVS) if "all" in wanted else wanted
+
+
+def values(sums: Sums, film_exponent: int, name: str) -> F32:
+    """An AOV's values of a film's or tile's sums: (h, w, 3) float32 for albedo, normal and position, else (h, w).
+
+    albedo 0 ... 1; normal, position, depth in the world; object, material: 1 + the number, 0 where nothing is hit; samples:
+    those that count; error: the standard error of the pixel's luminance (film.error).
+    """
+    if name == "error":
+        return film.error(sums, film_exponent)
+    if name in _PLAIN:
+        return sums[_PLAIN[name]].astype(np.float32)
+    return film.mean(sums, film_exponent, _MEANS[name])
+
+
+def layers(planes: dict[str, F32]) -> dict[str, F32]:
+    """AOVs by name as an EXR's channels by name, each (h, w)."""
+    found = {}
+    for name, plane in planes.items():
+        for i, channel in enumerate(_CHANNELS[name]):
+            found[channel] = plane if plane.ndim == 2 else plane[..., i]
+    return found
+
+
+def visible(name: str, plane: F32) -> npt.NDArray[np.uint8]:
+    """An AOV as (h, w, 3) uint8 to look at.
+
+    albedo as colour; normals from -1 ... 1; positions and depths over the picture's own range, near light and nothing black;
+    ids in colours that stay; samples and error as heat maps, error up to its 99th percentile.
+    """
+    if name == "albedo":
+        from renderer.image.tonemap import encode_srgb
+
+        shown = encode_srgb(np.clip(plane, 0, 1))
+    elif name == "normal":
+        shown = plane * 0.5 + 0.5
+    elif name == "position":
+        low, high = plane.min(axis=(0, 1)), plane.max(axis=(0, 1))
+        shown = (plane - low) / np.maximum(high - low, 1e-30)
+    elif name == "depth":
+        hit = plane > 0
+        low, high = (float(plane[hit].min()), float(plane[hit].max())) if hit.any() else (0.0, 1.0)
+        near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
+        shown = np.repeat(np.where(hit, near, 0)[..., None], 3, axis=2)
+    elif name in ("object", "material"):
+        shown = _palette(plane.astype(np.int64))
+    else:
+        finite = plane[np.isfinite(plane)]
+        top = 0.0 if not finite.size else finite.max() if name == "samples" else np.percentile(finite, 99)
+        shown = _heat(np.where(np.isfinite(plane), plane, top).astype(np.float32) / np.float32(max(float(top), 1e-30)))
+    return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def _palette(ids: npt.NDArray[np.int64]) -> F32:
+    """A colour for every number, the same in every picture; black for 0."""
+    found, where = np.unique(ids, return_inverse=True)
+    colors = [colorsys.hsv_to_rgb(i * _GOLDEN % 1, 0.45 + 0.3 * (i % 2), 0.95 - 0.25 * (i // 2 % 2)) for i in found.tolist()]
+    table = np.array(colors, np.float32)
+    table[found == 0] = 0
+    return table[where.reshape(ids.shape)]
+
+
+def _heat(level: F32) -> F32:
+    at = np.clip(level, 0, 1) * (len(_HEAT) - 1)
+    return np.stack([np.interp(at, np.arange(len(_HEAT)), _HEAT[:, i]) for i in range(3)], axis=-1).astype(np.float32)

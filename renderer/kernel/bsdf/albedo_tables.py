@@ -1,0 +1,80 @@
+"""Makes the tables of directional albedo that the microfacet models are energy-compensated by: .npy files beside this one.
+
+`python -m renderer.kernel.bsdf.albedo_tables` writes them again; a test compares them with what this makes. They are kept
+as files because every host must render by the same bits, and numpy's sines differ in theirs from host to host.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["SIZE", "ggx_albedo", "ggx_table", "main", "mean_over_hemisphere", "table_path"]
+
+F64 = npt.NDArray[np.float64]
+SIZE = 32  # nodes of roughness (sqrt alpha) and of the square root of the cosine, both even from 0 to 1
+_SMALLEST = 1e-4
+
+
+def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, float]:
+    """(A, B): a GGX mirror whose microfacets reflect by Schlick scatters F0 A + F90 B of the light from this direction, once.
+
+    The mean of G2 / G1 times Schlick's two parts over visible normals, by midpoints in the square that those are sampled from.
+    """
+    wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+    u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps // 2) + 0.5) / steps, indexing="ij")
+    stretched = wo * (alpha, alpha, 1)
+    stretched /= np.linalg.norm(stretched)
+    z = (1 - u) * (1 + stretched[2]) - stretched[2]
+    radius = np.sqrt(np.clip(1 - z * z, 0, 1))
+    x = radius * np.cos(2 * np.pi * v) + stretched[0]
+    y = radius * np.sin(2 * np.pi * v)  # the other half of the circle is its mirror image
+    h = np.stack([x * alpha, y * alpha, z + stretched[2]], -1)
+    h /= np.linalg.norm(h, axis=-1, keepdims=True)
+    cosine_h = np.clip(h @ wo, 0, 1)
+    wi_z = 2 * cosine_h * h[..., 2] - cosine
+    up = wi_z > 1e-9
+    lambda_o = _smith_lambda(cosine, alpha)
+    lambda_i = _smith_lambda(np.where(up, wi_z, 1.0), alpha)
+    shadowing = np.where(up, (1 + lambda_o) / (1 + lambda_o + lambda_i), 0.0)
+    schlick = (1 - cosine_h) ** 5
+    return float((shadowing * (1 - schlick)).mean()), float((shadowing * schlick).mean())
+
+
+def _smith_lambda(cosine: float | F64, alpha: float) -> F64:
+    return (np.sqrt(1 + alpha**2 * (1 / np.square(cosine) - 1)) - 1) / 2
+
+
+def ggx_table() -> F64:
+    """(SIZE + 1, SIZE, 2): [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2.
+
+    The last row of the first axis is not a roughness: it holds the means over the hemisphere, by roughness.
+    """
+    node = np.arange(SIZE) / (SIZE - 1)
+    table = np.array([[ggx_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
+    mean = np.array([[mean_over_hemisphere(row[:, k]) for k in range(2)] for row in table])
+    return np.concatenate([table, mean[None]])
+
+
+def mean_over_hemisphere(values: F64) -> float:
+    """The cosine-weighted mean of a function that is linear between its values at even nodes of sqrt(cosine)."""
+    steps = 16 * (len(values) - 1)
+    t = (np.arange(steps) + 0.5) / steps
+    # cosine = t**2, and 2 cosine d cosine = 4 t**3 dt
+    return float((np.interp(t, np.linspace(0, 1, len(values)), values) * 4 * t**3).sum() / (4 * t**3).sum())
+
+
+def table_path(name: str) -> Path:
+    """Where the table of that name is kept."""
+    return Path(__file__).with_name(f"{name}.npy")
+
+
+def main() -> None:
+    """Writes the tables."""
+    np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
+
+
+if __name__ == "__main__":
+    main()

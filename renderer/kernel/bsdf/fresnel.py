@@ -1,0 +1,60 @@
+"""Reflectance of smooth boundaries: Fresnel's equations for dielectrics and conductors, and Schlick's approximation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+
+__all__ = ["fresnel_conductor", "fresnel_dielectric", "schlick", "schlick_weight"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+
+
+@device
+def fresnel_dielectric(cosine, eta):
+    """(reflectance of unpolarised light, cosine of refraction). eta: index beyond over index here; total reflection: (1, 0)."""
+    sine2 = max(_ZERO, _ONE - cosine * cosine) / (eta * eta)
+    if sine2 >= _ONE:
+        return _ONE, _ZERO
+    refracted = math.sqrt(_ONE - sine2)
+    parallel = (eta * cosine - refracted) / (eta * cosine + refracted)
+    perpendicular = (cosine - eta * refracted) / (cosine + eta * refracted)
+    return _HALF * (parallel * parallel + perpendicular * perpendicular), refracted
+
+
+@device
+def fresnel_conductor(cosine, eta, k):
+    """Reflectance of unpolarised light, of one channel, at a conductor of index eta + i k (Born & Wolf 14.4; Lagarde 2013)."""
+    cosine2 = cosine * cosine
+    sine2 = _ONE - cosine2
+    eta2 = eta * eta
+    k2 = k * k
+    t0 = eta2 - k2 - sine2
+    a2_plus_b2 = math.sqrt(t0 * t0 + _FOUR * eta2 * k2)
+    t1 = a2_plus_b2 + cosine2
+    t2 = _TWO * math.sqrt(max(_ZERO, _HALF * (a2_plus_b2 + t0))) * cosine
+    perpendicular = (t1 - t2) / (t1 + t2)
+    t3 = cosine2 * a2_plus_b2 + sine2 * sine2
+    t4 = t2 * sine2
+    return _HALF * perpendicular * (_ONE + (t3 - t4) / (t3 + t4))
+
+
+@device
+def schlick_weight(cosine):
+    """(1 - cosine)**5, the part of f90 in Schlick's approximation (1994)."""
+    m = max(_ZERO, _ONE - cosine)
+    return (m * m) * (m * m) * m
+
+
+@device
+def schlick(f0, f90, cosine):
+    """Reflectance of three channels, from f0 facing to f90 (a number) grazing."""
+    w = schlick_weight(cosine)
+    return f0[0] + (f90 - f0[0]) * w, f0[1] + (f90 - f0[1]) * w, f0[2] + (f90 - f0[2]) * w

@@ -1,0 +1,74 @@
+"""Pixel filters by importance sampling: where a pixel's sample falls is distributed as the filter is shaped.
+
+So every sample counts fully, for one pixel alone, and tiles need no border (Ernst et al., "Filter Importance Sampling",
+2006). The filters are products of one function of x and of y; none is ever negative.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import device
+from renderer.settings import FILTERS
+
+__all__ = ["BLACKMAN_HARRIS", "BOX", "TENT", "blackman_harris", "filter_offset"]
+
+BLACKMAN_HARRIS, TENT, BOX = (np.int32(FILTERS.index(name)) for name in ("blackman-harris", "tent", "box"))
+
+RADIUS = 0.75  # of Blackman-Harris, in pixels: 1.5 wide, as Cycles has it by default
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_INTERVALS = 256
+
+
+def blackman_harris(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The four-term window of Harris (1978) over -RADIUS ... RADIUS, 1 in the middle, not normalised; 0 beyond."""
+    turn = 2 * np.pi * (np.asarray(x, np.float64) / (2 * RADIUS) + 0.5)
+    value = 0.35875 - 0.48829 * np.cos(turn) + 0.14128 * np.cos(2 * turn) - 0.01168 * np.cos(3 * turn)
+    return np.where(np.abs(x) <= RADIUS, value, 0.0)
+
+
+def _inverse() -> npt.NDArray[np.float32]:
+    """The distance from the middle beyond which lies the fraction t**2 of the window, at t = 0, 1/_INTERVALS ... 1.
+
+    By the root of the fraction: the window's flat ends are then resolved as finely as its middle.
+    """
+    x = np.linspace(0, RADIUS, 100_001)
+    value = blackman_harris(x)
+    beyond = np.concatenate([[0], np.cumsum((value[:-1] + value[1:])[::-1])])
+    t = np.linspace(0, 1, _INTERVALS + 1)
+    return np.interp(t**2, beyond / beyond[-1], x[::-1]).astype(np.float32)
+
+
+_INVERSE = _inverse()
+
+
+@device
+def _blackman_harris_offset(u):
+    side = _TWO * u - _ONE
+    t = math.sqrt(max(_ZERO, _ONE - abs(side))) * np.float32(_INTERVALS)
+    i = min(np.int64(t), _INTERVALS - 1)
+    rest = t - np.float32(i)
+    return math.copysign(_INVERSE[i] + rest * (_INVERSE[i + 1] - _INVERSE[i]), side)
+
+
+@device
+def _tent_offset(u):
+    side = _TWO * u - _ONE
+    return math.copysign(_ONE - math.sqrt(max(_ZERO, _ONE - abs(side))), side)
+
+
+@device
+def filter_offset(kind, u):
+    """Where in its pixel's filter a sample lies along one axis, in pixels from the pixel's middle; u in [0, 1).
+
+    Blackman-Harris: within 0.75; tent: within 1, its own inverse; box: within 0.5.
+    """
+    if kind == BLACKMAN_HARRIS:
+        return _blackman_harris_offset(u)
+    return u - _HALF if kind == BOX else _tent_offset(u)

@@ -1,0 +1,142 @@
+"""Sunlight in clear air: single scattering by molecules, haze and ozone around a round earth, in 18 wavelengths.
+
+Nishita et al., "Display of the Earth Taking into Account Atmospheric Scattering", 1993, with the ozone layer of Bruneton
+("A Qualitative and Quantitative Evaluation of 8 Clear Sky Models", 2017) and Hillaire 2020. Lengths in metres. Irradiance is
+scaled so that the sun's luminance outside the atmosphere is pi: a white surface that faces it there has radiance 1.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["Air", "mie_phase", "rayleigh_phase", "scattered", "transmitted"]
+
+_EARTH, _TOP = 6_360e3, 6_460e3
+_EYE = 50.0  # height of the observer
+_RAYLEIGH_HEIGHT, _MIE_HEIGHT = 8_000.0, 1_200.0
+_OZONE_MIDDLE, _OZONE_HALF = 25e3, 15e3
+_MIE_SCATTERING, _MIE_EXTINCTION = 2.0e-5, 2.2e-5  # at the ground, per metre, for all wavelengths
+_ASYMMETRY = 0.76
+_SUN_RADIUS = np.radians(0.27)  # over which the earth's shadow fades
+
+_MICRONS = np.arange(0.38, 0.73, 0.02)
+_RAYLEIGH = 1.24062e-6 * _MICRONS**-4.0  # Bruneton's fit of Penndorf 1957, per metre at the ground
+# Ozone's cross section in 1e-25 m^2 (Serdyuchenko et al. 2014, 223 K, every 20 nm), and the layer's peak for 300 Dobson units.
+_OZONE_SECTION = np.array(
+    [0.003, 0.015, 0.055, 0.158, 0.367, 0.775, 1.48, 2.14, 3.09, 4.27, 4.40, 5.02, 3.74, 2.66, 1.85, 1.21, 0.746, 0.511]
+)
+_OZONE = _OZONE_SECTION * 1e-25 * 300 * 2.687e20 / _OZONE_HALF
+
+
+class Air(NamedTuple):
+    """How much there is of each, relative to a clear day."""
+
+    molecules: float
+    dust: float
+    ozone: float
+
+
+def _observer_curves() -> np.ndarray:
+    """CIE 1931 x, y, z at the wavelengths, (18, 3): the fit of Wyman, Sloan & Shirley, JCGT 2(2), 2013."""
+
+    def bell(center: float, below: float, above: float) -> np.ndarray:
+        nm = _MICRONS * 1000 - center
+        return np.exp(-0.5 * (nm * np.where(nm < 0, below, above)) ** 2)
+
+    x = 1.056 * bell(599.8, 0.0264, 0.0323) + 0.362 * bell(442.0, 0.0624, 0.0374) - 0.065 * bell(501.1, 0.0490, 0.0382)
+    y = 0.821 * bell(568.8, 0.0213, 0.0247) + 0.286 * bell(530.9, 0.0613, 0.0322)
+    z = 1.217 * bell(437.0, 0.0845, 0.0278) + 0.681 * bell(459.0, 0.0385, 0.0725)
+    return np.stack([x, y, z], axis=1)
+
+
+def _to_rgb() -> np.ndarray:
+    """(18, 3): from what is left of each wavelength of the sun's light to linear Rec.709, the sun's own luminance being pi."""
+    planck = _MICRONS**-5.0 / np.expm1(14_387.77 / (_MICRONS * 5_778))
+    xyz = _observer_curves() * planck[:, None]
+    xyz *= np.pi / xyz[:, 1].sum()
+    rgb = np.array([(3.2404542, -1.5371385, -0.4985314), (-0.9692660, 1.8760108, 0.0415560), (0.0556434, -0.2040259, 1.0572252)])
+    return xyz @ rgb.T
+
+
+_RGB = _to_rgb()
+
+
+def _densities(height: np.ndarray) -> np.ndarray:
+    """Of molecules, dust and ozone, relative to their peaks: (..., 3)."""
+    ozone = np.maximum(1 - np.abs(height - _OZONE_MIDDLE) / _OZONE_HALF, 0)
+    return np.stack([np.exp(-height / _RAYLEIGH_HEIGHT), np.exp(-height / _MIE_HEIGHT), ozone], axis=-1)
+
+
+def _to_top(radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """How far it is to the top of the atmosphere."""
+    along = radius * cosine
+    return -along + np.sqrt(np.maximum(along * along + _TOP**2 - radius * radius, 0))
+
+
+def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarray:
+    """Densities integrated from a point to the top of the atmosphere, (..., 3); steps grow along the way, as air thins."""
+    edge = np.linspace(0, 1, steps + 1) ** 2
+    length = _to_top(radius, cosine)
+    total = np.zeros((*radius.shape, 3))
+    for near, far in pairwise(edge):
+        t = length * (near + far) / 2
+        height = np.sqrt(np.maximum(radius * radius + t * t + 2 * radius * t * cosine, 0)) - _EARTH
+        total += _densities(np.maximum(height, 0)) * (length * (far - near))[..., None]
+    return total
+
+
+def _thickness(air: Air, column: np.ndarray) -> np.ndarray:
+    """The optical thickness of such a column at each wavelength, (..., 18)."""
+    molecules, dust, ozone = (column[..., k, None] for k in range(3))
+    return molecules * (air.molecules * _RAYLEIGH) + dust * (air.dust * _MIE_EXTINCTION) + ozone * (air.ozone * _OZONE)
+
+
+def transmitted(air: Air, elevation: float) -> np.ndarray:
+    """What reaches the ground straight from the sun at this elevation in radians: irradiance facing it, (3,) linear Rec.709."""
+    column = _column(np.array(_EARTH + _EYE), np.array(np.sin(elevation)), steps=64)
+    return np.asarray(np.maximum(np.exp(-_thickness(air, column)) @ _RGB, 0))
+
+
+def rayleigh_phase(cosine: np.ndarray) -> np.ndarray:
+    """Per steradian, by the cosine of the angle to the sun."""
+    return 3 / (16 * np.pi) * (1 + cosine * cosine)
+
+
+def mie_phase(cosine: np.ndarray) -> np.ndarray:
+    """Cornette & Shanks 1992, per steradian."""
+    g = _ASYMMETRY
+    scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
+    return scale * (1 + cosine * cosine) / (1 + g * g - 2 * g * cosine) ** 1.5
+
+
+def scattered(air: Air, sun: float, elevation: np.ndarray, azimuth: np.ndarray, steps: int = 48) -> tuple[np.ndarray, np.ndarray]:
+    """Light scattered once towards an observer on the ground, before the phase functions: by molecules and by dust.
+
+    sun: its elevation; elevation (...), above 0, and azimuth (...) of where to look, from the sun's: radians. Each result is
+    (..., 3), linear Rec.709.
+    """
+    start = _EARTH + _EYE
+    up, level = np.sin(elevation), np.cos(elevation)
+    towards_sun = up * np.sin(sun) + level * np.cos(sun) * np.cos(azimuth)
+    length = _to_top(np.full_like(up, start), up)
+    edge = np.linspace(0, 1, steps + 1) ** 2
+    passed = np.zeros((*up.shape, 3))
+    molecules, dust = np.zeros((*up.shape, 18)), np.zeros((*up.shape, 18))
+    for near, far in pairwise(edge):
+        t = length * (near + far) / 2
+        step = length * (far - near)
+        radius = np.sqrt(start**2 + t * t + 2 * start * t * up)
+        cosine = (start * np.sin(sun) + t * towards_sun) / radius  # of the sun's zenith angle there
+        density = _densities(np.maximum(radius - _EARTH, 0))
+        half = density * (step / 2)[..., None]
+        passed += half
+        horizon = -np.sqrt(np.maximum(1 - (_EARTH / radius) ** 2, 0))
+        risen = np.clip(0.5 + (np.arcsin(np.clip(cosine, -1, 1)) - np.arcsin(horizon)) / (2 * _SUN_RADIUS), 0, 1)
+        sunlight = np.exp(-_thickness(air, passed + _column(radius, np.maximum(cosine, horizon)))) * (risen * step)[..., None]
+        molecules += sunlight * density[..., 0, None]
+        dust += sunlight * density[..., 1, None]
+        passed += half
+    return molecules @ (_RAYLEIGH[:, None] * air.molecules * _RGB), dust @ (_MIE_SCATTERING * air.dust * _RGB)

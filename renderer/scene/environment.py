@@ -1,0 +1,148 @@
+"""Light from infinitely far as tables: the radiance, and the cdfs by which the kernel samples it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.scene.arrays import CompiledScene
+from renderer.scene.description import F32, Environment, SceneDescription
+from renderer.scene.lights import cumulative, luminance
+from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
+
+__all__ = ["EnvironmentTables", "are_accents", "choose_environment", "relit", "tabulate_environment"]
+
+_MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
+
+
+class EnvironmentTables(NamedTuple):
+    """As in CompiledScene, without the probability of choosing it."""
+
+    radiance: F32  # (H, W, 3)
+    marginal: F32  # (H + 1,)
+    conditional: F32  # (H, W + 1)
+    rotation: float  # radians
+    mean: float  # luminance, averaged over all directions, the sun's included
+    contrast: float  # 0 for an even sky, towards 1 for a sun in a black one
+    sun: np.ndarray  # (8,): direction 3, 1 - cos of the half angle, radiance 3, share of the samples; zeros without a sun
+
+    def frame(self, chance: float) -> F32:
+        """CompiledScene's environment_frame, if the environment is chosen over the lights with that probability."""
+        rotation = (np.cos(self.rotation), np.sin(self.rotation))
+        return np.array([*rotation, self.mean, chance, *self.sun], np.float32)
+
+
+def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
+    """The environment's radiance and its cdfs: rows by weight times solid angle, then columns by weight.
+
+    (1, 1, 3) where it is constant, of zeros where there is none. A texel's weight is what its luminance exceeds the mean by:
+    light below that BSDF sampling finds well by itself, and the two together have half the variance (measured on the
+    studio). Source: Karlik et al., MIS Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError where a sky's numbers mean nothing.
+    """
+    source = description.environment
+    no_sun = np.zeros(8)
+    if source is None:
+        black = np.zeros((1, 1, 3), np.float32)
+        return EnvironmentTables(black, cumulative(np.ones(1)), cumulative(np.ones((1, 1))), 0.0, 0.0, 0.0, no_sun)
+    color = np.array(source.color, np.float64) * source.strength
+    radiance = _radiance(description, source, color)
+    bright = luminance(radiance.astype(np.float64))
+    height = len(bright)
+    solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))  # of a row, over 2 pi
+    mean = float((bright.mean(axis=1) * solid_angle).sum() / 2)
+    mean_square = float((np.square(bright).mean(axis=1) * solid_angle).sum() / 2)
+    contrast = max(1 - mean * mean / mean_square, 0.0) if mean_square > 0 else 0.0
+    weight = np.maximum(bright - mean, 0)
+    rows = weight.mean(axis=1) * solid_angle
+    rotation = float(np.radians(source.rotation))
+    sun = sun_of_sky(source.sky) if source.sky is not None else None
+    tables = EnvironmentTables(radiance, cumulative(rows), cumulative(weight), rotation, mean, contrast, no_sun)
+    return tables if sun is None else _with_sun(tables, sun, color)
+
+
+def _radiance(description: SceneDescription, source: Environment, color: np.ndarray) -> F32:
+    if source.sky is not None:
+        pixels = image_of_sky(source.sky)
+    elif source.image is not None:
+        pixels = description.images[source.image].pixels
+        if pixels.dtype == np.uint8:
+            pixels = _linear(pixels[..., :3])
+    else:
+        return np.minimum(color, _MAX_RADIANCE).astype(np.float32).reshape(1, 1, 3)
+    with np.errstate(over="ignore"):
+        return np.asarray(np.clip(pixels[..., :3] * color.astype(np.float32), 0, np.float32(_MAX_RADIANCE)))
+
+
+def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> EnvironmentTables:
+    """The tables of the sky before whose image the sun stands."""
+    x, y, z = sun.direction
+    cosine, sine = np.cos(tables.rotation), np.sin(tables.rotation)
+    direction = (x * cosine + z * sine, y, z * cosine - x * sine)
+    radiance = np.minimum(sun.radiance * color, _MAX_RADIANCE)
+    one_minus_cos = 2 * np.sin(sun.half_angle / 2) ** 2
+    from_sun = float(luminance(radiance)) * one_minus_cos / 2  # averaged over all directions
+    mean = tables.mean + from_sun
+    if mean <= 0:
+        return tables
+    share = float(np.clip(from_sun / (from_sun + tables.mean * tables.contrast), 0.1, 0.9)) if from_sun > 0 else 0.0
+    contrast = (from_sun + tables.mean * tables.contrast) / mean
+    return tables._replace(mean=mean, contrast=contrast, sun=np.array([*direction, one_minus_cos, *radiance, share]))
+
+
+def relit(scene: CompiledScene, color: tuple[float, float, float] | None, strength: float) -> CompiledScene:
+    """The scene in an environment of that colour (None: its own) and strength. Its file stays as it is: only small arrays
+    are new."""
+    if color is None and strength == 1:
+        return scene
+    factor = np.float32(strength)
+    frame = scene.environment_frame.copy()
+    if color is None:
+        environment = scene.environment * factor
+        marginal, conditional = scene.environment_marginal, scene.environment_conditional
+        frame[2] *= factor
+        frame[8:11] *= factor
+    else:
+        environment = np.array(color, np.float32).reshape(1, 1, 3) * factor
+        marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)
+        frame[2] = luminance(environment[0, 0])
+        frame[4:] = 0
+    if not environment.any() and not frame[8:11].any():
+        frame[3] = 0.0
+    elif frame[3] == 0.0:
+        frame[3] = 0.5 if len(scene.light_primitive) else 1.0
+    for array in (environment, marginal, conditional, frame):
+        array.flags.writeable = False
+    return scene._replace(
+        environment=environment, environment_marginal=marginal, environment_conditional=conditional, environment_frame=frame
+    )
+
+
+def choose_environment(environment: EnvironmentTables, lights_power: float, bounds: F32) -> float:
+    """The probability of sampling the environment rather than a light: by power into the scene, yet neither is starved.
+
+    A disk as large as the scene's bounding sphere receives pi * (pi R^2) * mean radiance from the environment. Of that only
+    the share counts which BSDF sampling finds badly: an even sky is better left to it, and MIS weighs both correctly.
+    """
+    if environment.mean <= 0:
+        return 0.0
+    if lights_power <= 0:
+        return 1.0
+    arriving = _sky_power(bounds) * environment.mean * environment.contrast
+    return float(np.clip(arriving / (arriving + lights_power), 0.1, 0.8))
+
+
+def are_accents(lights_power: float, bounds: F32) -> bool:
+    """Whether lights give the scene less than a twentieth of what a sky of radiance 1 would."""
+    return lights_power < 0.05 * _sky_power(bounds)
+
+
+def _sky_power(bounds: F32) -> float:
+    radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
+    return np.pi * np.pi * radius * radius
+
+
+def _linear(encoded: np.ndarray) -> np.ndarray:
+    level = (np.arange(256) / 255.0).astype(np.float32)
+    table = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return table[encoded]

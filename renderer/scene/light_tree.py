@@ -1,0 +1,43 @@
+"""The lights of a scene as a tree, for renderer/kernel/light_tree.py to choose from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.kernel.light_tree_build import build
+from renderer.scene.description import F32, I32
+
+__all__ = ["LightBounds", "LightTree", "build_light_tree"]
+
+
+class LightBounds(NamedTuple):
+    """Where each of L lights is, where to it shines, and how much."""
+
+    center: np.ndarray  # (L, 3); of a distant light, its axis
+    radius: np.ndarray  # (L,): it lies within that sphere; -1: infinitely far
+    axis: np.ndarray  # (L, 3) unit: normals or directions in which it shines
+    spread: np.ndarray  # (L,) radians that they differ from the axis by, at most
+    reach: np.ndarray  # (L,) radians that light leaves them by, at most
+    intensity: np.ndarray  # (L,) radiant intensity along the axis, luminance; of a distant light, irradiance
+    both: np.ndarray  # (L,) 1 where it shines to the other side as well
+
+
+class LightTree(NamedTuple):
+    """The order in which lights are to be numbered, and the arrays of CompiledScene, of Y < 2 L nodes."""
+
+    order: np.ndarray  # (L,) int64: the light that becomes number i
+    node: F32  # (Y, 12): centre, squared radius (-1: distant), axis, cos spread, cos reach, intensity, both sides, 0
+    child: I32  # (Y, 3): the first child (-1: a leaf), of how many beside each other, and the first light
+
+
+def build_light_tree(bounds: LightBounds) -> LightTree:
+    """The tree of at least one light; distant ones come first."""
+    distant = bounds.radius < 0
+    order = np.argsort(~distant, kind="stable").astype(np.int64)
+    node = np.zeros((2 * len(order) - 1, 12), np.float32)
+    child = np.full((2 * len(order) - 1, 3), -1, np.int32)
+    arrays = (np.ascontiguousarray(array, np.float32) for array in bounds)
+    used = build(*arrays, int(distant.sum()), order, node, child)
+    return LightTree(order, node[:used], child[:used])

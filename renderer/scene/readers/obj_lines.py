@@ -1,0 +1,303 @@
+"""The statements of an OBJ file as arrays: its text is read once to count and once to fill, byte by byte.
+
+Source: Alias/Wavefront, Advanced Visualizer Manual, appendix B1.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.jit import builder, device
+from renderer.scene.description import F32, I32
+
+__all__ = ["Statements", "parse"]
+
+Bytes = npt.NDArray[np.uint8]
+Offsets = npt.NDArray[np.int64]
+
+_TAB, _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _DOT, _SLASH, _BACKSLASH = 9, 10, 13, 32, 43, 45, 46, 47, 92
+_OTHER, _V, _VT, _VN, _F, _USEMTL, _MTLLIB, _NO_SURFACE = range(8)
+_FINE, _TOO_FEW, _NOT_FINITE, _NO_CORNER, _NOT_THERE = range(5)
+_DIGITS = 18  # that an int64 holds; further ones are below what float64 tells apart
+
+
+class Statements(NamedTuple):
+    """What a file says. Numbers count from 0; -1 is none."""
+
+    positions: F32  # (V, 3)
+    colors: F32 | None  # (V, 3), where every vertex has one
+    uvs: F32  # (U, 2)
+    normals: F32  # (N, 3)
+    corners: I32  # (C, 3): position, uv, normal
+    starts: Offsets  # (F + 1,): the corners of face i are starts[i] to starts[i + 1]
+    materials: list[tuple[int, str]]  # the first face of each stretch, and its material's name
+    libraries: list[str]
+    others: int  # lines, points and curves, which have no surface
+
+
+def parse(data: bytes, file: str) -> Statements:
+    """The statements of a file. Raises SceneError with the line of what is wrong."""
+    text = np.frombuffer(data, np.uint8)
+    counts = _count(text)
+    positions, colors = np.empty((counts[_V], 3), np.float32), np.empty((counts[_V], 3), np.float32)
+    uvs, normals = np.empty((counts[_VT], 2), np.float32), np.empty((counts[_VN], 3), np.float32)
+    corners, starts = np.empty((counts[_OTHER], 3), np.int32), np.zeros(counts[_F] + 1, np.int64)
+    names = np.empty((counts[_USEMTL] + counts[_MTLLIB], 4), np.int64)
+    code, at, value, known, colored = _fill(text, positions, colors, uvs, normals, corners, starts, names)
+    if code != _FINE:
+        raise _error(code, at, value, known, data, file)
+    materials, libraries = [], []
+    for kind, face, begin, end in names.tolist():
+        name = data[begin:end].decode("utf-8", "replace").strip()
+        if kind == _USEMTL:
+            materials.append((face, name))
+        else:
+            libraries.append(name)
+    own = colors if colored and len(colors) else None
+    return Statements(positions, own, uvs, normals, corners[: starts[-1]], starts, materials, libraries, int(counts[_NO_SURFACE]))
+
+
+def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -> SceneError:
+    line = data.count(b"\n", 0, at) + 1
+    if code == _NOT_THERE:
+        return SceneError(f"{file}, line {line}: a face names element {value} where {known} stand before it")
+    if code == _NO_CORNER:
+        word = data[at : at + 200].split(None, 1)[0].decode("utf-8", "replace")
+        return SceneError(f"{file}, line {line}: {word[:40]!r} is no corner of a face; write it as v/vt/vn")
+    row = " ".join(data[at:].split(b"\n", 1)[0][:200].decode("utf-8", "replace").split())
+    words = {word.lstrip("+-").lower() for word in row.split()}
+    if code == _NOT_FINITE or words & {"nan", "inf", "infinity"}:
+        return SceneError(f"{file}, line {line}: '{row[:60]}' is not finite; export the file again")
+    return SceneError(f"{file}, line {line}: '{row[:60]}' does not hold {known} numbers; export the file again")
+
+
+@device
+def _skip(text: Bytes, i: int) -> int:
+    """Past blanks; a backslash at a line's end is one, with the end."""
+    n = len(text)
+    while i < n:
+        c = text[i]
+        if c == _BACKSLASH and i + 1 < n and text[i + 1] == _NEWLINE:
+            i += 2
+        elif c == _BACKSLASH and i + 2 < n and text[i + 1] == _RETURN and text[i + 2] == _NEWLINE:
+            i += 3
+        elif c in (_SPACE, _TAB, _RETURN):
+            i += 1
+        else:
+            break
+    return i
+
+
+@device
+def _past_word(text: Bytes, i: int) -> int:
+    n = len(text)
+    while i < n and text[i] > _SPACE and not (text[i] == _BACKSLASH and i + 1 < n and text[i + 1] <= _RETURN):
+        i += 1
+    return i
+
+
+@device
+def _line_end(text: Bytes, i: int) -> int:
+    n = len(text)
+    while i < n and text[i] != _NEWLINE:
+        if text[i] == _BACKSLASH:
+            i = max(_skip(text, i), i + 1)
+        else:
+            i += 1
+    return i
+
+
+@device
+def _keyword(text: Bytes, i: int, end: int) -> int:
+    length = end - i
+    c = text[i]
+    if length == 1:
+        if c == ord("v"):
+            return _V
+        if c == ord("f"):
+            return _F
+        return _NO_SURFACE if c == ord("l") or c == ord("p") else _OTHER
+    if length == 2:
+        if c == ord("v") and text[i + 1] == ord("t"):
+            return _VT
+        return _VN if c == ord("v") and text[i + 1] == ord("n") else _OTHER
+    if length == 4 and text[i + 1] == ord("u") and text[i + 2] == ord("r"):
+        return (
+            _NO_SURFACE if (c == ord("c") and text[i + 3] == ord("v")) or (c == ord("s") and text[i + 3] == ord("f")) else _OTHER
+        )
+    if length == 6:
+        if c == ord("u") and text[i + 1] == ord("s") and text[i + 3] == ord("m"):
+            return _USEMTL
+        return _MTLLIB if c == ord("m") and text[i + 1] == ord("t") and text[i + 3] == ord("l") else _OTHER
+    return _OTHER
+
+
+@builder
+def _count(text: Bytes) -> Offsets:
+    """How many there are of each statement; under _OTHER, how many words the faces have."""
+    found = np.zeros(8, np.int64)
+    i = 0
+    while i < len(text):
+        i = _skip(text, i)
+        end = _past_word(text, i)
+        if end > i:
+            kind = _keyword(text, i, end)
+            if kind != _OTHER:
+                found[kind] += 1
+            i = end
+            if kind == _F:
+                i = _skip(text, i)
+                while i < len(text) and text[i] != _NEWLINE:
+                    found[_OTHER] += 1
+                    i = _skip(text, max(_past_word(text, i), i + 1))
+        i = _line_end(text, i) + 1
+    return found
+
+
+@device
+def _number(text: Bytes, i: int) -> tuple[float, int]:
+    """A decimal number and the place after it; the place is i where there is none."""
+    n, begin = len(text), i
+    negative = i < n and text[i] == _MINUS
+    if i < n and (negative or text[i] == _PLUS):
+        i += 1
+    mantissa, digits, exponent, seen = 0, 0, 0, False
+    fraction = 0
+    while i < n:
+        c = text[i]
+        if c == _DOT and fraction == 0:
+            fraction = 1
+        elif ord("0") <= c <= ord("9"):
+            seen = True
+            if digits < _DIGITS:
+                mantissa = mantissa * 10 + (c - ord("0"))
+                digits += mantissa > 0
+                exponent -= fraction
+            else:
+                exponent += 1 - fraction
+        else:
+            break
+        i += 1
+    if not seen:
+        return 0.0, begin
+    if i + 1 < n and (text[i] == ord("e") or text[i] == ord("E")):
+        at = i + 1
+        down = text[at] == _MINUS
+        if down or text[at] == _PLUS:
+            at += 1
+        if at < n and ord("0") <= text[at] <= ord("9"):
+            power = 0
+            while at < n and ord("0") <= text[at] <= ord("9"):
+                power = min(power * 10 + (text[at] - ord("0")), 9999)
+                at += 1
+            exponent += -power if down else power
+            i = at
+    value = np.float64(mantissa)
+    if exponent < -300:  # in two steps, for 10^-exponent would overflow
+        value = value / 1e300 / 10.0 ** np.float64(-exponent - 300)
+    elif exponent < 0:
+        value /= 10.0 ** np.float64(-exponent)
+    elif mantissa > 0:
+        value *= 10.0 ** np.float64(exponent)
+    return (-value if negative else value), i
+
+
+@device
+def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, int]:
+    """Reads up to `wanted` numbers of a line into row. The code, and how many there were."""
+    count = 0
+    while count < wanted:
+        i = _skip(text, i)
+        value, end = _number(text, i)
+        if end == i:
+            break
+        row[count] = np.float32(value)
+        if not np.isfinite(row[count]):
+            return _NOT_FINITE, count
+        count += 1
+        i = end
+    return (_FINE if count >= needed else _TOO_FEW), count
+
+
+@device
+def _integer(text: Bytes, i: int) -> tuple[int, int]:
+    """A whole number, 0 where there is none, and the place after it."""
+    n = len(text)
+    negative = i < n and text[i] == _MINUS
+    if negative or (i < n and text[i] == _PLUS):
+        i += 1
+    value = 0
+    while i < n and ord("0") <= text[i] <= ord("9"):
+        value = min(value * 10 + (text[i] - ord("0")), 1 << 40)
+        i += 1
+    return (-value if negative else value), i
+
+
+@builder
+def _fill(
+    text: Bytes, positions: F32, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
+) -> tuple[int, int, int, int, bool]:
+    """(code, place, value, count, whether all vertices have colours); the rest stands in the arrays."""
+    row = np.zeros(6, np.float32)
+    known = np.zeros(3, np.int64)  # positions, uvs, normals so far
+    corner, face, name, colored = 0, 0, 0, True
+    i = 0
+    while i < len(text):
+        i = _skip(text, i)
+        begin, end = i, _past_word(text, i)
+        kind = _keyword(text, i, end) if end > i else _OTHER
+        i = end
+        if kind == _V:
+            code, count = _row(text, i, 3, 6, row)
+            if code != _FINE:
+                return code, begin, 0, 3, False
+            colored = colored and count == 6
+            for c in range(3):
+                positions[known[0], c] = row[c]
+                colors[known[0], c] = row[3 + c]
+            known[0] += 1
+        elif kind == _VT:
+            row[1] = 0
+            code, count = _row(text, i, 1, 2, row)
+            if code != _FINE:
+                return code, begin, 0, 2, False
+            uvs[known[1], 0], uvs[known[1], 1] = row[0], row[1]
+            known[1] += 1
+        elif kind == _VN:
+            code, count = _row(text, i, 3, 3, row)
+            if code != _FINE:
+                return code, begin, 0, 3, False
+            for c in range(3):
+                normals[known[2], c] = row[c]
+            known[2] += 1
+        elif kind == _F:
+            i = _skip(text, i)
+            while i < len(text) and text[i] != _NEWLINE:
+                word, past = i, max(_past_word(text, i), i + 1)
+                corners[corner, 1] = corners[corner, 2] = -1
+                for k in range(3):
+                    value, i = _integer(text, i)
+                    if i < past and text[i] != _SLASH:
+                        return _NO_CORNER, word, 0, 0, False
+                    at = value - 1 if value > 0 else known[k] + value
+                    if (value == 0 and k == 0) or at < 0 or at >= (1 << 31) - 1:
+                        return _NOT_THERE, word, value, known[k], False
+                    if value != 0:
+                        corners[corner, k] = at
+                    if i >= past:
+                        break
+                    i += 1
+                corner += 1
+                i = _skip(text, past)
+            face += 1
+            starts[face] = corner
+        elif kind in (_USEMTL, _MTLLIB):
+            names[name, 0], names[name, 1] = kind, face
+            names[name, 2], names[name, 3] = i, _line_end(text, i)
+            name += 1
+        i = _line_end(text, i) + 1
+    return _FINE, 0, 0, 0, colored

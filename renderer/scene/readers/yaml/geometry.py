@@ -1,0 +1,142 @@
+"""A scene file's shapes: what it describes itself, and mesh files that it places."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from renderer.formats import SCENE_SUFFIXES
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.files import SceneFiles
+from renderer.scene.geometry import MAX_TRIANGLES
+from renderer.scene.merge import merge
+from renderer.scene.normals import smoothed
+from renderer.scene.readers import shapes
+from renderer.scene.readers.yaml import transforms
+from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.scene.readers.yaml.values import vec3
+
+__all__ = ["Shapes"]
+
+Matrix = transforms.Matrix
+
+
+class Shapes:
+    """Adds shapes to a description. `materials` are the description's numbers by name."""
+
+    def __init__(self, document: Yaml, files: SceneFiles, description: SceneDescription, materials: dict[str, int]) -> None:
+        self._document, self._files, self._description, self._materials = document, files, description, materials
+        self._plain: int | None = None
+        self._parts: dict[tuple[str, int | None], list[Instance]] = {}  # of mesh files that were read before
+        self._triangles = 0
+
+    def add(self, source: dict[str, Any], path: Path) -> None:
+        """Adds the shape at a path, once for each of its instances."""
+        name = source.get("name", f"{source['type']} {path[-1]}")
+        own = transforms.matrix(source.get("transform", []), self._document, (*path, "transform"))
+        placed = [(name, own)]
+        if "instances" in source:
+            places = [transforms.matrix(t, self._document, (*path, "instances", i)) for i, t in enumerate(source["instances"])]
+            placed = [(f"{name} [{i}]", place @ own) for i, place in enumerate(places)]
+        material = self._material_of(source, path)
+        if source["type"] == "sphere":
+            self._spheres(source, material, placed, path)
+        elif source["type"] == "mesh":
+            self._mesh_file(source, material, placed, path)
+        else:
+            self._mesh(self._made(source, name, path), material, placed, path)
+
+    def _made(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
+        if source["type"] == "lathe":
+            return shapes.lathe(name, [(r, y) for r, y in source["profile"]], source.get("segments", 96))
+        if source["type"] == "disk":
+            return shapes.disk(name, source.get("segments", 256))
+        if source["type"] == "faces":
+            return self._faces(source, name, path)
+        return shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
+
+    def _mesh(self, mesh: Mesh, material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
+        self._triangles += len(mesh.triangles)
+        if self._triangles > MAX_TRIANGLES:
+            raise self._document.error(path, f"with it the scene has more than {MAX_TRIANGLES} triangles; use fewer segments")
+        mesh.material = self._plain_material() if material is None else material
+        self._description.meshes.append(mesh)
+        number = len(self._description.meshes) - 1
+        self._description.instances += [Instance(number, place, name=name) for name, place in placed]
+
+    def _faces(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
+        positions = self._table(source["positions"], 3, (*path, "positions"))
+        uvs = None
+        if "uvs" in source:
+            uvs = self._table(source["uvs"], 2, (*path, "uvs"))
+            if len(uvs) != len(positions):
+                raise self._document.error((*path, "uvs"), f"has {len(uvs)} points where there are {len(positions)} positions")
+        triangles = []
+        for i, polygon in enumerate(source["faces"]):
+            here = (*path, "faces", i)
+            if not isinstance(polygon, list) or len(polygon) < 3 or not all(type(corner) is int for corner in polygon):
+                raise self._document.error(here, "is no list of three or more numbers of positions")
+            if not all(0 <= corner < len(positions) for corner in polygon):
+                raise self._document.error(here, f"names a position beyond 0 to {len(positions) - 1}")
+            triangles += [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
+        mesh = Mesh(name, positions, np.array(triangles, np.int32).reshape(-1, 3), uvs=uvs)
+        return smoothed(mesh) if source.get("smooth", False) else mesh
+
+    def _table(self, rows: list[Any], width: int, path: Path) -> F32:
+        """(N, width) float32. Held to its form here: a schema's judgement of each number takes far longer."""
+        for i, row in enumerate(rows):
+            if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
+                raise self._document.error((*path, i), f"is no list of {width} numbers")
+        with np.errstate(over="ignore"):
+            found = np.array(rows, np.float64).astype(np.float32).reshape(-1, width)
+        if not np.isfinite(found).all():
+            raise self._document.error((*path, int(np.argmin(np.isfinite(found).all(axis=1)))), "is beyond what numbers hold")
+        return found
+
+    def _spheres(self, source: dict[str, Any], material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
+        for name, place in placed:
+            scale = transforms.uniform_scale(place)
+            if scale is None:
+                raise self._document.error(path, "a sphere is scaled alike in all directions; a transform here is not so")
+            center = place @ np.array([*source.get("center", (0, 0, 0)), 1.0])
+            number = self._plain_material() if material is None else material
+            self._description.spheres.append(Sphere(vec3(center[:3]), float(source.get("radius", 1)) * scale, number, name))
+
+    def _mesh_file(self, source: dict[str, Any], material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
+        from renderer.scene.load import read_into  # which imports this reader in turn
+
+        name = self._files.find(source["file"], self._document.file)
+        if name is None:
+            raise self._document.error((*path, "file"), f"{source['file'][:120]} is not among the files; add it")
+        suffix = PurePosixPath(name).suffix.lower()
+        if suffix in (".yaml", ".yml") or suffix not in SCENE_SUFFIXES:
+            others = ", ".join(s for s in SCENE_SUFFIXES if s not in (".yaml", ".yml"))
+            raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
+        if (name, material) not in self._parts:
+            part = SceneDescription(name=name)
+            read_into(self._files, name, part)
+            self._parts[name, material] = merge(part, self._description, material)
+        for called, place in placed:
+            self._description.instances += [
+                replace(s, transform=place @ s.transform, name=f"{called}/{s.name}" if s.name else called)
+                for s in self._parts[name, material]
+            ]
+
+    def _material_of(self, source: dict[str, Any], path: Path) -> int | None:
+        name = source.get("material")
+        if name is None:
+            return None
+        if name not in self._materials:
+            known = ", ".join(sorted(self._materials)[:10]) or "none"
+            raise self._document.error((*path, "material"), f"no material is called {name[:80]}; known are {known}")
+        return self._materials[name]
+
+    def _plain_material(self) -> int:
+        if self._plain is None:
+            self._description.materials.append(Material())
+            self._plain = len(self._description.materials) - 1
+        return self._plain

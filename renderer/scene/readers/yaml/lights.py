@@ -1,0 +1,72 @@
+"""A scene file's lights without a body, and its environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.scene.description import Environment, Light, Vec3
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.scene.readers.yaml.values import radiance, vec3
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["read_environment", "read_light"]
+
+_FIELDS = {
+    "point": {"position", "radius"},
+    "spot": {"position", "direction", "target", "radius", "inner_cone", "outer_cone"},
+    "directional": {"direction", "angle"},
+}
+_ALL = {"type", "name", "intensity", "color"}
+
+
+def read_light(source: dict[str, Any], index: int, document: Yaml, path: Path) -> Light:
+    """The light at a place of `lights`. Raises SceneError for fields that its type does not know or lacks."""
+    kind = source["type"]
+    for key in source:
+        if key not in _ALL | _FIELDS[kind]:
+            raise document.error((*path, key), f"means nothing for a {kind} light")
+    light = Light(kind, name=source.get("name", f"light {index}"))
+    r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
+    light.intensity = (r, g, b)
+    if kind != "directional" and "position" not in source:
+        raise document.error(path, f"a {kind} light has a position")
+    light.position = vec3(source.get("position", (0, 0, 0)))
+    if kind != "point":
+        light.direction = _direction(source, light.position, document, path)
+    light.radius, light.angle = float(source.get("radius", 0)), float(source.get("angle", 0))
+    light.outer_cone = float(source.get("outer_cone", 45))
+    light.inner_cone = float(source.get("inner_cone", 0))
+    if light.inner_cone > light.outer_cone:
+        raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")
+    return light
+
+
+def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:
+    if ("direction" in source) == ("target" in source):
+        raise document.error(
+            path,
+            f"a {source['type']} light has one of direction and target"
+            if source["type"] == "spot"
+            else "a directional light has a direction",
+        )
+    direction = np.array(source["direction"] if "direction" in source else np.subtract(source["target"], position), np.float64)
+    length = float(np.linalg.norm(direction))
+    if length < 1e-12:
+        raise document.error((*path, "direction" if "direction" in source else "target"), "gives no direction")
+    return vec3(direction / length)
+
+
+def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
+    """What is under `environment`."""
+    image = None
+    if "image" in source:
+        name = files.find(source["image"], document.file)
+        if name is None:
+            raise document.error(("environment", "image"), f"{source['image'][:120]} is not among the files; add it")
+        image = shelf.image_file(name)
+    return Environment(
+        radiance(source.get("color", 1.0)), image, float(source.get("strength", 1)), float(source.get("rotation", 0))
+    )

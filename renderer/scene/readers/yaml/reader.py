@@ -1,0 +1,74 @@
+"""A scene file as a scene: held to its schema, then part by part."""
+
+from __future__ import annotations
+
+import functools
+import json
+from pathlib import PurePosixPath
+from typing import Any
+
+import jsonschema
+
+from renderer.scene.description import Camera, SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.yaml.cameras import read_view
+from renderer.scene.readers.yaml.geometry import Shapes
+from renderer.scene.readers.yaml.lights import read_environment, read_light
+from renderer.scene.readers.yaml.lines import Yaml, parse
+from renderer.scene.readers.yaml.materials import read_material
+from renderer.scene.readers.yaml.textures import Textures
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["SCHEMA_FILE", "read"]
+
+SCHEMA_FILE = PurePosixPath("schema.json")
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
+    """Adds the file's scene to the description. Raises SceneError with line and field."""
+    document = parse(files.read(main), main)
+    _validate(document)
+    data: dict[str, Any] = document.data
+    shelf = TextureShelf(description, files)
+    description.name = data.get("name", description.name)
+    description.defaults.update(data.get("settings", {}))
+    for i, camera in enumerate(data.get("cameras", [])):
+        _add_camera(camera, i, document, description)
+    if "environment" in data:
+        description.environment = read_environment(data["environment"], document, files, shelf)
+    for i, light in enumerate(data.get("lights", [])):
+        description.lights.append(read_light(light, i, document, ("lights", i)))
+    textures = Textures(document, files, shelf)
+    materials: dict[str, int] = {}
+    for name, material in data.get("materials", {}).items():
+        materials[name] = len(description.materials)
+        description.materials.append(read_material(name, material, textures, document, ("materials", name)))
+    shapes = Shapes(document, files, description, materials)
+    for i, shape in enumerate(data["shapes"]):
+        shapes.add(shape, ("shapes", i))
+
+
+def _add_camera(source: dict[str, Any], index: int, document: Yaml, description: SceneDescription) -> None:
+    name = source.get("name", f"camera {index}")
+    if name in {c.name for c in description.cameras}:
+        raise document.error(("cameras", index, "name"), f"another camera is called {name}; give it another name")
+    description.cameras.append(Camera(name, read_view(source, document, ("cameras", index))))
+
+
+@functools.cache
+def _validator() -> Any:
+    from importlib.resources import files as resources
+
+    schema = json.loads(resources("renderer.scene").joinpath(str(SCHEMA_FILE)).read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def _validate(document: Yaml) -> None:
+    error = jsonschema.exceptions.best_match(_validator().iter_errors(document.data))
+    if error is not None:
+        path = tuple(error.absolute_path)
+        message = "does not belong here" if error.validator is None else error.message
+        if len(message) > 300:
+            message = f"{message[:120]} ... {message[-120:]}"
+        raise document.error(path, f"{message}. See docs/scene-format.md")

@@ -1,0 +1,69 @@
+"""A scene file's textures: images beside it, and patterns made here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.scene.description import Image, UvTransform
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.scene.readers.yaml.values import color, srgb_bytes
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Textures"]
+
+_CHECKER_PIXELS = 32  # of one square; its edges are then sharp to a thirtieth of it
+
+
+class Textures:
+    """The textures under `textures`, by name."""
+
+    def __init__(self, document: Yaml, files: SceneFiles, shelf: TextureShelf) -> None:
+        self._document, self._files, self._shelf = document, files, shelf
+        self._sources: dict[str, dict[str, Any]] = document.data.get("textures", {})
+        self._images: dict[tuple[str, bool], int | None] = {}
+        for name, source in self._sources.items():
+            if ("image" in source) == ("checker" in source):
+                raise document.error(("textures", name), "has one of image and checker")
+            if "image" in source and files.find(source["image"], document.file) is None:
+                shelf.missing(source["image"], f"Texture {name}")
+
+    def find(self, name: str, path: Path, srgb: bool) -> int | None:
+        """The description's number of a texture; None where its image is missing.
+
+        srgb: whether what uses it takes colours; the texture's own `encoding` goes before that.
+        """
+        source = self._sources.get(name)
+        if source is None:
+            known = ", ".join(sorted(self._sources)[:10]) or "none"
+            raise self._document.error(path, f"no texture is called {name[:80]}; known are {known}")
+        srgb = source.get("encoding", "srgb" if srgb else "linear") == "srgb"
+        if (name, srgb) not in self._images:
+            self._images[name, srgb] = self._image(name, source, srgb)
+        wrap = source.get("wrap", "repeat")
+        wrap_s, wrap_t = wrap if isinstance(wrap, list) else (wrap, wrap)
+        return self._shelf.texture(self._images[name, srgb], wrap_s, wrap_t, source.get("uv_set", 0), _transform(source))
+
+    def _image(self, name: str, source: dict[str, Any], srgb: bool) -> int | None:
+        if "image" in source:
+            file = self._files.find(source["image"], self._document.file)
+            return None if file is None else self._shelf.image_file(file, srgb)
+        squares = source["checker"].get("squares", 8)
+        colors = [color(c) for c in source["checker"]["colors"]]
+        even, odd = (np.array(srgb_bytes(c) if srgb else [round(255 * v) for v in c], np.uint8) for c in colors)
+        i = np.arange(squares * _CHECKER_PIXELS) // _CHECKER_PIXELS
+        pixels = np.where(((i[:, None] + i) % 2 == 0)[..., None], even, odd).astype(np.uint8)
+        opaque = np.full((*pixels.shape[:2], 1), 255, np.uint8)
+        return self._shelf.add(Image(name, np.concatenate([pixels, opaque], axis=2), srgb))
+
+
+def _transform(source: dict[str, Any]) -> UvTransform:
+    # As KHR_texture_transform: scaled, then turned, then moved.
+    scale = source.get("scale", 1)
+    across, down = scale if isinstance(scale, list) else (scale, scale)
+    angle = np.radians(source.get("rotate", 0))
+    cosine, sine = float(np.cos(angle)), float(np.sin(angle))
+    x, y = source.get("offset", (0, 0))
+    return cosine * across, sine * down, float(x), -sine * across, cosine * down, float(y)

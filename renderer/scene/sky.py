@@ -1,0 +1,124 @@
+"""A sky and its sun as an environment: an image of the scattered light over a lit ground, and a disk of the sun's own."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.atmosphere import Air, mie_phase, rayleigh_phase, scattered, transmitted
+from renderer.scene.description import F32, Environment, Sky
+
+__all__ = ["PREFIX", "Sun", "image_of_sky", "parse_sky", "sun_of_sky"]
+
+PREFIX = "sky:"
+_HEIGHT = 512
+_ELEVATIONS, _AZIMUTHS = 96, 48  # of the grid that the atmosphere is integrated on
+_RANGES = {
+    "sun_elevation": (-90.0, 90.0),
+    "sun_azimuth": (-1e6, 1e6),
+    "air": (0.0, 10.0),
+    "dust": (0.0, 10.0),
+    "ozone": (0.0, 10.0),
+    "sun_size": (0.01, 30.0),
+}
+
+
+class Sun(NamedTuple):
+    """A disk of constant radiance, infinitely far."""
+
+    direction: np.ndarray  # (3,) unit, towards it, before the environment's rotation
+    half_angle: float  # radians
+    radiance: np.ndarray  # (3,) linear Rec.709
+
+
+def parse_sky(text: str) -> Environment:
+    """The environment of "sky:ELEVATION[,AZIMUTH]", in degrees. Raises SceneError where it is none."""
+    try:
+        numbers = [float(part) for part in text.removeprefix(PREFIX).split(",")]
+    except ValueError:
+        numbers = []
+    if not text.startswith(PREFIX) or not 1 <= len(numbers) <= 2:
+        raise SceneError(f"The sky is {text[:60]!r}; give the sun's elevation and, if you like, its azimuth, as sky:30,120")
+    sky = Sky(numbers[0], numbers[1] if len(numbers) == 2 else 0.0)
+    _check(sky)
+    return Environment(sky=sky)
+
+
+def sun_of_sky(sky: Sky) -> Sun | None:
+    """The sun as it is seen from the ground; None where it is off or has set.
+
+    What the horizon hides of the disk dims all of it: its irradiance goes on evenly while it sets.
+    """
+    _check(sky)
+    elevation, azimuth, half = (math.radians(x) for x in (sky.sun_elevation, sky.sun_azimuth, sky.sun_size / 2))
+    risen = _share_above(math.sin(max(-math.pi / 2, min(math.pi / 2, elevation))) / math.sin(half))
+    irradiance = transmitted(_air(sky), max(elevation, 0.0)) * risen
+    if not sky.sun or not irradiance.any():
+        return None
+    level = math.cos(elevation)
+    direction = np.array([level * math.sin(azimuth), math.sin(elevation), -level * math.cos(azimuth)])
+    return Sun(direction, half, irradiance / (math.pi * math.sin(half) ** 2))
+
+
+def image_of_sky(sky: Sky) -> F32:
+    """Equirectangular radiance without the sun's disk, (512, 1024, 3). Below the horizon: ground lit by sun and sky.
+
+    Laid out as Environment says: azimuth 0 is the middle column. Raises SceneError where a number is out of its range.
+    """
+    _check(sky)
+    sun = math.radians(sky.sun_elevation)
+    grid_elevation = math.pi / 2 * np.linspace(0, 1, _ELEVATIONS) ** 2  # finest at the horizon
+    grid_azimuth = np.linspace(0, math.pi, _AZIMUTHS)
+    molecules, dust = scattered(_air(sky), sun, *np.meshgrid(grid_elevation, grid_azimuth, indexing="ij"))
+
+    rows = _HEIGHT // 2
+    elevation = math.pi / 2 - (np.arange(rows) + 0.5) * math.pi / _HEIGHT
+    azimuth = (np.arange(2 * _HEIGHT) + 0.5) * math.pi / _HEIGHT - math.pi - math.radians(sky.sun_azimuth)
+    apart = np.abs((azimuth + math.pi) % (2 * math.pi) - math.pi)
+    cosine = np.sin(elevation)[:, None] * math.sin(sun) + np.cos(elevation)[:, None] * math.cos(sun) * np.cos(apart)
+    place = (np.sqrt(elevation / (math.pi / 2)) * (_ELEVATIONS - 1), apart / math.pi * (_AZIMUTHS - 1))
+    above = (
+        _interpolated(molecules, *place) * rayleigh_phase(cosine)[..., None]
+        + _interpolated(dust, *place) * mie_phase(cosine)[..., None]
+    )
+    above = np.maximum(above, 0)
+    solid_angle = np.cos(elevation) * math.pi / _HEIGHT * math.pi / _HEIGHT
+    onto_ground = (above.sum(axis=1) * (solid_angle * np.sin(elevation))[:, None]).sum(axis=0)
+    disk = sun_of_sky(sky)
+    if disk is not None:
+        onto_ground = onto_ground + disk.radiance * math.pi * math.sin(disk.half_angle) ** 2 * max(math.sin(sun), 0.0)
+    ground = np.broadcast_to(np.array(sky.ground_albedo) / math.pi * onto_ground, above.shape)
+    return np.concatenate([above, ground]).astype(np.float32)
+
+
+def _air(sky: Sky) -> Air:
+    return Air(sky.air, sky.dust, sky.ozone)
+
+
+def _share_above(height: float) -> float:
+    """The part of a unit disk above the line `height` below its centre."""
+    if abs(height) >= 1:
+        return float(height > 0)
+    return 0.5 + (height * math.sqrt(1 - height * height) + math.asin(height)) / math.pi
+
+
+def _interpolated(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """The grid (m, n, 3) at fractional rows (h,) and columns (w,), bilinear: (h, w, 3)."""
+    upper = np.minimum(row.astype(int), grid.shape[0] - 2)
+    left = np.minimum(column.astype(int), grid.shape[1] - 2)
+    t = (row - upper)[:, None, None]
+    lines = grid[upper] * (1 - t) + grid[upper + 1] * t
+    s = (column - left)[:, None]
+    return np.asarray(lines[:, left] * (1 - s) + lines[:, left + 1] * s)
+
+
+def _check(sky: Sky) -> None:
+    for name, (least, most) in _RANGES.items():
+        value = getattr(sky, name)
+        if not least <= value <= most:
+            raise SceneError(f"The sky's {name} is {value:g}; it lies between {least:g} and {most:g}")
+    if not all(0 <= c <= 1 for c in sky.ground_albedo):
+        raise SceneError(f"The sky's ground_albedo is {sky.ground_albedo}; it lies between 0 and 1")

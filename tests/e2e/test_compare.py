@@ -1,0 +1,138 @@
+"""Two pictures at the wipe: what is left of it is the one's, what is right of it the other's."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from renderer import settings
+from service.schemas import JobIn
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import assert_screen, read_exr, shown
+from tests.helpers import ROOT, Farm, wait_until
+
+SIZE = {"width": 96, "height": 64}
+MARGIN = 3  # columns about the divider's line that it covers
+
+
+def rendered(farm: Farm, scene: str, **request: Any) -> str:
+    """A finished job's id."""
+    job = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **SIZE, **request}).raise_for_status().json()["id"]
+    wait_until(lambda: httpx.get(f"{farm.url}/api/jobs/{job}").json()["state"] == "finished", 90, "the job is finished")
+    return str(job)
+
+
+def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
+    """What is to be seen of two pictures with the wipe where it is: -1 where the divider lies."""
+    stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
+    assert stage and divider
+    _, x, _ = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
+    column = round(divider["x"] + divider["width"] / 2 - stage["x"] - x)
+    wanted = np.concatenate([left[:, :column], right[:, column:]], axis=1)
+    wanted[:, max(column - MARGIN, 0) : column + MARGIN] = -1
+    grip = 26  # with the ring about it when it has the focus
+    middle = round(stage["height"] / 2 - float((page.locator(".stage").get_attribute("data-view") or "").split()[2]))
+    wanted[middle - grip : middle + grip, max(column - grip, 0) : column + grip] = -1
+    return wanted
+
+
+@pytest.mark.browser
+@pytest.mark.farm
+def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
+    jobs = [rendered(farm, scene, spp=4, max_depth=depth) for depth in (2, 9)]
+    films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
+    pictures = [shown(film, -1.0, "hue") for film in films]
+    assert np.abs(pictures[0] - pictures[1]).max() > 50, "the two differ, or this test says nothing"
+
+    page = watched.page
+    page.goto(f"{farm.url}/#/compare/{jobs[0]}/{jobs[1]}?ev=-1&tone=hue")
+    divider = page.get_by_role("slider", name="Wipe")
+    expect(divider).to_be_visible()
+    expect(page.locator(".channel-tag.left")).to_have_text("depth 2")
+    expect(page.locator(".channel-tag.right")).to_have_text("depth 9")
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    assert_screen(page, split(*pictures, page), "the middle")
+
+    # By keys: to an end, and back by tens.
+    divider.focus()
+    page.keyboard.press("Home")
+    expect(divider).to_have_attribute("aria-valuenow", "0")
+    assert_screen(page, pictures[1], "all of the right one")
+    page.keyboard.press("End")
+    assert_screen(page, pictures[0], "all of the left one")
+    for _ in range(5):
+        page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("ArrowRight")
+    expect(divider).to_have_attribute("aria-valuenow", "51")
+
+    # By mouse, and the picture stays where it is.
+    stage = page.locator(".stage").bounding_box()
+    grip = divider.bounding_box()
+    assert stage and grip
+    page.mouse.move(grip["x"] + grip["width"] / 2, grip["y"] + 30)
+    page.mouse.down()
+    page.mouse.move(stage["x"] + 0.48 * stage["width"], grip["y"] + 60, steps=3)
+    page.mouse.up()
+    expect(divider).to_have_attribute("aria-valuenow", "48")
+    page.mouse.move(5, 5)
+    assert_screen(page, split(*pictures, page), "after a drag")
+
+    # The address has all of it; swapped, left is right.
+    expect(page).to_have_url(re.compile(r"wipe=0\.48"))
+    page.reload()
+    expect(divider).to_have_attribute("aria-valuenow", "48")
+    page.keyboard.press("1")
+    page.keyboard.press("x")
+    expect(page.locator(".channel-tag.left")).to_have_text("depth 9")
+    expect(divider).to_have_attribute("aria-valuenow", "52")
+    page.keyboard.press("1")
+    assert_screen(page, split(pictures[1], pictures[0], page), "swapped")
+    expect(page).to_have_url(re.compile(f"compare/{jobs[1]}/{jobs[0]}"))
+
+    # A plane of the one beside the light of the other.
+    page.get_by_label("Channel of A").select_option("albedo")
+    expect(page.locator(".channel-tag.left")).to_have_text("depth 9, Albedo")
+    assert watched.errors == []
+
+
+@pytest.mark.browser
+@pytest.mark.farm
+def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    small = {"spheres": [{"title": "Shallow beside deep", "both": {**SIZE, "spp": 1}, "left": {"max_depth": 1}, "right": {}}]}
+    page.route("**/comparisons.json", lambda route: route.fulfill(json=small))
+    page.goto(farm.url)
+    page.get_by_role("button", name="Shallow beside deep").click()
+    expect(page).to_have_url(re.compile("/compare/"))
+    expect(page.locator(".channel-tag.left")).to_have_text("depth 1")
+    expect(page.get_by_label("Progress", exact=True)).to_contain_text("FinishedBFinished", timeout=60_000)
+    first = re.search(r"compare/(\w+/\w+)", page.url)
+    page.goto(farm.url)
+    page.get_by_role("button", name="Shallow beside deep").click()
+    expect(page).to_have_url(re.compile("/compare/"))
+    assert first and first.group(1) in page.url
+    assert watched.errors == []
+
+
+def test_the_comparisons_that_are_shipped_can_be_asked_for() -> None:
+    offered = json.loads((ROOT / "web" / "examples" / "comparisons.json").read_text())
+    for example, comparisons in offered.items():
+        assert (ROOT / "scenes" / f"{example}.yaml").is_file(), example
+        for comparison in comparisons:
+            both = comparison.get("both", {})
+            left, right = ({"scene": "x", **both, **comparison[side]} for side in ("left", "right"))
+            assert left != right
+            for request in (left, right):
+                JobIn(**request)
+                own = {key: value for key, value in request.items() if key in settings.RenderSettings.__dataclass_fields__}
+                view = settings.View((0, 0, 1), (0, 0, 0))
+                settings.RenderSettings(**{"width": 8, "height": 8, **own, "view": view})

@@ -1,0 +1,143 @@
+"""Cameras by what is known of them: scale, the blur of a lens, what a panorama shows where."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.film import DEPTH, NORMAL, POSITION, mean
+from renderer.jit import entry
+from renderer.kernel.camera import camera_frame, camera_ray
+from renderer.render import render_frame
+from renderer.scene.description import Material, Sphere
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import emitter, gray, icosphere, scene, square
+from tests.renderer.judge import assert_mean
+
+
+@entry
+def _rays(camera, x, y, u, v, out):
+    for i in range(len(x)):
+        o, d = camera_ray(camera, x[i], y[i], (u[i], v[i]))
+        out[i, 0], out[i, 1], out[i, 2] = o
+        out[i, 3], out[i, 4], out[i, 5] = d
+
+
+def rays(view, x, y, u=0.5, v=0.5, width=64, height=48):
+    """(origins, directions) of film points."""
+    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(c, np.float32)) for c in (x, y, u, v)))
+    out = np.empty((columns[0].size, 6), np.float32)
+    _rays(camera_frame(RenderSettings(width, height, view)), *(np.ascontiguousarray(c) for c in columns), out)
+    return out[:, :3].astype(float), out[:, 3:].astype(float)
+
+
+LEVEL = {"eye": (1, 2, 3), "target": (1, 2, -1)}
+TILTED = {"eye": (1, 2, 3), "target": (-4, 0.5, 2), "up": (0.1, 1, 0.3)}
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
+@pytest.mark.parametrize("view", [LEVEL, TILTED])
+def test_the_middle_looks_at_the_target_and_up_is_up(projection, view):
+    o, d = rays(View(**view, projection=projection), [32, 32, 33], [24, 23, 24])
+    eye, target = np.array(view["eye"], float), np.array(view["target"], float)
+    sight = (target - eye) / np.linalg.norm(target - eye)
+    np.testing.assert_allclose(d[0], sight, atol=1e-6)
+    np.testing.assert_allclose(o[0], eye, atol=1e-6)
+    up, right = (o + d)[1] - (o + d)[0], (o + d)[2] - (o + d)[0]
+    hint = np.array(view.get("up", (0, 1, 0)))
+    across = np.cross(sight, hint)
+    assert up @ hint > 0
+    assert right @ across > 0.99 * np.linalg.norm(right) * np.linalg.norm(across)
+    assert up @ across == pytest.approx(0, abs=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, atol=1e-6)
+
+
+def test_a_perspective_camera_spans_its_field_of_view():
+    _, d = rays(View(**LEVEL, fov=50), [32, 32, 0], [0, 48, 24])
+    assert math.degrees(math.acos(d[0] @ d[1])) == pytest.approx(50, abs=1e-4)
+    assert d[2, 0] / -d[2, 2] == pytest.approx(-math.tan(math.radians(25)) * 64 / 48, rel=1e-5)
+
+
+def test_an_orthographic_camera_shows_its_height_and_no_perspective():
+    o, d = rays(View(**LEVEL, projection="orthographic", height=6.0), [0, 64, 0], [0, 0, 48])
+    np.testing.assert_allclose(d, [(0, 0, -1)] * 3, atol=1e-7)
+    np.testing.assert_allclose(o, [(1 - 4, 2 + 3, 3), (1 + 4, 2 + 3, 3), (1 - 4, 2 - 3, 3)], atol=1e-5)
+    ball = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
+    view = View((0, 0, 4), (0, 0, 0), projection="orthographic", height=3.0)
+    depth = mean(render_frame(ball, RenderSettings(120, 120, view, max_depth=1, filter="box"), 16), 24, DEPTH)
+    # The ball's disk, pi, of a picture of 3 x 3; at the pixels' 16 samples each, its edge is known to a 400th
+    hit = depth > 0
+    assert hit.mean() == pytest.approx(math.pi / 9, abs=0.01)
+    middle = depth[58:62, 58:62]
+    np.testing.assert_allclose(middle, 3.0, atol=2e-3)
+
+
+def test_a_panorama_is_all_directions_by_longitude_and_latitude():
+    x, y = np.array([32, 48, 16, 0.001, 32, 32]), np.array([24, 24, 24, 24, 0, 48])
+    _, d = rays(View(**LEVEL, projection="panorama"), x, y)
+    expected = [(0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 1, 0), (0, -1, 0)]
+    np.testing.assert_allclose(d, expected, atol=2e-4)
+    around, _ = np.meshgrid((np.arange(64) + 0.5), np.arange(1))
+    _, ring = rays(View(**LEVEL, projection="panorama"), around.ravel(), 12)
+    np.testing.assert_allclose(ring[:, 1], math.sin(math.radians(45)), atol=1e-6)
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct"])
+@pytest.mark.parametrize("sampler", ["sobol", "independent"])
+@pytest.mark.parametrize("projection", ["perspective", "lens", "orthographic", "panorama"])
+def test_a_furnace_is_a_furnace_to_every_camera(projection, sampler, integrator):
+    lens = {"projection": "perspective", "aperture": 0.05, "focus": 0.5} if projection == "lens" else {"projection": projection}
+    view = View((0.1, 0.2, 0.0), (0.8, 0.1, 0.2), fov=80, height=0.5, **lens)
+    wall = Material(base_color=gray(0.5), emission=gray(0.5), double_sided=True)
+    furnace = scene([wall], (icosphere(1),))
+    depth, expected = (100, 1.0) if integrator == "path" else (8, 0.75)
+    asked = RenderSettings(24, 16, view, max_depth=depth, sampler=sampler, integrator=integrator)
+    assert_mean(render_frame(furnace, asked, 128), expected, slack=1e-4)
+
+
+def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
+    """All rays of a film point meet in the plane of focus; at distance z they fill a disk of aperture * |z / focus - 1|."""
+    view = View((0, 0, 5), (0, 0, 4), fov=40, aperture=0.2, focus=2.5)
+    u, v = np.random.default_rng(0).random((2, 4096))
+    o, d = rays(view, 20, 30, u, v)
+    assert np.abs(o[:, 2] - 5).max() < 1e-6
+    radius = np.linalg.norm(o[:, :2], axis=1)
+    assert radius.max() == pytest.approx(0.2, rel=0.01)
+    assert (radius**2).mean() == pytest.approx(0.02, rel=0.1)  # even over the disk
+    sharp = o + d * (2.5 / -d[:, 2])[:, None]
+    np.testing.assert_allclose(sharp, np.broadcast_to(sharp[0], sharp.shape), atol=2e-6)
+    far = o + d * (7.5 / -d[:, 2])[:, None]
+    assert np.linalg.norm(far - far.mean(0), axis=1).max() == pytest.approx(0.2 * (7.5 / 2.5 - 1), rel=0.02)
+
+
+def test_a_small_light_out_of_focus_is_a_disk_of_the_circle_of_confusion():
+    """A point at distance z images to a disk of radius aperture |z - f| / z in the plane of focus f: its area and its edge."""
+    aperture, focus, z, size = 0.3, 2.0, 4.0, 64
+    light = scene([emitter(1e4)], (square((0, 0, -z), (0.01, 0, 0), (0, 0.01, 0), 0),))
+    view = View((0, 0, 0), (0, 0, -1), fov=30, aperture=aperture, focus=focus)
+    picture = mean(render_frame(light, RenderSettings(size, size, view, max_depth=1, filter="box"), 4096), 24)[..., 0]
+    pixel = 2 * math.tan(math.radians(15)) / size * focus  # in the plane of focus
+    expected = aperture * (z - focus) / z / pixel
+    y, x = np.mgrid[:size, :size] + 0.5 - size / 2
+    r = np.hypot(x, y)
+    assert not picture[r > expected + 1.5].any()
+    assert (picture[r < expected - 1.5] > 0).mean() > 0.9
+    assert (picture * r**2).sum() / picture.sum() == pytest.approx(expected**2 / 2, rel=0.05)
+
+
+def test_a_pinhole_is_a_lens_of_no_size():
+    assert (rays(View(**LEVEL), 5, 7, 0.1, 0.9)[1] == rays(View(**LEVEL, focus=9.0), 5, 7, 0.7, 0.2)[1]).all()
+
+
+def test_near_cuts_away_what_stands_before():
+    wall = square((0, 0, 2), (9, 0, 0), (0, 9, 0), 0)
+    back = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
+    room = scene([emitter(1.0, double_sided=True), emitter(2.0)], (wall, back))
+    for projection in ("perspective", "orthographic"):
+        for near, seen in ((0.0, 1.0), (1.9, 1.0), (2.1, 2.0)):
+            view = View((0, 0, 4), (0, 0, 0), fov=60, projection=projection, near=near)
+            sums = render_frame(room, RenderSettings(16, 16, view, max_depth=1, filter="box"), 1)
+            assert (mean(sums, 24) == seen).all()
+            hit = mean(sums, 24, POSITION)
+            np.testing.assert_allclose(hit[..., 2], 2 if seen == 1 else -2, atol=1e-5)
+            np.testing.assert_allclose(mean(sums, 24, NORMAL)[..., 2], 1, atol=1e-6)

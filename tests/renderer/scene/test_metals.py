@@ -1,0 +1,86 @@
+"""Named metals: their numbers follow from the measurements, and look like the metals."""
+
+import numpy as np
+import pytest
+
+from renderer.scene.readers.metals import METALS
+
+# Wavelength in nanometres, n, k, as published. Johnson and Christy 1972, 1974; Querry 1985.
+MEASURED = {
+    "gold": """
+        381.5 1.46 1.933, 397.4 1.47 1.952, 413.3 1.46 1.958, 430.5 1.45 1.948, 450.9 1.38 1.914, 471.4 1.31 1.849,
+        495.9 1.04 1.833, 520.9 0.62 2.081, 548.6 0.43 2.455, 582.1 0.29 2.863, 616.8 0.21 3.272, 659.5 0.14 3.697,
+        704.5 0.13 4.103, 756.0 0.14 4.542""",
+    "copper": """
+        381.5 1.33 2.045, 397.4 1.32 2.116, 413.3 1.28 2.207, 430.5 1.25 2.305, 450.9 1.24 2.397, 471.4 1.25 2.483,
+        495.9 1.22 2.564, 520.9 1.18 2.608, 548.6 1.02 2.577, 582.1 0.70 2.704, 616.8 0.30 3.205, 659.5 0.22 3.747,
+        704.5 0.21 4.205, 756.0 0.24 4.665""",
+    "iron": """
+        381 2.12 2.50, 397 2.24 2.58, 413 2.35 2.65, 431 2.48 2.71, 451 2.59 2.77, 471 2.67 2.82, 496 2.74 2.88,
+        521 2.86 2.91, 549 2.95 2.93, 582 2.94 2.99, 617 2.88 3.05, 659 2.92 3.10, 704 2.86 3.19, 756 2.87 3.28""",
+}
+WAVELENGTHS = np.arange(380.0, 731.0)
+
+
+def weights():
+    """(3, W): how much each wavelength of equal-energy white adds to red, green and blue; each row's sum is 1."""
+
+    def lobe(height, middle, below, above):
+        t = (WAVELENGTHS - middle) * np.where(middle > WAVELENGTHS, below, above)
+        return height * np.exp(-0.5 * t * t)
+
+    # Wyman, Sloan and Shirley 2013, the multi-lobe fit of the CIE 1931 observer.
+    x = lobe(0.362, 442.0, 0.0624, 0.0374) + lobe(1.056, 599.8, 0.0264, 0.0323) + lobe(-0.065, 501.1, 0.0490, 0.0382)
+    y = lobe(0.821, 568.8, 0.0213, 0.0247) + lobe(0.286, 530.9, 0.0613, 0.0322)
+    z = lobe(1.217, 437.0, 0.0845, 0.0278) + lobe(0.681, 459.0, 0.0385, 0.0725)
+    to_rec709 = np.array(
+        [(3.2404542, -1.5371385, -0.4985314), (-0.969266, 1.8760108, 0.041556), (0.0556434, -0.2040259, 1.0572252)]
+    )
+    rgb = to_rec709 @ np.stack([x, y, z])
+    return rgb / rgb.sum(axis=1, keepdims=True)
+
+
+def reflectance(n, k):
+    return ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
+
+
+@pytest.mark.parametrize("metal", MEASURED)
+def test_the_numbers_are_those_of_the_measurements(metal):
+    table = np.array([row.split() for row in MEASURED[metal].split(",")], float)
+    n, k = (np.interp(WAVELENGTHS, table[:, 0], table[:, c]) for c in (1, 2))
+    eta, kappa = METALS[metal]
+    np.testing.assert_allclose(eta, weights() @ n, atol=0.0006)
+    np.testing.assert_allclose(kappa, weights() @ k, atol=0.0006)
+    of_spectrum = weights() @ reflectance(n, k)
+    np.testing.assert_allclose(reflectance(np.array(eta), np.array(kappa)), of_spectrum, atol=0.04)
+
+
+# Linear Rec.709 reflectance at normal incidence: S. Lagarde, Memo on Fresnel equations, 2013.
+@pytest.mark.parametrize(
+    ("metal", "known"),
+    [
+        ("gold", (1.0, 0.766, 0.336)),
+        ("silver", (0.972, 0.960, 0.915)),
+        ("copper", (0.955, 0.638, 0.538)),
+        ("aluminium", (0.913, 0.922, 0.924)),
+        ("iron", (0.562, 0.565, 0.578)),
+        ("chromium", (0.549, 0.556, 0.554)),
+        ("titanium", (0.542, 0.497, 0.449)),
+        ("nickel", (0.660, 0.609, 0.526)),
+        ("platinum", (0.673, 0.637, 0.585)),
+    ],
+)
+def test_the_colours_are_the_known_ones(metal, known):
+    eta, k = METALS[metal]
+    # Films differ by how they were made; titanium's most.
+    np.testing.assert_allclose(
+        reflectance(np.array(eta), np.array(k)), known, atol=0.1 if metal in ("titanium", "iron") else 0.07
+    )
+
+
+def test_brass_is_yellow_and_tungsten_a_warm_grey():
+    red, green, blue = reflectance(*(np.array(v) for v in METALS["brass"]))
+    assert red > green > 1.7 * blue
+    grey = reflectance(*(np.array(v) for v in METALS["tungsten"]))
+    assert np.ptp(grey) < 0.06
+    assert 0.4 < grey.mean() < 0.55

@@ -1,0 +1,115 @@
+"""docs/scene-format.md, renderer/scene/schema.json and scenes/ say the same as the reader and the renderer."""
+
+import json
+import runpy
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from renderer.image.encode import encode
+from renderer.scene.description import MaterialKind
+from renderer.scene.load import read
+from renderer.scene.readers.metals import METALS
+from renderer.settings import FILTERS, INTEGRATORS, MISTAKES, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, View
+from tests.renderer.scene.builders import cup
+
+
+def test_all_settings_are_those_of_the_renderer(scene):
+    settings = {
+        "width": 64,
+        "height": 32,
+        "max_depth": 3,
+        "seed": 5,
+        "integrator": "whitted",
+        "sampler": "independent",
+        "filter": "tent",
+        "sampling": "light",
+        "clamp_indirect": 2.5,
+        "roulette": 0.8,
+        "light_samples": 4,
+        "ao_distance": 1.5,
+        "ambient": [0.1, 0.1, 0.2],
+        "mistake": "attenuation",
+    }
+    defaults = scene("s.yaml", json.dumps({"settings": settings, "shapes": [{"type": "quad"}]})).defaults
+    assert defaults == settings
+    view = View((0, 0, 1), (0, 0, 0))
+    RenderSettings(view=view, width=64, height=32, **{k: v for k, v in defaults.items() if k not in ("width", "height")})
+    known = set(OPTIONAL) | {"width", "height", "spp"}
+    assert set(schema()["properties"]["settings"]["properties"]) == known
+
+
+def schema():
+    return json.loads((Path(__file__).parents[3] / "renderer" / "scene" / "schema.json").read_text())
+
+
+def test_the_schemas_choices_are_the_renderers():
+    settings = schema()["properties"]["settings"]["properties"]
+    for name, known in (
+        ("integrator", INTEGRATORS),
+        ("sampler", SAMPLERS),
+        ("filter", FILTERS),
+        ("sampling", SAMPLINGS),
+        ("mistake", MISTAKES),
+    ):
+        assert settings[name]["enum"] == list(known)
+    assert schema()["$defs"]["camera"]["properties"]["projection"]["enum"] == list(PROJECTIONS)
+    material = schema()["$defs"]["material"]["properties"]
+    assert material["metal"]["enum"] == list(METALS)
+    assert set(material["kind"]["enum"]) == set(get_args(MaterialKind))
+
+
+def examples():
+    text = (Path(__file__).parents[3] / "docs" / "scene-format.md").read_text()
+    return [part.split("```")[0] for part in text.split("```yaml\n")[1:]]
+
+
+@pytest.mark.parametrize("number", range(len(examples())))
+def test_every_example_of_the_documentation_is_a_scene(scene, png, number):
+    example = examples()[number]
+    if example.startswith("transform:"):
+        example = "shapes:\n- type: cube\n  " + example.replace("\n", "\n  ")
+    if "shapes:" not in example:
+        example += "shapes: [{type: quad}]\n"
+    images = {"sky.exr": encode(np.ones((2, 4, 3), np.float32), "exr")} | {
+        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow")
+    }
+    others = {"cup.glb": cup(), **images}
+    warnings = scene("s.yaml", example, others).warnings
+    assert [w for w in warnings if "no light" not in w] == []
+
+
+def test_the_documentation_names_every_field_of_the_schema():
+    root = Path(__file__).parents[3]
+    schema = json.loads((root / "renderer" / "scene" / "schema.json").read_text())
+    text = (root / "docs" / "scene-format.md").read_text()
+
+    def fields(part):
+        if isinstance(part, dict):
+            for key, value in part.items():
+                if key == "properties":
+                    yield from value
+                yield from fields(value)
+        elif isinstance(part, list):
+            for value in part:
+                yield from fields(value)
+
+    missing = {name for name in fields(schema) if f"`{name}`" not in text and f"{name}:" not in text}
+    assert missing == set()
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "spheres", "still-life"])
+def test_our_example_scenes_read_without_a_warning(name):
+    folder = Path(__file__).parents[3] / "scenes"
+    assert (folder / f"{name}.yaml").stat().st_size < 300_000
+    assert read(folder, f"{name}.yaml").warnings == []
+
+
+def test_the_made_scenes_are_those_of_the_script():
+    folder = Path(__file__).parents[3] / "scenes"
+    made = runpy.run_path(str(folder / "make.py"))
+    for name, scene in (("spheres", made["spheres"]()), ("still-life", made["still_life"]())):
+        written = (folder / f"{name}.yaml").read_text().split("\n", 2)[2]
+        assert written == made["text_of"](scene, "").split("\n", 2)[2]

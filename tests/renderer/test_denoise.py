@@ -1,0 +1,99 @@
+"""Open Image Denoise as it is used: nearer to the truth, edges kept by the guides, the raw picture untouched."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer import denoise, film
+from renderer.denoise import is_available
+from renderer.errors import SettingsError
+from renderer.image.tonemap import apply
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.load import read
+from renderer.settings import RenderSettings, View
+
+pytestmark = pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SEEDS = range(1, 7)
+SIZE = 64
+
+
+def rmse(a, b, where):
+    # Relative to what the eye sees: the lamp's radiance would drown all else.
+    return float(np.sqrt(np.square((a - b) / (0.1 + b))[where].mean()))
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """(reference, [(color, albedo, normal) of 16 samples, one a seed]) of the Cornell box."""
+    description = read(SCENES, "cornell-box.yaml")
+    scene = compile_scene(description)
+    view = View.from_json(summarise(description, scene)["cameras"][0]["view"])
+
+    def render(seed, spp):
+        settings = RenderSettings(SIZE, SIZE, view, seed=seed, max_depth=6)
+        sums = render_frame(scene, settings, spp)
+        return [film.mean(sums, settings.film_exponent, channel) for channel in (film.COLOR, film.ALBEDO, film.NORMAL)]
+
+    return render(0, 4096), [render(seed, 16) for seed in SEEDS]
+
+
+def edges_of(albedo, normal):
+    """Pixels beside a change of reflectance or direction."""
+    guide = np.concatenate([albedo, normal], axis=-1)
+    found = np.zeros(guide.shape[:2], bool)
+    for axis in (0, 1):
+        jump = np.abs(np.diff(guide, axis=axis)).max(axis=-1) > 0.3
+        found |= np.pad(jump, [(0, 1), (0, 0)] if axis == 0 else [(0, 0), (0, 1)])
+        found |= np.pad(jump, [(1, 0), (0, 0)] if axis == 0 else [(0, 0), (1, 0)])
+    return found
+
+
+def test_the_error_falls_everywhere_and_the_guides_keep_the_edges(pictures):
+    (reference, albedo, normal), noisy = pictures
+    edges = edges_of(albedo, normal)
+    assert 0.05 < edges.mean() < 0.5
+    nothing = np.zeros_like(albedo)
+    gains, at_edges, by_guides = [], [], []
+    for color, own_albedo, own_normal in noisy:
+        clean = denoise.denoise(color, own_albedo, own_normal)
+        gains.append(np.log(rmse(clean, reference, ~edges) / rmse(color, reference, ~edges)))
+        at_edges.append(np.log(rmse(clean, reference, edges) / rmse(color, reference, edges)))
+        blind = denoise.denoise(color, nothing, nothing)
+        by_guides.append(np.log(rmse(clean, reference, edges) / rmse(blind, reference, edges)))
+    for ratios in (gains, at_edges, by_guides):
+        standard_error = np.std(ratios, ddof=1) / np.sqrt(len(ratios))
+        assert np.mean(ratios) + 3 * standard_error < 0, ratios
+
+
+def test_the_inputs_stay_and_the_result_is_the_same_again(pictures):
+    inputs = pictures[1][0]
+    copies = [image.copy() for image in inputs]
+    first = denoise.denoise(*inputs, threads=1)
+    for image, copy in zip(inputs, copies, strict=True):
+        np.testing.assert_array_equal(image, copy)
+    assert (first.dtype, first.shape, first.flags.c_contiguous) == (np.float32, (SIZE, SIZE, 3), True)
+    np.testing.assert_array_equal(first, denoise.denoise(*inputs, threads=1))
+
+
+def test_light_is_kept_in_high_dynamic_range(pictures):
+    color, albedo, normal = pictures[1][0]
+    bright = denoise.denoise(color * 1000, albedo, normal)
+    usual = denoise.denoise(color, albedo, normal)
+    assert usual.max() > 1.5, "the lamp is brighter than white"
+    assert np.median(np.abs(bright / 1000 - usual) / (usual + 1e-3)) < 0.02
+    black = np.zeros((3, 5, 3), np.float32)
+    assert not apply(denoise.denoise(black, black, black)).any(), "nothing that a screen shows"
+
+
+def test_a_missing_library_is_a_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    black = np.zeros((3, 5, 3), np.float32)
+    with pytest.raises(SettingsError, match="pip install"):
+        denoise.denoise(black, black, black)

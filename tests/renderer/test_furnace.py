@@ -1,0 +1,76 @@
+"""Inside a closed sphere, where the light is the same everywhere: every integrator, sampler, filter and camera.
+
+The sphere has reflectance 1/2 and either emits radiance 1/2, or has a point light of intensity pi in its middle: pbrt's
+cpu/integrators_test.cpp. Paths without end see 1/2 + 1/4 + 1/8 + ... = 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from renderer.render import render_frame
+from renderer.scene.description import Light, Sphere
+from renderer.settings import FILTERS, SAMPLERS, SAMPLINGS, RenderSettings, View
+from tests.renderer.builders import emitter, gray, scene
+from tests.renderer.judge import assert_mean
+
+EYE, TARGET = (0.3, 0.2, 0.1), (0.9, -0.1, 0.3)
+CAMERAS = {
+    "perspective": View(EYE, TARGET, fov=70.0),
+    "thin lens": View(EYE, TARGET, fov=50.0, aperture=0.3, focus=0.5),
+    "orthographic": View(EYE, TARGET, projection="orthographic", height=0.9),
+    "panorama": View(EYE, TARGET, projection="panorama"),
+}
+ALBEDO = 0.5
+GLOWING = scene([emitter(0.5, ALBEDO, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
+LAMP = Light("point", gray(math.pi), position=(0.0, 0.0, 0.0))
+LIT = scene([emitter(0.0, ALBEDO)], spheres=(Sphere((0, 0, 0), 1.0),), lights=(LAMP,))
+# Direct light ends at the first surface; it emits 1/2 itself, and half of what comes in goes on.
+GLOW = {"path": 1.0, "direct": 0.75}
+LAMPLIGHT = {"path": 1.0, "direct": 0.5}
+
+
+def _settings(camera: str, sampler: str, integrator: str, **more: object) -> RenderSettings:
+    return RenderSettings(12, 12, CAMERAS[camera], 100, sampler=sampler, integrator=integrator, **more)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("integrator", GLOW)
+def test_a_glowing_sphere(integrator, sampler, camera):
+    sums = render_frame(GLOWING, _settings(camera, sampler, integrator), 64)
+    assert_mean(sums, GLOW[integrator], slack=1e-4, tests=len(GLOW) * len(CAMERAS) * len(SAMPLERS))
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("integrator", LAMPLIGHT)
+def test_a_point_light_in_the_middle(integrator, sampler, camera):
+    sums = render_frame(LIT, _settings(camera, sampler, integrator), 64)
+    assert_mean(sums, LAMPLIGHT[integrator], slack=1e-4, tests=len(LAMPLIGHT) * len(CAMERAS) * len(SAMPLERS))
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_every_filter(name):
+    assert_mean(render_frame(GLOWING, _settings("perspective", "sobol", "path", filter=name), 64), 1.0, slack=1e-4, tests=3)
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_every_strategy_of_finding_lights(sampling, sampler):
+    settings = _settings("perspective", sampler, "path", sampling=sampling)
+    assert_mean(render_frame(GLOWING, settings, 256), 1.0, slack=1e-4, tests=len(SAMPLINGS) * len(SAMPLERS))
+
+
+@pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
+def test_roulette_of_any_probability(survival):
+    settings = _settings("perspective", "independent", "path", roulette=survival)
+    assert_mean(render_frame(GLOWING, settings, 512), 1.0, slack=1e-4, tests=3)
+
+
+@pytest.mark.parametrize("integrator", GLOW)
+def test_several_light_samples(integrator):
+    settings = _settings("perspective", "sobol", integrator, light_samples=4)
+    assert_mean(render_frame(GLOWING, settings, 64), GLOW[integrator], slack=1e-4, tests=len(GLOW))

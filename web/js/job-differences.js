@@ -1,0 +1,66 @@
+/** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
+
+import { channelOf } from "./channels.js";
+import { count } from "./format.js";
+import { FILTERS, INTEGRATORS, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
+
+/** @typedef {import("./types.js").Job} Job */
+/** @typedef {Record<string, any>} Settings */
+
+/** At most this many differences name a side; the table has all of them. */
+const NAMED_BY = 2;
+
+/** What is compared, the most telling first. @type {[string, (settings: Settings, job: Job) => unknown][]} */
+const ROWS = [
+  ["Scene", (_, job) => job.name],
+  ["Integrator", ({ integrator }) => labelOf(INTEGRATORS, integrator)],
+  ["Finding lights", ({ sampling }) => labelOf(SAMPLINGS, sampling)],
+  ["Sampler", ({ sampler }) => labelOf(SAMPLERS, sampler)],
+  ["Max depth", ({ max_depth }) => max_depth && `depth ${max_depth}`],
+  ["Roulette", ({ roulette }) => (roulette == null ? "by throughput" : `roulette ${roulette}`)],
+  ["Light samples", ({ light_samples: n }) => n && `${n} light sample${n === 1 ? "" : "s"}`],
+  ["Indirect clamp", ({ clamp_indirect: clamp }) => (clamp ? `clamp ${clamp}` : "no clamp")],
+  ["AO distance", ({ ao_distance: d }) => (d ? `AO ${d}` : "no limit")],
+  ["Pixel filter", ({ filter }) => labelOf(FILTERS, filter)],
+  ["Samples per pixel", (_, { spp, noise }) => (noise == null ? spp && `${count(spp)} spp` : `noise ${noise * 100} %`)],
+  ["Seed", ({ seed }) => `seed ${seed}`],
+  ["Projection", ({ view }) => labelOf(PROJECTIONS, view?.projection)],
+  ["Aperture", ({ view }) => view?.aperture != null && `aperture ${short(view.aperture)}`],
+  ["Focus distance", ({ view }) => (view?.focus == null ? "at the target" : `focus ${short(view.focus)}`)],
+  ["Camera at", ({ view }) => view?.eye?.map(short).join(", ")],
+  ["Environment", ({ environment, environment_strength: strength }) => JSON.stringify([environment, strength])],
+  ["Size", (_, { width, height }) => `${width}×${height}`],
+];
+
+/** @param {number} value */
+const short = (value) => Number(value.toPrecision(4));
+
+/**
+ * @param {Job} a
+ * @param {Job} b
+ * @returns {{label: string, a: string, b: string}[]}
+ */
+export function differences(a, b) {
+  return ROWS.map(([label, read]) => ({
+    label,
+    a: String(read(a.settings ?? {}, a) || "–"),
+    b: String(read(b.settings ?? {}, b) || "–"),
+  })).filter((row) => row.a !== row.b);
+}
+
+/**
+ * What the two sides are called: by what tells them apart.
+ *
+ * @param {{job: Job, channel: string}} left
+ * @param {{job: Job, channel: string}} right
+ * @returns {[string, string]}
+ */
+export function sideNames(left, right) {
+  const rows = differences(left.job, right.job).slice(0, NAMED_BY);
+  const name = (/** @type {"a" | "b"} */ key, /** @type {{job: Job, channel: string}} */ { channel }) => {
+    const parts = rows.map((row) => row[key]);
+    if (left.channel !== right.channel || parts.length === 0) parts.push(channelOf(channel).label);
+    return parts.join(", ");
+  };
+  return [name("a", left), name("b", right)];
+}

@@ -1,0 +1,100 @@
+/**
+ * One picture on the stage, left or right of the wipe: a channel of a job on a layer. Colour grows by itself; planes are
+ * fetched, and renewed while the job runs; a denoised picture is fetched once, and is stale from the next sample on.
+ */
+
+import { fetchImage, fetchWords } from "./api.js";
+import { DENOISED } from "./channels.js";
+import { Film } from "./film.js";
+import { Store } from "./store.js";
+
+/** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
+
+/** Planes are renewed at most this often. */
+const EVERY_MS = 3000;
+
+/**
+ * @typedef {object} SideState
+ * @property {string} channel
+ * @property {boolean} waiting for the service to make it
+ * @property {boolean} stale samples have come since it was made
+ * @property {unknown} error why it could not be fetched
+ */
+
+export class PictureSide {
+  /**
+   * @param {LiveFilm} live
+   * @param {import("./film-layer.js").FilmLayer} layer
+   */
+  constructor(live, layer) {
+    this.live = live;
+    this.layer = layer;
+    this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
+    /** The denoised film, where that is the channel and it is here. @type {Film | null} */
+    this.denoised = null;
+    this.fetching = new AbortController();
+    this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
+    this.unlisten = live.onTile((tile) => {
+      layer.putTile(live.film, tile);
+      const { channel, stale } = this.state.value;
+      if (channel && !stale) this.state.update((state) => ({ ...state, stale: true }));
+    });
+    layer.setFilm(live.film);
+  }
+
+  /** The film whose values are seen; null where a plane is. */
+  get film() {
+    const { channel } = this.state.value;
+    return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
+  }
+
+  isOld() {
+    const { channel, stale, waiting, error } = this.state.value;
+    return channel !== "" && channel !== DENOISED && stale && !waiting && !error;
+  }
+
+  /** @param {string} channel */
+  choose(channel) {
+    if (channel === this.state.value.channel) return;
+    this.fetching.abort();
+    this.denoised = null;
+    if (channel) {
+      this.state.set({ channel, waiting: false, stale: false, error: null });
+      void this.fetch();
+    } else {
+      this.layer.setFilm(this.live.film);
+      this.state.set({ channel, waiting: false, stale: false, error: null });
+    }
+  }
+
+  /** Fetches the channel as it is now; what is shown stays until it is here. */
+  async fetch() {
+    const { channel } = this.state.value;
+    this.fetching.abort();
+    const { signal } = (this.fetching = new AbortController());
+    this.state.update((state) => ({ ...state, waiting: true, stale: false, error: null }));
+    try {
+      if (channel === DENOISED) {
+        const { width, height } = this.live.film;
+        const words = await fetchWords(this.live.job, { denoise: "true" }, signal);
+        this.denoised = new Film(width, height, words);
+        this.layer.setFilm(this.denoised);
+      } else {
+        const image = await fetchImage(this.live.job, { aov: channel }, signal);
+        if (signal.aborted) image.close();
+        else this.layer.setImage(image);
+      }
+    } catch (error) {
+      if (!signal.aborted) this.state.update((state) => ({ ...state, error }));
+    } finally {
+      if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false }));
+    }
+  }
+
+  dispose() {
+    clearInterval(this.timer);
+    this.fetching.abort();
+    this.unlisten();
+    this.layer.clear();
+  }
+}

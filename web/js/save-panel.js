@@ -1,0 +1,81 @@
+/** Downloads: the picture as it looks now, or its light; as it was rendered, and denoised. */
+
+import { imageUrl } from "./api.js";
+import { h, setText } from "./dom.js";
+import { icon } from "./icons.js";
+
+/** @typedef {import("./types.js").Job} Job */
+/** @typedef {import("./store.js").Store<import("./display-panel.js").Display>} DisplayStore */
+
+const FORMATS = /** @type {const} */ ([
+  ["png", "As it looks now, exposure and tone curve included"],
+  ["exr", "Scene-linear floats, untouched by exposure and curve"],
+  ["jpg", "As it looks now, small"],
+]);
+
+/**
+ * @param {Job} job
+ * @param {DisplayStore} display
+ * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
+ */
+export function savePanel(job, display) {
+  const raw = row("", FORMATS.map(([format, hint]) => link(job, display, format, hint, false)));
+  const clean = row("Denoised", FORMATS.map(([format, hint]) => link(job, display, format, hint, true)));
+  let can = false;
+  const show = () => {
+    const both = can && display.value.channel === "";
+    setText(raw.label, both ? "As rendered" : "");
+    raw.label.hidden = !both;
+    clean.element.hidden = !both;
+  };
+  display.subscribe(show);
+  return {
+    element: h(
+      "section",
+      { class: "side-section stack tight", "aria-label": "Save" },
+      h("h2", null, "Save"),
+      raw.element,
+      clean.element,
+    ),
+    offerDenoised(now) {
+      can = now;
+      show();
+    },
+  };
+}
+
+/** @param {string} text @param {HTMLElement[]} links */
+function row(text, links) {
+  const label = h("span", { class: "quiet small" }, text);
+  return { label, element: h("div", { class: "stack tight" }, label, h("div", { class: "triple" }, links)) };
+}
+
+/**
+ * @param {Job} job
+ * @param {DisplayStore} display
+ * @param {"png" | "exr" | "jpg"} format
+ * @param {string} hint
+ * @param {boolean} denoise
+ */
+function link(job, display, format, hint, denoise) {
+  const name = `${format.toUpperCase()}${denoise ? ", denoised" : ""}`;
+  const anchor = h(
+    "a",
+    { class: "button", title: hint, "aria-label": name },
+    icon("download"),
+    format.toUpperCase(),
+  );
+  // The address is made when it is used: exposure and channel are those of that moment.
+  const aim = () => {
+    const { exposure, curve, channel } = display.value;
+    /** @type {Record<string, string | number>} */
+    const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
+    if (denoise) query.denoise = "true";
+    anchor.href = imageUrl(job.id, format, query);
+    const kind = denoise ? "denoised" : channel;
+    anchor.download = `${job.name.replace(/\.[a-z]+$/i, "")}${kind && `-${kind}`}.${format}`;
+  };
+  for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
+  aim();
+  return anchor;
+}

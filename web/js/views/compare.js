@@ -1,0 +1,291 @@
+/** Two pictures beside each other at a wipe: two jobs, a job and its denoised copy, or planes of either. */
+
+import { getJob } from "../api.js";
+import { CHANNELS, DENOISED_CHANNEL } from "../channels.js";
+import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../display-panel.js";
+import { fill, h, keyedList, setText } from "../dom.js";
+import { adoptJob, jobs } from "../farm.js";
+import { emptyState } from "../hints.js";
+import { icon } from "../icons.js";
+import { differences, sideNames } from "../job-differences.js";
+import { LiveFilm } from "../live-film.js";
+import { pictureStage } from "../picture-stage.js";
+import { stageKeys } from "../render-keys.js";
+import { INTEGRATORS, labelOf } from "../render-choices.js";
+import { here, linkTo, setParams, setTitle } from "../router.js";
+import { addShortcuts } from "../shortcuts.js";
+import { progressBar, stateChip } from "../state-chip.js";
+import { Disposer, Store } from "../store.js";
+
+/** @typedef {import("../types.js").Job} Job */
+
+/**
+ * @typedef {object} Comparison
+ * @property {string} a a job
+ * @property {string} b
+ * @property {string} left a channel of it
+ * @property {string} right
+ * @property {number} wipe
+ * @property {number} exposure
+ * @property {string} curve
+ */
+
+/**
+ * @param {string} a a job's id
+ * @param {string} [b] another's, or the same; left out: the latest one that it can be compared with
+ * @returns {{element: HTMLElement, dispose: () => void}}
+ */
+export function compareView(a, b) {
+  setTitle("Comparison");
+  const life = new Disposer();
+  const element = h("div", { class: "job-page compare-page" });
+  const instead = (/** @type {string} */ title, /** @type {string} */ sentence) =>
+    fill(
+      element,
+      h("div", { class: "page" }, emptyState("compare", title, h("p", null, sentence), h("a", { href: linkTo("jobs") }, "To the jobs"))),
+    );
+  const { params } = here();
+  /** @type {Store<Comparison>} */
+  const state = new Store({
+    ...{ a, b: b ?? "", left: params.get("a") ?? "", right: params.get("b") ?? "" },
+    wipe: wipeFrom(params.get("wipe")),
+    ...lookFromUrl(params),
+  });
+  /** What is open, to be closed before the next. @type {{key: string, life: Disposer, update: (a: Job, b: Job) => void} | null} */
+  let opened = null;
+  life.add(() => opened?.life.dispose());
+
+  /** @type {Set<string>} */
+  const asked = new Set();
+  const show = () => {
+    const all = jobs.value;
+    if (!all) return;
+    if (!state.value.b) {
+      const first = all.find(({ id }) => id === state.value.a);
+      if (first) state.update((now) => ({ ...now, ...partnerOf(first, all) }));
+    }
+    const ids = [state.value.a, state.value.b].filter(Boolean);
+    for (const id of ids) {
+      if (asked.has(id) || all.some((job) => job.id === id)) continue;
+      asked.add(id);
+      getJob(id).then(adoptJob, (error) => instead("This picture is not here", error.message));
+    }
+    const [first, second] = ids.map((id) => all.find((job) => job.id === id));
+    if (!first || !second) return;
+    if (!first.width || !second.width) {
+      const waits = first.width ? second : first;
+      instead(waits.name, waits.error ?? waits.message ?? "Waits for its scene.");
+      return;
+    }
+    const key = `${first.id} ${second.id}`;
+    if (opened?.key !== key) {
+      opened?.life.dispose();
+      opened = { key, ...open(element, first, second, state) };
+    }
+    opened.update(first, second);
+  };
+  life.add(jobs.subscribe(show));
+  life.add(
+    state.subscribe(({ a, b }) => {
+      if (b && opened && opened.key !== `${a} ${b}`) show();
+    }),
+  );
+  life.add(rememberComparison(state));
+  return { element, dispose: () => life.dispose() };
+}
+
+/**
+ * What a picture is first compared with: the latest other one of its scene, else its own albedo.
+ *
+ * @param {Job} job
+ * @param {Job[]} all newest first
+ * @returns {Partial<Comparison>}
+ */
+function partnerOf(job, all) {
+  const other = all.find(({ id, scene, samples }) => scene === job.scene && id !== job.id && samples > 0);
+  return other ? { b: other.id } : { b: job.id, right: "albedo" };
+}
+
+/** @param {Store<Comparison>} state @returns {() => void} ends it */
+function rememberComparison(state) {
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  const end = state.subscribe(({ a, b, left, right, wipe, exposure, curve }) => {
+    clearTimeout(timer);
+    if (!b) return;
+    timer = setTimeout(() => {
+      setParams(
+        {
+          a: left || null,
+          b: right || null,
+          wipe: wipe === 0.5 ? null : wipe.toFixed(3),
+          ...lookParams({ exposure, curve }),
+        },
+        ["compare", a, b],
+      );
+    }, 300);
+  });
+  return () => (clearTimeout(timer), end());
+}
+
+/**
+ * @param {HTMLElement} page
+ * @param {Job} a of known size
+ * @param {Job} b likewise
+ * @param {Store<Comparison>} state
+ * @returns {{life: Disposer, update: (a: Job, b: Job) => void}}
+ */
+function open(page, a, b, state) {
+  const life = new Disposer();
+  const left = new LiveFilm(a);
+  const right = a.id === b.id ? left : new LiveFilm(b);
+  for (const live of new Set([left, right])) life.add(() => live.dispose());
+  const problems = h("div", { class: "stage-notice", role: "status" });
+  const stage = pictureStage(left.film, life, {
+    wiped: (wipe) => state.update((now) => ({ ...now, wipe })),
+    changed: () => {
+      const errors = [0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value.error);
+      fill(problems, errors.filter(Boolean).map((error) => h("p", { class: "notice error" }, icon("warning"), messageOf(error))));
+    },
+  });
+  stage.element.append(problems);
+  let latest = { a, b };
+  const arrange = () => {
+    const now = state.value;
+    if (now.a !== a.id || now.b !== b.id) return; // others are being opened
+    const [nameA, nameB] = sideNames({ job: latest.a, channel: now.left }, { job: latest.b, channel: now.right });
+    stage.view?.setLook(now);
+    stage.arrange({
+      left: { live: left, channel: now.left, name: nameA },
+      right: { live: right, channel: now.right, name: nameB },
+      wipe: now.wipe,
+    });
+  };
+  life.add(state.subscribe(arrange));
+  const normalise = () => {
+    const exposure = left.film.normalisingExposure();
+    if (exposure != null) state.update((now) => ({ ...now, exposure: clampExposure(exposure) }));
+  };
+  const swap = () =>
+    state.update((now) => ({ ...now, a: now.b, b: now.a, left: now.right, right: now.left, wipe: 1 - now.wipe }));
+  life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
+  life.add(addShortcuts([{ keys: "X", does: "Swap left and right", run: swap }]));
+
+  const progress = [progressOf("A", a), progressOf("B", b)];
+  const table = h("div", { class: "differences" });
+  fill(
+    page,
+    h(
+      "header",
+      { class: "job-head" },
+      h("a", { class: "icon-button", href: linkTo("jobs", a.id), "aria-label": "Back to the picture" }, icon("back")),
+      sideChoice("A", state, "a", "left", life),
+      h(
+        "button",
+        { class: "icon-button", type: "button", "aria-label": "Swap left and right", title: "Swap (X)", onclick: swap },
+        icon("swap"),
+      ),
+      sideChoice("B", state, "b", "right", life),
+    ),
+    stage.element,
+    stage.statusBar,
+    h(
+      "aside",
+      { class: "side", "aria-label": "Comparison" },
+      h("section", { class: "side-section stack", "aria-label": "Progress" }, progress.map(({ element }) => element)),
+      h("section", { class: "side-section", "aria-label": "Display" }, lookFields(state, normalise)),
+      h("section", { class: "side-section stack tight", "aria-label": "Differences" }, h("h2", null, "Differences"), table),
+    ),
+  );
+  let shownRows = "";
+  return {
+    life,
+    update(nextA, nextB) {
+      latest = { a: nextA, b: nextB };
+      setTitle(`${nextA.name}: A and B`);
+      progress[0]?.update(nextA);
+      progress[1]?.update(nextB);
+      const rows = differences(nextA, nextB);
+      const key = JSON.stringify(rows);
+      if (key === shownRows) return;
+      shownRows = key;
+      fill(table, rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, "None: both have the same settings."));
+      arrange(); // the sides are called by their differences
+    },
+  };
+}
+
+/**
+ * What one side shows: a job, and a channel of it.
+ *
+ * @param {"A" | "B"} letter
+ * @param {Store<Comparison>} state
+ * @param {"a" | "b"} job
+ * @param {"left" | "right"} channel
+ * @param {Disposer} life
+ */
+function sideChoice(letter, state, job, channel, life) {
+  const pictures = h("select", {
+    "aria-label": `Picture ${letter}`,
+    onchange: () => state.update((now) => ({ ...now, [job]: pictures.value })),
+  });
+  const showPicture = keyedList(pictures, ({ id }) => id, pictureOption);
+  const channels = h(
+    "select",
+    { "aria-label": `Channel of ${letter}`, onchange: () => state.update((now) => ({ ...now, [channel]: channels.value })) },
+    [...CHANNELS.slice(0, 1), DENOISED_CHANNEL, ...CHANNELS.slice(1)].map(({ name, label }) => h("option", { value: name }, label)),
+  );
+  const show = () => {
+    const now = state.value;
+    showPicture((jobs.value ?? []).filter(({ width, samples, id }) => (width && samples > 0) || id === now[job]));
+    pictures.value = now[job];
+    channels.value = now[channel];
+  };
+  life.add(state.subscribe(show));
+  life.add(jobs.subscribe(show));
+  return h("div", { class: "side-choice" }, h("span", { class: "letter", "aria-hidden": "true" }, letter), pictures, channels);
+}
+
+/** @returns {import("../dom.js").Row<Job>} */
+function pictureOption(/** @type {Job} */ { id }) {
+  const element = h("option", { value: id });
+  return {
+    element,
+    update({ name, settings, spp, width, height }) {
+      const facts = [name, labelOf(INTEGRATORS, settings?.integrator), spp && `${spp} spp`, `${width}×${height}`];
+      setText(element, facts.filter(Boolean).join(" · "));
+    },
+  };
+}
+
+/** @param {string} letter @param {Job} job */
+function progressOf(letter, job) {
+  const chip = stateChip(job.state);
+  const bar = progressBar(`Progress of ${letter}`);
+  return {
+    element: h("div", { class: "stack tight" }, h("div", { class: "row" }, h("strong", null, letter), chip.element), bar.element),
+    /** @param {Job} next */
+    update(next) {
+      chip.update(next.state);
+      bar.update(next.progress, next.state);
+    },
+  };
+}
+
+/** @param {{label: string, a: string, b: string}[]} rows */
+function differenceTable(rows) {
+  const head = ["", "A", "B"].map((text) => h("th", { scope: "col" }, text));
+  return h(
+    "table",
+    null,
+    h("thead", null, h("tr", null, head)),
+    h(
+      "tbody",
+      null,
+      rows.map(({ label, a, b }) => h("tr", null, h("th", { scope: "row" }, label), h("td", null, a), h("td", null, b))),
+    ),
+  );
+}
+
+/** @param {unknown} error */
+const messageOf = (error) => (error instanceof Error ? error.message : String(error));

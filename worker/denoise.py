@@ -1,0 +1,65 @@
+"""Denoise a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
+
+A child of its own: the library keeps threads and memory, which must not stay in a slot that forks.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer import denoise
+from renderer.errors import RayfarmError
+from worker.bounded import WorkError, run_bounded
+from worker.context import WorkerContext
+from worker.contract import DenoiseFrame
+from worker.link import LinkError, RefusedError
+
+__all__ = ["denoise_failure", "denoise_frame"]
+
+SECONDS = 300.0
+MEMORY_BYTES = 2 << 30  # the library works in parts, at most this large in its own judgement
+BYTES_A_PIXEL = 400
+
+
+def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
+    """The event `denoised` or `denoise-failed`."""
+    try:
+        with tempfile.TemporaryDirectory(prefix="rayfarm-denoise-") as folder:
+            means, result = Path(folder) / "means.f32", Path(folder) / "denoised.f32"
+            with means.open("wb") as file:
+                version, samples = worker.link.means(work.job, work.frame, file)
+            run_bounded(
+                lambda send: _work(means, result, work),
+                lambda message: None,
+                memory_bytes=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height,
+                seconds=SECONDS,
+                faults=(RayfarmError,),
+                subject="The picture",
+            )
+            blob = worker.link.store(result)
+    except (LinkError, RefusedError) as error:
+        return denoise_failure(worker, work, f"{worker.name} could not exchange the picture with the service: {error}")
+    except WorkError as error:
+        return denoise_failure(worker, work, str(error))
+    except OSError as error:
+        return denoise_failure(worker, work, f"{worker.name} has no room for the picture: {error}")
+    return {**_about("denoised", worker, work), "sha256": blob.sha256, "version": version, "samples": samples}
+
+
+def denoise_failure(worker: WorkerContext, work: DenoiseFrame, error: str) -> dict[str, Any]:
+    """The event of a frame that could not be denoised."""
+    return {**_about("denoise-failed", worker, work), "error": error}
+
+
+def _about(kind: str, worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
+    return {"type": kind, "work": work.work, "worker": worker.name}
+
+
+def _work(means: Path, result: Path, work: DenoiseFrame) -> dict[str, Any]:
+    color, albedo, normal = np.fromfile(means, "<f4").reshape(3, work.height, work.width, 3)
+    denoise.denoise(color, albedo, normal).astype("<f4").tofile(result)
+    return {}
