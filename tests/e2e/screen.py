@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import time
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
@@ -13,8 +14,11 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from renderer.image import rgbe9995, tonemap
+from tests.helpers import Farm, wait_until
 
-__all__ = ["assert_screen", "assert_shows", "read_exr", "shown"]
+__all__ = ["assert_screen", "assert_shows", "read_exr", "rendered", "shown", "split"]
+
+MARGIN = 3  # columns about the divider's line that it covers
 
 
 def read_exr(url: str, folder: Path) -> np.ndarray:
@@ -61,3 +65,24 @@ def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
 def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
     """The screen shows the film, as RGB9E5 carries it, through exposure and curve. Gives the screen."""
     return assert_screen(page, shown(film, exposure, curve), f"{curve} at {exposure:+} EV")
+
+
+def rendered(farm: Farm, scene: str, **request: Any) -> str:
+    """The id of a job that is finished."""
+    job = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **request}).raise_for_status().json()["id"]
+    wait_until(lambda: httpx.get(f"{farm.url}/api/jobs/{job}").json()["state"] == "finished", 90, "the job is finished")
+    return str(job)
+
+
+def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
+    """What is to be seen of two pictures with the wipe where it is: -1 where the divider lies."""
+    stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
+    assert stage and divider
+    _, x, _ = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
+    column = round(divider["x"] + divider["width"] / 2 - stage["x"] - x)
+    wanted = np.concatenate([left[:, :column], right[:, column:]], axis=1)
+    wanted[:, max(column - MARGIN, 0) : column + MARGIN] = -1
+    grip = 26  # with the ring about it when it has the focus
+    middle = round(stage["height"] / 2 - float((page.locator(".stage").get_attribute("data-view") or "").split()[2]))
+    wanted[middle - grip : middle + grip, max(column - grip, 0) : column + grip] = -1
+    return wanted

@@ -5,49 +5,26 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 from renderer import settings
 from service.schemas import JobIn
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, read_exr, shown
-from tests.helpers import ROOT, Farm, wait_until
+from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
+from tests.helpers import ROOT, Farm
 
 SIZE = {"width": 96, "height": 64}
-MARGIN = 3  # columns about the divider's line that it covers
-
-
-def rendered(farm: Farm, scene: str, **request: Any) -> str:
-    """A finished job's id."""
-    job = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **SIZE, **request}).raise_for_status().json()["id"]
-    wait_until(lambda: httpx.get(f"{farm.url}/api/jobs/{job}").json()["state"] == "finished", 90, "the job is finished")
-    return str(job)
-
-
-def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
-    """What is to be seen of two pictures with the wipe where it is: -1 where the divider lies."""
-    stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
-    assert stage and divider
-    _, x, _ = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
-    column = round(divider["x"] + divider["width"] / 2 - stage["x"] - x)
-    wanted = np.concatenate([left[:, :column], right[:, column:]], axis=1)
-    wanted[:, max(column - MARGIN, 0) : column + MARGIN] = -1
-    grip = 26  # with the ring about it when it has the focus
-    middle = round(stage["height"] / 2 - float((page.locator(".stage").get_attribute("data-view") or "").split()[2]))
-    wanted[middle - grip : middle + grip, max(column - grip, 0) : column + grip] = -1
-    return wanted
 
 
 @pytest.mark.browser
 @pytest.mark.farm
 def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    jobs = [rendered(farm, scene, spp=4, max_depth=depth) for depth in (2, 9)]
+    jobs = [rendered(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
     pictures = [shown(film, -1.0, "hue") for film in films]
     assert np.abs(pictures[0] - pictures[1]).max() > 50, "the two differ, or this test says nothing"

@@ -100,7 +100,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     # The PNG looks as the page does.
     page.get_by_label("Tone curve").select_option("neutral")
     with page.expect_download() as download:
-        page.get_by_role("link", name="PNG").click()
+        page.get_by_role("link", name="PNG", exact=True).click()
     png = np.asarray(Image.open(download.value.path()).convert("RGB"))
     np.testing.assert_array_equal(png, tonemap.apply(film, -0.5, "neutral"))
 

@@ -42,10 +42,10 @@ export function errorOf(status, body) {
 /**
  * @param {string} method
  * @param {string} path
- * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal}} [options]
+ * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal, keepalive?: boolean}} [options]
  * @returns {Promise<any>}
  */
-async function call(method, path, { json, headers = {}, signal } = {}) {
+async function call(method, path, { json, headers = {}, signal, keepalive } = {}) {
   let response;
   try {
     response = await fetch(`api${path}`, {
@@ -53,6 +53,7 @@ async function call(method, path, { json, headers = {}, signal } = {}) {
       headers: json === undefined ? headers : { ...headers, "Content-Type": "application/json" },
       body: json === undefined ? undefined : JSON.stringify(json),
       signal,
+      keepalive,
     });
   } catch (error) {
     if (signal?.aborted) throw error;
@@ -92,7 +93,7 @@ export const createJob = (request, idempotencyKey) =>
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
 /** @param {string} id @returns {Promise<void>} */
-export const deleteJob = (id) => call("DELETE", `/jobs/${id}`);
+export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
 
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");

@@ -8,14 +8,22 @@ import { viewFields } from "./view-fields.js";
 /** @typedef {import("./types.js").View} View */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 
+/**
+ * @typedef {object} CameraFields
+ * @property {HTMLElement[]} elements
+ * @property {() => Pick<JobRequest, "camera" | "view">} get
+ * @property {() => View} view what is chosen, in full
+ * @property {(view: View) => void} turn to a view of the user's own
+ * @property {(distance: number) => void} focus at this distance along the line of sight
+ */
+
 const AUTO_CAMERA = "auto"; // the one that every scene has
 const OWN_VIEW = "\0view"; // no camera's name has a NUL in it
 
 /**
  * @param {Scene} scene
  * @param {(projection: string) => void} projected the user, or a camera, chose a projection
- * @returns {{elements: HTMLElement[], get: () => Pick<JobRequest, "camera" | "view">, view: () => View, turn: (view: View) => void}}
- *     view: what is chosen, in full; turn: to a view of the user's own
+ * @returns {CameraFields}
  */
 export function cameraFields({ cameras }, projected) {
   const camera = h(
@@ -43,5 +51,6 @@ export function cameraFields({ cameras }, projected) {
       view.set(to);
       show();
     },
+    focus: view.focus,
   };
 }

@@ -1,6 +1,6 @@
 /** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
 
-import { channelOf } from "./channels.js";
+import { DENOISED, channelOf } from "./channels.js";
 import { count } from "./format.js";
 import { FILTERS, INTEGRATORS, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
 
@@ -57,9 +57,11 @@ export function differences(a, b) {
  */
 export function sideNames(left, right) {
   const rows = differences(left.job, right.job).slice(0, NAMED_BY);
+  const isDenoised = [left.channel, right.channel].includes(DENOISED);
   const name = (/** @type {"a" | "b"} */ key, /** @type {{job: Job, channel: string}} */ { channel }) => {
     const parts = rows.map((row) => row[key]);
-    if (left.channel !== right.channel || parts.length === 0) parts.push(channelOf(channel).label);
+    if (left.channel !== right.channel || parts.length === 0)
+      parts.push(isDenoised && channel === "" ? "Raw" : channelOf(channel).label);
     return parts.join(", ");
   };
   return [name("a", left), name("b", right)];

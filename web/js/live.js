@@ -52,6 +52,7 @@ export class Live {
       this.handlers.link(true);
     };
     socket.onmessage = ({ data }) => {
+      if (this.socket !== socket) return; // closed while this was on its way
       this.lastHeard = performance.now();
       if (typeof data === "string") {
         this.handlers.message(JSON.parse(data));
@@ -59,7 +60,7 @@ export class Live {
       }
       const tile = decodeTile(data);
       this.handlers.tile(tile);
-      socket.send(JSON.stringify({ ack: tile.seq }));
+      if (this.socket === socket) socket.send(JSON.stringify({ ack: tile.seq }));
     };
     socket.onclose = ({ code, reason }) => {
       if (this.socket !== socket) return;

@@ -51,7 +51,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   const zoom = zoomControls(() => view);
   const divider = wipeDivider(wiped);
   const tags = ["left", "right"].map((edge) => h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }));
-  const readouts = h("div", { class: "readouts grow" });
+  const readouts = h("div", { class: "readouts" });
   const element = h(
     "div",
     { class: "stage-box" },

@@ -11,8 +11,6 @@ import { count, radiance } from "./format.js";
 /** @typedef {import("./picture-side.js").PictureSide} PictureSide */
 
 const REST_MS = 200;
-/** Numbers that are counted, not measured. */
-const WHOLE = new Set(["object", "material", "samples"]);
 const MOST_VALUES = 3;
 
 export class PixelReadout {
@@ -81,7 +79,7 @@ export class PixelReadout {
     this.line.hidden = at === null;
     if (!at) return;
     const { samples } = side.live.film.at(at.x, at.y);
-    this.show(side.film?.at(at.x, at.y).rgb ?? [], samples, false);
+    this.show(side.film?.at(at.x, at.y).rgb.map(radiance) ?? [], samples, false);
     const { channel } = side.state.value;
     if (samples && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
   }
@@ -91,25 +89,23 @@ export class PixelReadout {
     this.asking = new AbortController();
     try {
       const pixel = await getPixel(this.side.live.job, at.x, at.y, this.asking.signal);
-      this.show([pixel[channel || "color"] ?? []].flat(), pixel.samples, true);
+      this.show(textsOf(pixel, channel), pixel.samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.
     }
   }
 
   /**
-   * @param {number[]} numbers
+   * @param {string[]} texts
    * @param {number} samples
    * @param {boolean} exact
    */
-  show(numbers, samples, exact) {
-    const { channel } = this.side.state.value;
-    const names = channelOf(channel).values;
+  show(texts, samples, exact) {
+    const names = channelOf(this.side.state.value.channel).values;
     setText(this.place, `${this.at?.x}, ${this.at?.y}`);
     this.values.forEach(({ name, value }, i) => {
-      const number = numbers[i];
-      setText(name, names[i] ?? "");
-      setText(value, number === undefined ? "" : WHOLE.has(channel) ? count(number) : radiance(number));
+      setText(name, texts[i] === undefined ? "" : (names[i] ?? ""));
+      setText(value, texts[i] ?? "");
     });
     setText(this.samples, `${samples} spp`);
     this.line.classList.toggle("exact", exact);
@@ -117,4 +113,20 @@ export class PixelReadout {
       ? "Exact values of the film, linear Rec.709"
       : "Values of the live picture, true to 0.2 %";
   }
+}
+
+/**
+ * A pixel's values of a channel as they are read.
+ *
+ * @param {import("./types.js").PixelValue} pixel
+ * @param {string} channel
+ * @returns {string[]}
+ */
+function textsOf(pixel, channel) {
+  const value = pixel[channel || "color"];
+  if (channel === "object" || channel === "material")
+    return [value == null ? "none" : `${value} ${pixel[`${channel}_name`] ?? ""}`];
+  if (value == null) return ["not known yet"];
+  if (channel === "samples") return [count(Number(value))];
+  return [value].flat().map(Number).map(radiance);
 }

@@ -16,9 +16,19 @@ import { sizeFields } from "./size-fields.js";
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 
 /**
+ * @typedef {object} SettingsForm
+ * @property {HTMLFormElement} element
+ * @property {() => void} update the farm's speed may have changed
+ * @property {() => JobRequest} request as the form is now
+ * @property {() => import("./types.js").View} view
+ * @property {(view: import("./types.js").View) => void} turn to a view of the user's own
+ * @property {(distance: number) => void} focus
+ */
+
+/**
  * @param {Scene} scene ready
  * @param {(request: JobRequest) => Promise<void>} submit
- * @returns {{element: HTMLFormElement, update: () => void}} update: the farm's speed may have changed
+ * @returns {SettingsForm}
  */
 export function settingsForm(scene, submit) {
   const { defaults } = scene;
@@ -30,6 +40,15 @@ export function settingsForm(scene, submit) {
   const advanced = advancedFields(defaults);
   const own = defaults.integrator ?? DEFAULTS.integrator;
   const integrator = choiceField("Integrator", INTEGRATORS, own, () => advanced.show(integrator.get()));
+  /** @returns {JobRequest} */
+  const request = () => ({
+    scene: scene.id,
+    ...camera.get(),
+    ...size.get(),
+    spp: quality.get(),
+    ...(integrator.get() !== own && { integrator: integrator.get() }),
+    ...advanced.get(),
+  });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
@@ -39,14 +58,7 @@ export function settingsForm(scene, submit) {
     }
     render.disabled = true;
     try {
-      await submit({
-        scene: scene.id,
-        ...camera.get(),
-        ...size.get(),
-        spp: quality.get(),
-        ...(integrator.get() !== own && { integrator: integrator.get() }),
-        ...advanced.get(),
-      });
+      await submit(request());
     } finally {
       render.disabled = false;
     }
@@ -62,7 +74,7 @@ export function settingsForm(scene, submit) {
     h("div", { class: "submit" }, estimate, render),
   );
   update();
-  return { element, update };
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus };
 }
 
 /**

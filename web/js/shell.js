@@ -4,6 +4,7 @@ import { fill, h, setText } from "./dom.js";
 import { jobs, lost, workers } from "./farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "./icons.js";
+import { isPassing } from "./preview.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 
@@ -73,7 +74,7 @@ export function buildShell() {
     found.tally.title = label;
   };
   jobs.subscribe((all) => {
-    const running = (all ?? []).filter(({ state }) => state === "running" || state === "queued").length;
+    const running = (all ?? []).filter((job) => ["running", "queued"].includes(job.state) && !isPassing(job)).length;
     setTally("jobs", running, `${running} under way`);
   });
   workers.subscribe((all) =>

@@ -94,7 +94,7 @@
  *
  * @typedef {{name: string, title: string, description: string}} Example
  *
- * @typedef {Record<string, number | number[]> & {samples: number}} PixelValue by channel, `color` being the light
+ * @typedef {Record<string, number | number[] | string | null> & {samples: number}} PixelValue by channel, `color` being the light
  */
 
 export {};

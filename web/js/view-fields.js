@@ -14,7 +14,7 @@ const LARGEST = 1e15;
 /**
  * @param {View} [start]
  * @param {(projection: string) => void} [projected]
- * @returns {{place: HTMLElement, lens: HTMLDetailsElement, get: () => View, set: (view: View) => void, isChanged: () => boolean}}
+ * @returns {{place: HTMLElement, lens: HTMLDetailsElement, get: () => View, set: (view: View) => void, focus: (distance: number) => void, isChanged: () => boolean}}
  *     isChanged: by the user, since it was set
  */
 export function viewFields(start = START, projected = () => {}) {
@@ -79,21 +79,26 @@ export function viewFields(start = START, projected = () => {}) {
   };
 
   set(start);
+  const lens = h(
+    "details",
+    null,
+    h("summary", null, "Lens"),
+    h("div", { class: "pairs" }, projection.element, Object.values(of).flat()),
+  );
   /** As the fields had it when they were set. */
   const unchanged = () => JSON.stringify(get());
   let asSet = unchanged();
   return {
     place: h("div", { class: "stack" }, eye.element, target.element, up.element),
-    lens: h(
-      "details",
-      null,
-      h("summary", null, "Lens"),
-      h("div", { class: "pairs" }, projection.element, Object.values(of).flat()),
-    ),
+    lens,
     get,
     set(view) {
       set(view);
       asSet = unchanged();
+    },
+    focus(distance) {
+      focus.value = String(short(distance));
+      lens.open = true; // where the distance, and the aperture that makes it seen, are
     },
     isChanged: () => unchanged() !== asSet,
   };

@@ -6,6 +6,7 @@ import { fill, h, keyedList } from "../dom.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
 import { noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
+import { isPassing } from "../preview.js";
 import { go, linkTo, setTitle } from "../router.js";
 import { Disposer } from "../store.js";
 import { showError } from "../tray.js";
@@ -44,7 +45,7 @@ export function homeView() {
 
   const refresh = () => {
     const seenScenes = (scenes.value ?? []).filter(({ id }) => !hidden.value.has(id));
-    const seenJobs = (jobs.value ?? []).filter(({ id }) => !hidden.value.has(id)).slice(0, RECENT_JOBS);
+    const seenJobs = (jobs.value ?? []).filter((job) => !hidden.value.has(job.id) && !isPassing(job)).slice(0, RECENT_JOBS);
     showScenes(seenScenes);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);

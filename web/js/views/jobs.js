@@ -3,6 +3,7 @@
 import { fill, h, keyedList, setText } from "../dom.js";
 import { hidden, jobs, workers } from "../farm.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
+import { isPassing } from "../preview.js";
 import { here, linkTo, setParams, setTitle } from "../router.js";
 import { Disposer } from "../store.js";
 import { jobRow } from "./job-row.js";
@@ -46,7 +47,7 @@ export function jobsView() {
 
   const refresh = () => {
     if (!jobs.value) return;
-    const seen = jobs.value.filter(({ id }) => !hidden.value.has(id));
+    const seen = jobs.value.filter((job) => !hidden.value.has(job.id) && !isPassing(job));
     for (const { key, button, tally } of tabs) {
       const matches = FILTERS.find(([name]) => name === key)?.[2] ?? (() => true);
       button.setAttribute("aria-pressed", String(key === filter));

@@ -6,6 +6,7 @@ import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../farm.js"
 import { bytes, count } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
+import { isPassing } from "../preview.js";
 import { go, linkTo, setTitle } from "../router.js";
 import { settingsForm } from "../settings-form.js";
 import { addShortcuts } from "../shortcuts.js";
@@ -13,6 +14,7 @@ import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
 import { announce, showError } from "../tray.js";
 import { choose } from "../uploads.js";
+import { viewTurner } from "../view-turner.js";
 import { jobRow } from "./job-row.js";
 import { removeScene, thumbnail } from "./scene-card.js";
 
@@ -151,7 +153,7 @@ function ready(page, scene, life) {
     (job) => jobRow(job, life),
   );
   const listJobs = () => {
-    const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id));
+    const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job));
     showJobs(own);
     pictures.hidden = own.length === 0;
     const finished = own.find(({ state }) => state === "finished");
@@ -167,6 +169,7 @@ function ready(page, scene, life) {
       showError("The picture was not started", error);
     }
   });
+  const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
   life.add(hidden.subscribe(listJobs));
@@ -183,11 +186,39 @@ function ready(page, scene, life) {
     h(
       "div",
       { class: "scene-columns" },
-      h("div", { class: "scene-about" }, picture.element, warnings(scene), facts(scene), pictures),
+      h("div", { class: "scene-about" }, view, warnings(scene), facts(scene), pictures),
       h("section", { class: "panel", "aria-label": "Render" }, form.element),
     ),
   );
   return () => {};
+}
+
+/**
+ * The scene's picture, with a button that takes the view into the hand.
+ *
+ * @param {HTMLElement} picture
+ * @param {import("../settings-form.js").SettingsForm} form
+ * @param {Disposer} life
+ */
+function turnable(picture, form, life) {
+  /** @type {ReturnType<typeof viewTurner> | null} */
+  let turner = null;
+  const stop = () => {
+    turner?.dispose();
+    turner = null;
+    fill(box, picture, button);
+  };
+  const start = () => {
+    const { width = 1, height = 1 } = form.request();
+    turner = viewTurner(form, width / height, () => (stop(), button.focus()));
+    fill(box, turner.element);
+    /** @type {HTMLElement | null} */ (turner.element.querySelector(".turner"))?.focus({ preventScroll: true });
+  };
+  const button = h("button", { class: "button turn-button", type: "button", onclick: start }, icon("turn"), "Turn the view");
+  const box = h("div", { class: "view-box" }, picture, button);
+  form.element.addEventListener("change", () => turner?.refresh());
+  life.add(stop);
+  return box;
 }
 
 /** @param {Scene} scene */

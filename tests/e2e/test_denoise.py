@@ -1,0 +1,66 @@
+"""The denoised picture on the page: beside the raw one or instead of it, never over it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import expect
+
+from renderer.image import rgbe9995, tonemap
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
+from tests.helpers import Farm
+
+pytestmark = [pytest.mark.browser, pytest.mark.farm]
+
+SIZE = {"width": 96, "height": 64}
+
+
+def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
+        pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    job = rendered(farm, scene, **SIZE, spp=8)
+    image = f"{farm.url}/api/jobs/{job}/frames/0/image"
+    raw = read_exr(f"{image}.exr", tmp_path)
+    words = np.frombuffer(httpx.get(f"{image}.rgb9e5?denoise=true", timeout=60).raise_for_status().content, "<u4")
+    clean = rgbe9995.unpack(words.reshape(SIZE["height"], SIZE["width"]))
+    pictures = [shown(raw, 0.5, "srgb"), tonemap.apply(clean, 0.5, "srgb").astype(int)]
+    assert np.abs(pictures[0] - pictures[1]).mean() > 2, "the two differ, or this test says nothing"
+
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs/{job}?ev=0.5&tone=srgb")
+    panel = page.get_by_label("Display", exact=True)
+    panel.get_by_text("Beside").click()
+    expect(page.locator(".channel-tag.right")).to_have_text("Denoised")
+    expect(page.locator(".channel-tag.left")).to_have_text("Raw")
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    assert_screen(page, split(*pictures, page), "beside")
+    expect(page).to_have_url(re.compile("denoise=wipe"))
+
+    panel.get_by_text("Instead").click()
+    assert_screen(page, pictures[1], "instead")
+    panel.get_by_text("Off").click()
+    assert_screen(page, pictures[0], "off again")
+
+    # Both are there to be taken away.
+    with page.expect_download() as download:
+        page.get_by_role("link", name="PNG, denoised").click()
+    assert download.value.suggested_filename.endswith("-denoised.png")
+    png = np.asarray(Image.open(download.value.path()).convert("RGB")).astype(int)
+    assert np.abs(png - pictures[1]).max() <= 2  # the page has it as RGB9E5
+    with page.expect_download() as download:
+        page.get_by_role("link", name="PNG", exact=True).click()
+    np.testing.assert_array_equal(np.asarray(Image.open(download.value.path()).convert("RGB")), tonemap.apply(raw, 0.5, "srgb"))
+
+    # More samples: what was denoised before is said to be old, and is made anew when the job is finished.
+    panel.get_by_text("Instead").click()
+    with page.expect_response(lambda response: "rgb9e5" in response.url, timeout=60_000):
+        httpx.patch(f"{farm.url}/api/jobs/{job}", json={"spp": 32}).raise_for_status()
+    assert watched.errors == []
