@@ -19,12 +19,14 @@ from renderer.film import (
 )
 from renderer.jit import device, entry
 from renderer.kernel import vec
+from renderer.kernel.ao import trace_ao
 from renderer.kernel.camera import camera_ray
 from renderer.kernel.filter import filter_offset
 from renderer.kernel.path import trace_path
 from renderer.kernel.sampler import pixel_key, uniform4
+from renderer.kernel.whitted import trace_whitted
 
-__all__ = ["MAX_BAD", "in_half", "render_tile"]
+__all__ = ["MAX_BAD", "RENDERERS", "in_half"]
 
 MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
@@ -67,12 +69,13 @@ def in_half(sample):
     return second == 0 and sample != 1
 
 
-@entry
-def render_tile(scene, stack, camera, options, x0, y0, first, count, sums, bad):
+@device
+def _render_tile(trace, scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
     """Adds `count` samples a pixel to sums (CHANNELS, h, w) int64. Returns (bad samples, rays).
 
     stack: from new_stack; camera: from camera_frame; options: from kernel_options; (x0, y0): the tile's corner;
-    bad: (MAX_BAD, 3) int64, filled with x, y and sample number of samples that were NaN or infinite and so left out.
+    bad: (MAX_BAD, 3) int64, filled with x, y and sample number of samples that were NaN or infinite and so left out;
+    trace: the integrator, known when this is compiled; log: rows for the last sample's protocol, or none.
     """
     bad_count = 0
     rays = 0
@@ -87,7 +90,7 @@ def render_tile(scene, stack, camera, options, x0, y0, first, count, sums, bad):
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
-                path = trace_path(scene, stack, o, d, options, pixel, np.uint32(sample))
+                path = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log)
                 rays += path.rays
                 finite = vec.is_finite(path.radiance) and vec.is_finite(path.normal) and vec.is_finite(path.albedo)
                 if not (finite and vec.is_finite(path.position)):
@@ -122,3 +125,25 @@ def render_tile(scene, stack, camera, options, x0, y0, first, count, sums, bad):
             sums[SAMPLES, y, x] += samples
             sums[SAMPLES_HALF, y, x] += samples_half
     return bad_count, rays
+
+
+@entry
+def render_path(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    """A tile by path tracing: as `_render_tile`."""
+    return _render_tile(trace_path, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+
+
+@entry
+def render_whitted(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    """A tile by Whitted's ray tracing: as `_render_tile`."""
+    return _render_tile(trace_whitted, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+
+
+@entry
+def render_ao(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    """A tile's ambient occlusion: as `_render_tile`."""
+    return _render_tile(trace_ao, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+
+
+# By the settings' names. Each is compiled when it is first asked for; direct light is paths of two segments.
+RENDERERS = {"path": render_path, "direct": render_path, "whitted": render_whitted, "ao": render_ao}

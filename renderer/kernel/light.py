@@ -21,7 +21,14 @@ from renderer.kernel.punctual import sample_punctual
 from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
 from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 
-__all__ = ["LightSample", "environment_light_pdf", "primitive_light_pdf", "sample_light"]
+__all__ = [
+    "LightSample",
+    "choose_light",
+    "environment_light_pdf",
+    "primitive_light_pdf",
+    "sample_light",
+    "sample_one_light",
+]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -118,6 +125,29 @@ def _sample_sphere(scene, number, p, u):
 
 
 @device
+def choose_light(scene, p, n, choice):
+    """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
+    if len(scene.light_node) > 0:
+        return choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
+    light, _, chance = choose(scene.light_cdf, choice)
+    return light, chance
+
+
+@device
+def sample_one_light(scene, light, p, u):
+    """Towards p from the light of that number: a LightSample, its pdf without the choice of the light."""
+    primitive = scene.light_primitive[light]
+    triangles = len(scene.triangle)
+    if primitive < triangles:
+        return _sample_triangle(scene, primitive, scene.light_area[light], p, u)
+    if primitive < triangles + len(scene.sphere):
+        return _sample_sphere(scene, primitive - triangles, p, u)
+    number = primitive - triangles - len(scene.sphere)
+    w, end, radiance, density = sample_punctual(scene.punctual_kind, scene.punctual, number, p, u)
+    return LightSample(w, end, radiance, density, True)
+
+
+@device
 def sample_light(scene, p, n, choice, u):
     """Light towards the point p with normal n: a LightSample. `choice` picks the light, u the place on it.
 
@@ -132,22 +162,10 @@ def sample_light(scene, p, n, choice, u):
         return _nothing()
     if environment_chance > _ZERO:
         choice = (choice - environment_chance) / (_ONE - environment_chance)
-    if len(scene.light_node) > 0:
-        light, chance = choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
-        if chance == _ZERO:
-            return _nothing()
-    else:
-        light, _, chance = choose(scene.light_cdf, choice)
-    primitive = scene.light_primitive[light]
-    triangles = len(scene.triangle)
-    if primitive < triangles:
-        sample = _sample_triangle(scene, primitive, scene.light_area[light], p, u)
-    elif primitive < triangles + len(scene.sphere):
-        sample = _sample_sphere(scene, primitive - triangles, p, u)
-    else:
-        number = primitive - triangles - len(scene.sphere)
-        w, end, radiance, density = sample_punctual(scene.punctual_kind, scene.punctual, number, p, u)
-        sample = LightSample(w, end, radiance, density, True)
+    light, chance = choose_light(scene, p, n, choice)
+    if chance == _ZERO:
+        return _nothing()
+    sample = sample_one_light(scene, light, p, u)
     pdf = sample.pdf * (_ONE - environment_chance) * chance
     return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 

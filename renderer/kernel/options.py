@@ -6,9 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.settings import FILTERS, SAMPLERS, RenderSettings
+from renderer.kernel.rows import TRANSPARENT
+from renderer.scene.arrays import CompiledScene
+from renderer.settings import FILTERS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
 
-__all__ = ["Options", "kernel_options"]
+__all__ = ["ATTENUATION", "BSDF", "LIGHT", "LIGHT_CUTOFF", "MIS", "NO_MISTAKE", "UNIFORM", "Options", "kernel_options"]
+
+MIS, LIGHT, BSDF, UNIFORM = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform"))
+NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name in ("", "light-cutoff", "attenuation"))
 
 
 class Options(NamedTuple):
@@ -17,16 +22,33 @@ class Options(NamedTuple):
     seed: np.uint32
     sampler: np.int32
     filter: np.int32
+    sampling: np.int32
+    mistake: np.int32
     max_depth: int  # segments
+    light_samples: int
     scale: np.float32  # 2**film_exponent
+    clamp: np.float32  # 0: none
+    roulette: np.float32  # 0: by throughput
+    ao_distance: np.float32  # infinite: no limit
+    ambient: tuple[np.float32, np.float32, np.float32]
+    transparent: bool  # whether anything in the scene lets light pass by its alpha
 
 
-def kernel_options(settings: RenderSettings) -> Options:
-    """The settings for the kernel."""
+def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
+    """The settings for the kernel, and what it asks of the scene as a whole."""
+    red, green, blue = settings.ambient
     return Options(
         seed=np.uint32(settings.seed),
         sampler=np.int32(SAMPLERS.index(settings.sampler)),
         filter=np.int32(FILTERS.index(settings.filter)),
-        max_depth=2 if settings.integrator == "direct" and settings.max_depth > 2 else settings.max_depth,
+        sampling=np.int32(SAMPLINGS.index(settings.sampling)),
+        mistake=np.int32(MISTAKES.index(settings.mistake)),
+        max_depth=min(settings.max_depth, 2) if settings.integrator == "direct" else settings.max_depth,
+        light_samples=settings.light_samples,
         scale=np.float32(2.0**settings.film_exponent),
+        clamp=np.float32(settings.clamp_indirect),
+        roulette=np.float32(settings.roulette or 0.0),
+        ao_distance=np.float32(settings.ao_distance or np.inf),
+        ambient=(np.float32(red), np.float32(green), np.float32(blue)),
+        transparent=bool((scene.material_flags & TRANSPARENT).any()),
     )

@@ -1,0 +1,81 @@
+"""Ambient occlusion: how much of a white world each surface sees, materials and lights left aside (Zhukov et al., 1998)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.jit import device, local_floats
+from renderer.kernel import vec
+from renderer.kernel.material import LAYER_SLOTS, fetch_material
+from renderer.kernel.normal_map import shading_frame
+from renderer.kernel.record import DIRECT, MISSED, PASSED, SURFACE, record_light, record_vertex
+from renderer.kernel.sampler import uniform4
+from renderer.kernel.surface import departure, surface_at
+from renderer.kernel.transport import PathResult, is_passed
+from renderer.kernel.visibility import MAX_PASSED, transmittance
+from renderer.kernel.warp import square_to_cosine_hemisphere
+
+__all__ = ["trace_ao"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INF = np.float32(np.inf)
+_FAR = np.float32(1e18)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE)
+
+
+@device
+def trace_ao(scene, stack, o, d, options, pixel, sample, log):
+    """As renderer.kernel.path.trace_path: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
+
+    What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
+    sphere at distance D up to 2.
+    """
+    radiance = _WHITE
+    albedo = _BLACK
+    first_normal = _BLACK
+    position = _BLACK
+    depth = _ZERO
+    object_id = material_id = 0
+    rays = 0
+    layers = local_floats(LAYER_SLOTS)
+    for passed in range(MAX_PASSED):
+        hit = closest_hit(scene.bvh, stack, o, d, _INF)
+        rays += 1
+        if hit.primitive == NO_PRIMITIVE:
+            if passed < len(log):
+                record_vertex(log, passed, MISSED, 0, 0, hit.t, _ZERO, o, d, d, _WHITE, _BLACK)
+                record_light(log, passed, DIRECT, radiance)
+            depth = _ZERO
+            break
+        surface = surface_at(scene, o, d, hit)
+        depth += hit.t
+        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
+        if passed < len(log):
+            kind = PASSED if through else SURFACE
+            record_vertex(
+                log, passed, kind, 1 + surface.object, 1 + surface.material, hit.t, _ZERO, surface.point, surface.shading, d,
+                _WHITE, _BLACK,
+            )  # fmt: skip
+        if through:
+            o = departure(surface, False)
+            continue
+        s, q, n = shading_frame(scene, surface, vec.neg(d))
+        albedo = fetch_material(scene, surface, (s, q, n), layers).base
+        first_normal = n
+        position = surface.point
+        object_id = 1 + surface.object
+        material_id = 1 + surface.material
+        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(1))
+        towards = vec.to_world(s, q, n, square_to_cosine_hemisphere((r[0], r[1])))
+        start = departure(surface, True)
+        end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
+        rays += 1
+        open_sky = transmittance(scene, stack, start, end, options.transparent)
+        radiance = (open_sky, open_sky, open_sky)
+        if passed < len(log):
+            record_light(log, passed, DIRECT, radiance)
+        break
+    return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)
