@@ -10,9 +10,9 @@ from renderer.kernel.rows import TRANSPARENT
 from renderer.scene.arrays import CompiledScene
 from renderer.settings import FILTERS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
 
-__all__ = ["ATTENUATION", "BSDF", "LIGHT", "LIGHT_CUTOFF", "MIS", "NO_MISTAKE", "UNIFORM", "Options", "kernel_options"]
+__all__ = ["ATTENUATION", "BSDF", "LIGHT", "LIGHT_CUTOFF", "MIS", "MIXTURE", "NO_MISTAKE", "UNIFORM", "Options", "kernel_options"]
 
-MIS, LIGHT, BSDF, UNIFORM = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform"))
+MIS, LIGHT, BSDF, UNIFORM, MIXTURE = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform", "mixture"))
 NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name in ("", "light-cutoff", "attenuation"))
 
 

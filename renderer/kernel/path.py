@@ -12,8 +12,9 @@ from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
 from renderer.kernel.material import LAYER_SLOTS, emission, eval_material, fetch_material, is_specular, sample_material
+from renderer.kernel.mixture import mixture_bounce
 from renderer.kernel.normal_map import shading_frame
-from renderer.kernel.options import LIGHT, MIS, NO_MISTAKE, UNIFORM
+from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE, UNIFORM
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
 from renderer.kernel.rows import UNLIT
@@ -191,6 +192,8 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log):
         r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
         if options.sampling == UNIFORM and not specular:
             wi, weight, pdf, thinned = _uniform_bounce(material, wo, r[2], (r[0], r[1]))
+        elif options.sampling == MIXTURE and not specular:
+            wi, weight, pdf, thinned = mixture_bounce(scene, surface.point, s, q, n, material, wo, r[2], (r[0], r[1]))
         else:
             wi, weight, pdf, thinned = sample_material(material, wo, r[2], (r[0], r[1]))
         if pdf > _ZERO and options.sampling != MIS:

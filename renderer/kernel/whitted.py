@@ -118,9 +118,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_vertex(log, row, MISSED, 0, 0, hit.t, _ZERO, o, d, d, throughput, radiance)
-            radiance = vec.add(
-                radiance, vec.mul(throughput, environment_radiance(scene.environment, scene.environment_frame, d))
-            )
+            radiance = vec.add(radiance, vec.mul(throughput, environment_radiance(scene.environment, scene.environment_frame, d)))
             if row < len(log):
                 record_light(log, row, EMITTED, radiance)
             break
