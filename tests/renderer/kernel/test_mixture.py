@@ -53,7 +53,7 @@ def test_directions_follow_their_density(targets, point, primitive):
         _density(targets, primitive, p, np.ascontiguousarray(grid, np.float32), values)
         return values
 
-    direction_test(directions, density, tests=len(POINTS) * 4, fine=16, name=f"primitive {primitive} from {point}")
+    direction_test(directions, density, tests=len(POINTS) * 4, fine=48, name=f"primitive {primitive} from {point}")
 
 
 def test_marked_spheres_and_lights_are_the_targets():
