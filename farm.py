@@ -4,6 +4,7 @@
     python3 farm.py up                     the farm and its page; a second start takes seconds
     python3 farm.py render|submit|info ... any other command of `rayfarm`
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks; more arguments go to pytest
+    python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
     python3 farm.py bench [...]            the benchmarks
 
@@ -40,6 +41,9 @@ def main():
     command, rest = arguments[0], arguments[1:]
     if command == "test":
         return run_tests(install(FOR_TESTS), rest)
+    if command == "sheets":
+        program = str(ROOT / "scenes" / "sheets.py")
+        return subprocess.call([str(install(FOR_USE)), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.commands import info, jobs, render, submit, up, worker
+from rayfarm.commands import bench, info, jobs, render, submit, up, worker
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from renderer.errors import RayfarmError
@@ -30,7 +30,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, info):
+for command in (up, worker, render, submit, jobs, info, bench):
     command.register(app)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -15,22 +15,34 @@ from renderer.settings import Tile, Vec3
 __all__ = [
     "Aov",
     "Denoise",
-    "Output",
+    "Env",
     "Server",
     "denoised_name",
     "environment_of",
     "find_camera",
+    "parse_pixel",
     "parse_size",
     "parse_tile",
     "parse_vec3",
 ]
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear).")]
+SKY = "sky:"
+
 Aov = Annotated[
-    str | None, typer.Option(metavar="NAME,...", help=f"Further layers of an .exr: {', '.join(AOVS)}; `all` for every one.")
+    str | None,
+    typer.Option(
+        metavar="NAME,...",
+        help=f"Further layers of an .exr: {', '.join(AOVS)}; `all` for every one.",
+        rich_help_panel="What is written",
+    ),
 ]
 Denoise = Annotated[
-    bool, typer.Option("--denoise", help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.")
+    bool,
+    typer.Option(
+        "--denoise",
+        help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.",
+        rich_help_panel="What is written",
+    ),
 ]
 Server = Annotated[
     str | None,
@@ -72,19 +84,54 @@ def parse_tile(text: str) -> Tile:
     return Tile(x, y, w, h)
 
 
-def environment_of(text: str | None) -> tuple[Path | None, Vec3 | None]:
-    """An environment's image file, or its colour; both None where none is given."""
+def parse_pixel(text: str) -> tuple[int, int]:
+    """A pixel from `X,Y`, counted from the upper left."""
+    try:
+        x, y = (int(part) for part in text.split(","))
+    except ValueError:
+        x = y = -1
+    if min(x, y) < 0:
+        raise CommandError(f"--pixel is {text!r}; it takes X,Y, counted from the upper left, as --pixel 480,270")
+    return x, y
+
+
+class Env(NamedTuple):
+    """Light from all around: an image file, a linear colour, or a sky's sun (elevation and azimuth); at most one of them."""
+
+    image: Path | None = None
+    color: Vec3 | None = None
+    sky: tuple[float, float] | None = None
+
+
+def environment_of(text: str | None) -> Env:
+    """What --env means; all None where it is not given."""
     if text is None:
-        return None, None
+        return Env()
+    if text.startswith(SKY):
+        return Env(sky=_sky(text))
     path = Path(text).expanduser()
     if path.is_file():
-        return path, None
+        return Env(image=path)
     if text.count(",") == 2:
         color = parse_vec3(text, "--env")
         if min(color) < 0:
             raise CommandError(f"--env is {text!r}; light cannot be negative")
-        return None, color
-    raise CommandError(f"--env is {text!r}; there is no such file, and a colour is three numbers as --env 1,1,1")
+        return Env(color=color)
+    raise CommandError(
+        f"--env is {text!r}; there is no such file, a colour is three numbers as --env 1,1,1, a sky --env sky:30,120"
+    )
+
+
+def _sky(text: str) -> tuple[float, float]:
+    try:
+        numbers = [float(part) for part in text.removeprefix(SKY).split(",")]
+    except ValueError:
+        numbers = []
+    if not 1 <= len(numbers) <= 2 or not -90 <= numbers[0] <= 90 or not abs(numbers[-1]) <= 360:
+        raise CommandError(
+            f"--env is {text!r}; it takes the sun's elevation, -90 to 90 degrees, and perhaps its azimuth, as --env sky:30,120"
+        )
+    return numbers[0], numbers[1] if len(numbers) == 2 else 0.0
 
 
 def find_camera(cameras: list[dict[str, Any]], camera: str) -> dict[str, Any]:

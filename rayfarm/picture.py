@@ -6,7 +6,6 @@ import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -79,7 +78,12 @@ class Picture:
     ] = None
 
     env: Annotated[
-        str | None, _light("An equirectangular .exr or .hdr, or a linear colour. Replaces the scene's.", metavar="FILE|R,G,B")
+        str | None,
+        _light(
+            "An equirectangular .exr or .hdr, a linear colour, or a clear sky with the sun at ELEVATION[,AZIMUTH] degrees. "
+            "Replaces the scene's.",
+            metavar="FILE|R,G,B|sky:E,A",
+        ),
     ] = None
     env_strength: Annotated[float, _light("Factor on it.", min=0.0, max=1e6)] = 1.0
 
@@ -138,10 +142,9 @@ class Picture:
     ] = None
     seed: Annotated[int | None, _numbers("Another seed, another noise.", min=0, max=(1 << 32) - 1)] = None
 
-    def environment(self) -> tuple[Path | None, dict[str, Any]]:
-        """An image file to bring along, and the environment's fields as the API takes them."""
-        path, color = options.environment_of(self.env)
-        return path, {"color": color, "strength": self.env_strength}
+    def environment(self) -> options.Env:
+        """Light from all around."""
+        return options.environment_of(self.env)
 
     def asked(self) -> dict[str, Any]:
         """The optional settings by the renderer's names; None where nothing is asked for."""
@@ -166,19 +169,21 @@ class Picture:
         """What to render here. Raises CommandError or SettingsError."""
         own = (defaults.get("width", DEFAULT_SIZE[0]), defaults.get("height", DEFAULT_SIZE[1]))
         width, height = options.parse_size(self.size) if self.size else own
-        environment = self.environment()[1]
         return RenderSettings(
             width=width,
             height=height,
             view=self.view(cameras),
-            environment=environment["color"],
-            environment_strength=environment["strength"],
+            environment=self.environment().color,
+            environment_strength=self.env_strength,
             **chosen(self.asked(), defaults),
         )
 
     def request(self, cameras: list[dict[str, Any]]) -> dict[str, Any]:
         """What POST /api/jobs takes."""
         width, height = options.parse_size(self.size) if self.size else (None, None)
+        environment: dict[str, Any] = {"color": self.environment().color, "strength": self.env_strength}
+        if (sky := self.environment().sky) is not None:
+            environment["sky"] = {"elevation": sky[0], "azimuth": sky[1]}
         asked: dict[str, Any] = {
             **self.asked(),
             "width": width,
@@ -186,7 +191,7 @@ class Picture:
             "spp": self.spp,
             "noise": self.noise,
             "seconds": self.time_limit,
-            "environment": self.environment()[1],
+            "environment": environment,
         }
         if self.has_view():
             asked["view"] = asdict(self.view(cameras))

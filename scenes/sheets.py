@@ -1,6 +1,6 @@
 """Renders the picture sheets: a row of balls for each material, one parameter swept from left to right.
 
-    python3 farm.py sheets [name ...] [-o docs/pictures/sheets] [--spp 256]
+    python3 farm.py sheets [name ...] [-o docs/pictures/sheets] [--spp 128]
 
 They are for the eye: whether a sweep is even, where it should be; whether anything breaks at its ends.
 """
@@ -26,7 +26,7 @@ from renderer.settings import RenderSettings, View
 
 __all__ = ["SHEETS", "main"]
 
-TILE = 176  # pixels
+TILE = 132  # pixels
 LABEL = 20
 DEFAULT = Path(__file__).parent.parent / "docs" / "pictures" / "sheets"
 VIEW = View((0.0, 1.3, 5.2), (0.0, -0.03, 0.0), fov=29.0)
@@ -214,7 +214,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", choices=[[], *SHEETS], help="all where none is named")
     parser.add_argument("-o", "--output", type=Path, default=DEFAULT)
-    parser.add_argument("--spp", type=int, default=256)
+    parser.add_argument("--spp", type=int, default=128)
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.names or SHEETS:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import sqlite3
 from dataclasses import asdict
 from typing import Any, cast
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from renderer.settings import RenderSettings
 from service.engine import Engine
+from service.films import FilmClosed
 from service.models import ACTIVE, Frame, Job, Scene
-from service.schemas import FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
+from service.schemas import BadSampleOut, FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
 from worker.contract import WorkerReport
+from worker.reproduce import sample_command
 
 __all__ = ["job_out", "scene_out", "snapshot", "worker_out"]
+
+BAD_SHOWN = 16
 
 
 def scene_out(scene: Scene, engine: Engine) -> SceneOut:
@@ -45,12 +51,14 @@ def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
     """A job, with the engine's latest numbers where it is being rendered."""
     live = engine.scheduler.jobs.get(job.id)
     frames = [
-        FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, progress=f.progress)
+        FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
         for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))
     ]
     if live is not None:
-        now = FrameOut(number=live.frame, samples=live.plan.samples, bad_samples=live.bad_samples, progress=live.progress)
-        frames = [now if f.number == live.frame else f for f in frames]
+        numbers = {"samples": live.plan.samples, "bad_samples": live.bad_samples, "progress": live.progress}
+        frames = [f.model_copy(update=numbers) if f.number == live.frame else f for f in frames]
+    for f in frames:
+        f.bad = _bad_samples(job, f, engine)
     size = job.settings or job.request
     return JobOut(
         **{
@@ -71,6 +79,17 @@ def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
         height=size.get("height"),
         frames=frames,
     )
+
+
+def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
+    if not frame.bad_samples or job.settings is None or job.tile_size is None:
+        return []
+    settings = RenderSettings.from_json(job.settings)
+    try:
+        bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame.number)[1]
+    except (FilmClosed, sqlite3.Error):
+        return []  # the job is being deleted, or its film is broken: the job's error says so
+    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 
 
 def worker_out(report: WorkerReport) -> WorkerOut:

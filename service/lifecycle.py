@@ -5,6 +5,7 @@ All of it runs in the engine's thread. The database decides: what a person chang
 
 from __future__ import annotations
 
+import shlex
 import sqlite3
 from collections.abc import Callable
 
@@ -118,6 +119,9 @@ class Lifecycle:
     def fail(self, job: ActiveJob, error: str, reproduce: str | None = None) -> None:
         """Stop a job that cannot go on; its film stays."""
         self._records.progress(job)
+        scene = self._records.scene(job.scene)
+        if reproduce and scene is not None and scene.environment:
+            reproduce += " " + shlex.join([f"--env={scene.environment}"])  # of the scene, so not among the settings
         self._records.failed(job.id, error, reproduce)
         self._drop(job)
         self._tell("job", job.id)

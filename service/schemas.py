@@ -32,6 +32,7 @@ __all__ = [
     "JobPatch",
     "SceneOut",
     "SceneStatus",
+    "SkyIn",
     "ViewModel",
     "WorkerOut",
 ]
@@ -77,11 +78,25 @@ class ViewModel(Strict):
         return self
 
 
+class SkyIn(Strict):
+    """A clear sky with the sun there, in degrees: above the horizon, and clockwise from -Z as seen from above (90 is +X)."""
+
+    elevation: float = Field(ge=-90.0, le=90.0)
+    azimuth: float = Field(0.0, ge=-360.0, le=360.0)
+
+
 class EnvironmentIn(Strict):
-    """Light from all around: a linear RGB radiance that replaces the scene's, and a factor."""
+    """Light from all around in place of the scene's: a linear RGB radiance, or a sky; and a factor."""
 
     color: tuple[Radiance, Radiance, Radiance] | None = None
+    sky: SkyIn | None = Field(None, description="prepares the scene anew under that sky: the job's `scene` is then that one")
     strength: Radiance = 1.0
+
+    @model_validator(mode="after")
+    def _one(self) -> EnvironmentIn:
+        if self.color is not None and self.sky is not None:
+            raise ValueError("give either color or sky, not both")
+        return self
 
 
 class JobIn(Strict):
@@ -179,12 +194,22 @@ class SceneOut(BaseModel):
     thumbnail: str | None
 
 
+class BadSampleOut(BaseModel):
+    """A sample that was NaN or infinite, and so left out."""
+
+    x: int
+    y: int
+    sample: int
+    reproduce: str = Field(description="a command that follows its path and prints it")
+
+
 class FrameOut(BaseModel):
     """One picture of a job."""
 
     number: int
     samples: int
     bad_samples: int
+    bad: list[BadSampleOut] = Field(description="the first of them")
     progress: float
 
 

@@ -16,20 +16,25 @@ from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from service.archives import expand
 from service.blobs import BlobStore, BlobWriter
+from service.models import Scene
 from service.multipart import Form, read_form
 from service.names import safe_name
 from service.problem import Problem
 from service.settings import Settings
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "check_length", "keep", "receive"]
+__all__ = ["Upload", "check_length", "keep", "receive", "under_sky"]
 
 DISK_CHECK_EVERY = 16 << 20
+SKY = "sky:"
 
 
 @dataclass(frozen=True)
 class Upload:
-    """The stored files of a scene. `id` is a hash of all that follows but the name and the notes."""
+    """The stored files of a scene. `id` is a hash of all that follows but the name and the notes.
+
+    environment: an image among the files, or a sky as renderer.scene.sky writes it.
+    """
 
     id: str
     name: str
@@ -104,10 +109,37 @@ def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[
         form.discard()
         for writer in files.values():
             writer.discard()
-    environment = chosen.strip(environment) if environment else None
-    content = json.dumps([[asdict(ref) for ref in refs], chosen.main, environment], sort_keys=True)
+    if environment is not None and not environment.startswith(SKY):
+        environment = chosen.strip(environment)
     name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
-    return Upload(hashlib.sha256(content.encode()).hexdigest()[:20], name, chosen.main, environment, refs, notes)
+    return Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
+
+
+def under_sky(scene: Scene, elevation: float, azimuth: float) -> Upload:
+    """The scene's files under a clear sky with the sun there (degrees): another scene, without another upload."""
+    files = [BlobRef(**ref) for ref in scene.files]
+    environment = sky_text(elevation, azimuth)
+    return Upload(_id(files, scene.main, environment), scene.name, scene.main, environment, files, scene.notes)
+
+
+def sky_text(elevation: float, azimuth: float) -> str:
+    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Problem where there is none such."""
+    if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
+        raise Problem(422, "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
+    return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
+
+
+def _sky_of(text: str) -> str:
+    try:
+        elevation, azimuth = (float(part) for part in (text.removeprefix(SKY) + ",0").split(",")[:2])
+    except ValueError:
+        raise Problem(422, f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
+    return sky_text(elevation, azimuth)
+
+
+def _id(files: list[BlobRef], main: str, environment: str | None) -> str:
+    content = json.dumps([[asdict(ref) for ref in files], main, environment], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()[:20]
 
 
 def _refuse_files_as_folders(names: Iterable[str]) -> None:
@@ -148,7 +180,7 @@ def _expanded(
 
 
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
-    """The scene file and the environment image among the files."""
+    """The scene file, and the environment: an image among the files, or a sky."""
     if not files or all(writer.size == 0 for writer in files.values()):
         raise Problem(422, "The upload is empty. Choose a scene file, and the textures that it needs.")
     main = form.fields.get("main", "").strip()
@@ -164,7 +196,9 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
         raise Problem(422, f"The scene file {picked} is empty.")
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None
-    if environment is not None:
+    if environment is not None and environment.startswith(SKY):
+        environment = _sky_of(environment)
+    elif environment is not None:
         environment = safe_name(environment)
         if environment not in files:
             raise Problem(422, f"environment: there is no file {environment} in the upload.")

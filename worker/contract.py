@@ -116,7 +116,8 @@ class BlobRef:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A scene as uploaded: its files, which of them is the scene, and an environment image among them, if any."""
+    """A scene as uploaded: its files, which of them is the scene, and what lights it in place of its own environment:
+    an image among them, or a sky (renderer.scene.sky.parse_sky)."""
 
     scene: str
     main: str

@@ -65,7 +65,7 @@ def submit(
         wait = True
     elif aov or denoise:
         raise CommandError("--aov and --denoise say what to write; name the picture with -o")
-    environment, _ = picture.environment()
+    environment = picture.environment().image
     files: dict[str, Path] = belonging(scene)
     inside = None
     if environment is not None:

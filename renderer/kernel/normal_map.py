@@ -9,10 +9,17 @@ import numpy as np
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2, sincos_turns
-from renderer.kernel.rows import NEEDS_TANGENT, NORMAL_MAPPED, NORMAL_SCALE, NORMAL_TEXTURE
+from renderer.kernel.rows import (
+    CLEARCOAT_NORMAL_SCALE,
+    CLEARCOAT_NORMAL_TEXTURE,
+    NEEDS_TANGENT,
+    NORMAL_MAPPED,
+    NORMAL_SCALE,
+    NORMAL_TEXTURE,
+)
 from renderer.kernel.texture import sample_texture
 
-__all__ = ["map_normal", "shading_frame"]
+__all__ = ["coat_normal", "map_normal", "shading_frame"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -65,8 +72,8 @@ def _keep_reflection(n, geometric, wo):
 
 
 @subroutine
-def map_normal(color, strength, s, t, n, geometric, wo):
-    """The normal that a texel tells in the frame (s, t, n), kept where the viewer can see it lit. Colour: its linear values."""
+def _read_normal(color, strength, s, t, n):
+    """The unit normal that a texel's linear values tell in the frame (s, t, n)."""
     x = (_TWO * color[0] - _ONE) * strength
     y = (_TWO * color[1] - _ONE) * strength
     z = _TWO * color[2] - _ONE
@@ -74,7 +81,13 @@ def map_normal(color, strength, s, t, n, geometric, wo):
     if not square > _ZERO:
         return n
     inverse = _ONE / math.sqrt(square)
-    return _keep_reflection(vec.to_world(s, t, n, (x * inverse, y * inverse, z * inverse)), geometric, wo)
+    return vec.to_world(s, t, n, (x * inverse, y * inverse, z * inverse))
+
+
+@subroutine
+def map_normal(color, strength, s, t, n, geometric, wo):
+    """As `_read_normal`, kept where the viewer can see it lit."""
+    return _keep_reflection(_read_normal(color, strength, s, t, n), geometric, wo)
 
 
 @device
@@ -99,3 +112,16 @@ def shading_frame(scene, surface, wo):
     n = map_normal(color, scene.material[surface.material, NORMAL_SCALE], s, t, n, surface.geometric, wo)
     s, t = _tangents(n, (s[0], s[1], s[2], tangent[3] * sign))
     return s, t, n
+
+
+@device
+def coat_normal(scene, surface, frame):
+    """The clearcoat's unit normal in the shading frame: its own map's, or the surface's without the base's map."""
+    s, t, n = frame
+    normal = surface.shading
+    texture = scene.material_texture[surface.material, CLEARCOAT_NORMAL_TEXTURE]
+    if texture >= 0:
+        along, across = _tangents(normal, (s[0], s[1], s[2], vec.dot(vec.cross(n, s), t)))
+        r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
+        normal = _read_normal((r, g, b), scene.material[surface.material, CLEARCOAT_NORMAL_SCALE], along, across, normal)
+    return vec.to_local(s, t, n, normal)

@@ -71,4 +71,5 @@ BLENDED = 32  # alpha is a chance of being there
 THIN = 64  # light passes without refraction
 DISPERSIVE = 128
 ABSORBING = 256  # its inside is
+TRANSMITS = 512  # scatters to the far side, too, in more than single directions
 TRANSPARENT = MASKED | BLENDED

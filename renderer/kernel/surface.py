@@ -15,8 +15,12 @@ from renderer.kernel.rows import TEXTURED
 __all__ = ["Surface", "departure", "hit_material", "leave", "sphere_uv", "surface_at", "triangle_point"]
 
 _ZERO = np.float32(0.0)
+_THIRD = np.float32(1.0 / 3.0)
+_QUARTER = np.float32(0.25)
 _HALF = np.float32(0.5)
+_SQRT3 = np.float32(math.sqrt(3.0))
 _ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
 _NO_UV = (_ZERO, _ZERO)
@@ -24,9 +28,12 @@ _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _UNIT = np.float32(1e-6)
+_MOST_BEND = np.float32(math.cos(math.radians(45.0)))
+_LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
 _ERROR = np.float32(32 * 2.0**-24)
+_SPHERE_ERROR = np.float32(1e-14)
 
 
 class Surface(NamedTuple):
@@ -85,6 +92,21 @@ def triangle_point(position, triangle, number, u, v):
 
 
 @device
+def _inward(position, triangle, number, point, normal):
+    """From a triangle's point to its centroid, and a lower bound of the inscribed circle's radius.
+
+    Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
+    leaves the room. Moved towards the centroid by its rounding error over that radius, it does not.
+    """
+    a = _row3(position, triangle[number, 0])
+    b = _row3(position, triangle[number, 1])
+    c = _row3(position, triangle[number, 2])
+    center = vec.scale(vec.add(a, vec.add(b, c)), _THIRD)
+    perimeter = _magnitude(vec.sub(b, a)) + _magnitude(vec.sub(c, a)) + _magnitude(vec.sub(c, b))
+    return vec.sub(center, point), math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
+
+
+@device
 def triangle_uv(uv, triangle, number, u, v):
     """The texture coordinates of a triangle at barycentric (u, v)."""
     i, j, k = triangle[number, 0], triangle[number, 1], triangle[number, 2]
@@ -113,33 +135,40 @@ def sphere_point(sphere, number, o, d, t):
     inward = np.float64(sphere[number, 3]) / length
     point = (np.float32(cx + nx * inward), np.float32(cy + ny * inward), np.float32(cz + nz * inward))
     normal = (np.float32(nx / length), np.float32(ny / length), np.float32(nz / length))
-    return point, _ERROR * _magnitude(point), normal
+    # Seen from there, float64 rounds the height above a sphere to some 1e-16 of its radius: more, beside the origin.
+    return point, _ERROR * _magnitude(point) + _SPHERE_ERROR * abs(sphere[number, 3]), normal
 
 
 @device
-def _lift(point, corner, normal, geometric, side):
+def _lift(point, corner, normal, up, side):
     """From a facet's point up to the plane through a corner, square to the normal there; nothing where that is below it.
 
-    side: 1, or -1 where the corner's normal points to the side that the viewer is not on.
+    side: 1, or -1 where the corner's normal points to the other side than `up`, the facet's unit normal. Normals that are bent
+    further do not speak of a round surface, but of a box whose edges nobody marked as sharp.
     """
     height = side * vec.dot(vec.sub(point, corner), normal)
-    if height < _ZERO and side * vec.dot(normal, geometric) > _ZERO:
+    if height < _ZERO and side * vec.dot(normal, up) > _MOST_BEND:
         return vec.scale(normal, -side * height)
     return _BLACK
 
 
 @device
-def _lifted(scene, point, number, u, v, shading, geometric):
+def _lifted(scene, point, number, u, v, shading, up):
     """The point moved off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
 
     A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
-    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021).
+    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). up: the facet's
+    normal, of any length.
     """
     i, j, k = scene.triangle[number, 0], scene.triangle[number, 1], scene.triangle[number, 2]
-    side = _ONE if vec.dot(shading, geometric) > _ZERO else -_ONE
-    a = _lift(point, _row3(scene.position, i), _row3(scene.normal, i), geometric, side)
-    b = _lift(point, _row3(scene.position, j), _row3(scene.normal, j), geometric, side)
-    c = _lift(point, _row3(scene.position, k), _row3(scene.normal, k), geometric, side)
+    square = vec.dot(up, up)
+    if not square > _ZERO:
+        return point
+    up = vec.scale(up, _ONE / math.sqrt(square))
+    side = _ONE if vec.dot(shading, up) > _ZERO else -_ONE
+    a = _lift(point, _row3(scene.position, i), _row3(scene.normal, i), up, side)
+    b = _lift(point, _row3(scene.position, j), _row3(scene.normal, j), up, side)
+    c = _lift(point, _row3(scene.position, k), _row3(scene.normal, k), up, side)
     return vec.add(point, _mix3(a, b, c, u, v))
 
 
@@ -240,6 +269,7 @@ def surface_at(scene, o, d, hit):
     if primitive < triangles:
         # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
+        inward, radius = _inward(scene.position, scene.triangle, primitive, point, normal)
         upright = normal
         if hit.instance >= 0:
             normal = _normal_to_world(scene.bvh.to_local, hit.instance, normal)
@@ -264,13 +294,17 @@ def surface_at(scene, o, d, hit):
         if hit.instance >= 0:
             point = _point_to_world(scene.to_world, hit.instance, point, _ONE)
             shadow_point = _point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
+            inward = _point_to_world(scene.to_world, hit.instance, inward, _ZERO)
             error = scene.instance_stretch[hit.instance] * error + _ERROR * _magnitude(point)
+            radius *= scene.instance_stretch[hit.instance]
             shading = _normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
             if len(scene.tangent) > 0:
                 tangent = _tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
+        inward = vec.scale(inward, min(_QUARTER * error, _QUARTER * radius) / radius if radius > _ZERO else _ZERO)
+        point, shadow_point = vec.add(point, inward), vec.add(shadow_point, inward)
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         if len(scene.uv1) > 0:
             uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v)
@@ -292,14 +326,20 @@ def surface_at(scene, o, d, hit):
 
 
 @device
-def departure(surface, reflected):
-    """Where a ray starts that leaves the surface: on the viewer's side where it is `reflected`, else on the other.
+def departure(surface, reflected, d):
+    """Where the ray of unit direction d starts that leaves the surface, on the viewer's side where it is `reflected`.
 
-    A reflected ray whose direction points below the facet meets the facet itself: a bent normal lets no light through.
+    From a smooth triangle it starts above the facet, the more so the lower it goes: facing rays start where they should, so
+    that what touches the surface still throws its shadow. A reflected ray that points below a flat facet meets the facet
+    itself: a bent normal lets no light through.
     """
-    if reflected:
-        return vec.add(surface.shadow_point, vec.scale(surface.geometric, surface.error))
-    return vec.sub(surface.point, vec.scale(surface.geometric, surface.error))
+    if not reflected:
+        return vec.sub(surface.point, vec.scale(surface.geometric, surface.error))
+    cosine = max(vec.dot(surface.geometric, d), _ZERO)
+    bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
+    amount = max(_ONE - cosine * cosine / bend2, _ZERO)
+    start = vec.add(surface.point, vec.scale(vec.sub(surface.shadow_point, surface.point), amount))
+    return vec.add(start, vec.scale(surface.geometric, surface.error))
 
 
 @device

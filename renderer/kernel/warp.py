@@ -16,6 +16,8 @@ __all__ = [
     "square_to_cosine_hemisphere_pdf",
     "square_to_disk",
     "square_to_disk_pdf",
+    "square_to_hemisphere",
+    "square_to_hemisphere_pdf",
     "square_to_sphere",
     "square_to_sphere_pdf",
     "square_to_triangle",
@@ -69,6 +71,20 @@ def square_to_cosine_hemisphere(u):
 def square_to_cosine_hemisphere_pdf(w):
     """Per steradian."""
     return max(_ZERO, w[2]) * _INV_PI
+
+
+@device
+def square_to_hemisphere(u):
+    """Directions about +z, uniformly: a unit vector."""
+    radius = math.sqrt(max(_ZERO, _ONE - u[0] * u[0]))
+    sine, cosine = sincos_turns(u[1])
+    return radius * cosine, radius * sine, u[0]
+
+
+@device
+def square_to_hemisphere_pdf(w):
+    """Per steradian."""
+    return _INV_2PI if w[2] > _ZERO else _ZERO
 
 
 @device

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
+from renderer.scene.unique import unique_rows
 
 __all__ = ["is_closed"]
 
@@ -15,8 +15,8 @@ def is_closed(positions: F32, triangles: I32) -> bool:
 
     positions (V, 3), triangles (T, 3). Such a surface, wound consistently, divides space into an inside and an outside.
     """
-    _, place = np.unique(positions + np.float32(0), axis=0, return_inverse=True)  # adding 0 turns -0 into 0
-    corners: npt.NDArray[np.int64] = place.reshape(-1)[triangles].astype(np.int64)
+    _, place = unique_rows(positions)
+    corners = place[triangles]
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
     if len(corners) == 0:

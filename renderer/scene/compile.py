@@ -161,12 +161,17 @@ def _visible_points(compiled: CompiledScene) -> np.ndarray:
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     for x, y, z, radius in compiled.sphere[:2000]:
         points.append(np.array([x, y, z]) + radius * directions)
+    shapes = {root: _tree_corners(compiled, root) for root in np.unique(compiled.bvh.instance_root)}
     for root, transform in zip(compiled.bvh.instance_root[:10_000], compiled.to_world, strict=False):
-        node = compiled.bvh.node[root]
-        for lane in np.flatnonzero(node[0] <= node[1]):
-            corners = np.array(np.meshgrid(*node[:6, lane].reshape(3, 2), indexing="ij")).reshape(3, 8)
-            points.append((transform[:, :3] @ corners + transform[:, 3:]).T)
+        points.append(shapes[root] @ transform[:, :3].T + transform[:, 3])
     return np.concatenate(points)
+
+
+def _tree_corners(compiled: CompiledScene, root: int) -> np.ndarray:
+    """The corners of the topmost eight boxes of an instance's tree, in its own space."""
+    node = compiled.bvh.node[root]
+    boxes = [node[:6, lane].reshape(3, 2) for lane in np.flatnonzero(node[0] <= node[1])]
+    return np.array([np.where(which, box[:, 1], box[:, 0]) for box in boxes for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)
 
 
 def _aimed(view: View, bounds: np.ndarray) -> View:

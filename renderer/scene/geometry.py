@@ -18,7 +18,7 @@ from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_s
 __all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "Placement", "bounds_of", "flatten", "place"]
 
 MAX_TRIANGLES = 20_000_000
-_MOST_POINTS = 100_000_000  # instances times vertices whose places are looked at one by one
+_MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
 MAX_COORDINATE = 1e15  # squares and products of it stay within float32
 
 
@@ -191,7 +191,7 @@ def _placed(
 
 
 def bounds_of(geometry: Geometry, placement: Placement) -> list[npt.NDArray[np.float64]]:
-    """(n, 3) points in the world whose box holds all triangles: tight, but for very many instances of large groups."""
+    """(n, 3) points in the world whose box holds all triangles: tight, but for many instances of large groups."""
     world = geometry.triangle[: placement.first[0]].reshape(-1)
     points = [_corners(geometry.position[world])] if len(world) else []
     for g, (a, b) in enumerate(pairwise(placement.first)):
@@ -202,7 +202,8 @@ def bounds_of(geometry: Geometry, placement: Placement) -> list[npt.NDArray[np.f
         if len(shape) * len(shown) > _MOST_POINTS:
             low, high = _corners(shape)
             shape = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)])
-        points += [_corners(shape @ m[:, :3].T + m[:, 3]) for m in shown]
+        places = shape @ shown[:, :, :3].transpose(0, 2, 1) + shown[:, None, :, 3]
+        points.append(_corners(places.reshape(-1, 3)))
     return points
 
 

@@ -39,9 +39,12 @@ class Sharing(NamedTuple):
 def share(description: SceneDescription) -> Sharing:
     """Decides for every instance. What emits light is always copied, for light sampling thinks in the world's space."""
     objects = number_objects(description).instance
+    shine = [any(c > 0 for c in material.emission) for material in description.materials]
+    sane = _are_invertible(description.instances)
     placed: dict[int, list[int]] = {}  # a mesh's instances that may be kept once
     for number, instance in enumerate(description.instances):
-        if not _emits(description, instance) and _is_invertible(instance.transform):
+        material = description.meshes[instance.mesh].material if instance.material is None else instance.material
+        if sane[number] and not shine[material]:
             placed.setdefault(instance.mesh, []).append(number)
     together: dict[tuple[object, ...], list[int]] = {}
     for mesh, numbers in placed.items():
@@ -66,11 +69,9 @@ def share(description: SceneDescription) -> Sharing:
     return Sharing([n for n in range(len(description.instances)) if n not in kept], groups)
 
 
-def _emits(description: SceneDescription, instance: Instance) -> bool:
-    number = description.meshes[instance.mesh].material if instance.material is None else instance.material
-    return any(c > 0 for c in description.materials[number].emission)
-
-
-def _is_invertible(transform: npt.NDArray[np.float64]) -> bool:
-    singular = np.linalg.svd(np.asarray(transform, np.float64)[:3, :3], compute_uv=False)
-    return bool(np.isfinite(singular).all() and singular[-1] > 0 and singular[0] < _CONDITION * singular[-1])
+def _are_invertible(instances: list[Instance]) -> npt.NDArray[np.bool_]:
+    """(I,) whether rays can be carried into an instance's space."""
+    matrices = np.array([np.asarray(i.transform, np.float64)[:3, :3] for i in instances]).reshape(-1, 3, 3)
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    singular = np.linalg.svd(np.where(finite[:, None, None], matrices, 0.0), compute_uv=False)
+    return finite & (singular[:, 2] > 0) & (singular[:, 0] < _CONDITION * singular[:, 2])

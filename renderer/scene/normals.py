@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, I32, Mesh
+from renderer.scene.unique import unique_rows
 
 __all__ = ["CREASE_DEGREES", "cofactors", "corner_angles", "face_normals", "smoothed"]
 
@@ -44,9 +45,9 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     faces = face_normals(mesh.positions, triangles)
     length = np.linalg.norm(faces, axis=1, keepdims=True)
     unit = np.divide(faces, length, out=np.zeros_like(faces), where=length > 0)
-    # Vertices that differ in UV or colour alone are one point of the surface. (Adding 0 turns -0 into 0.)
-    _, first, number = np.unique(mesh.positions + np.float32(0), axis=0, return_index=True, return_inverse=True)
-    point = number.reshape(-1)[triangles.reshape(-1)]
+    # Vertices that differ in UV or colour alone are one point of the surface.
+    first, number = unique_rows(mesh.positions)
+    point = number[triangles.reshape(-1)]
 
     order = np.argsort(point, kind="stable")
     face = order // 3
@@ -71,7 +72,7 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     attributes = (mesh.uvs, mesh.uvs1, mesh.colors)
     vertex = first[point] if all(a is None for a in attributes) else triangles.reshape(-1)
     key = np.column_stack([vertex, np.rint(corners * 1e4).astype(np.int32)])
-    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    first, inverse = unique_rows(key)
     kept = vertex[first]
     joined = inverse.reshape(-1, 3).astype(np.int32)
     uvs, uvs1, colors = (None if a is None else a[kept] for a in attributes)

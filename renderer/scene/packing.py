@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernel import rows
+from renderer.kernel.layers import SMOOTH_GLASS
 from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.lights import luminance
 from renderer.scene.texels import Texels
@@ -97,18 +98,20 @@ def _roughness(m: Material) -> float:
 
 def _kind(m: Material) -> int:
     if m.kind == "glass":
-        plain = _roughness(m) == 0 and not m.thin
-        return rows.GLASS if plain else rows.LAYERED
+        return rows.GLASS if _roughness(m) <= SMOOTH_GLASS and not m.thin else rows.LAYERED
     if m.kind == "metallic_roughness":
-        layers = m.clearcoat, m.transmission, m.diffuse_transmission, m.iridescence, m.anisotropy, *m.sheen_color
+        layers = m.clearcoat, m.diffuse_transmission, m.iridescence, m.anisotropy, *m.sheen_color
         textured = m.specular_texture is not None or m.specular_color_texture is not None
-        return rows.LAYERED if any(layers) or textured else rows.METALLIC_ROUGHNESS
+        if not any(layers) and m.transmission == 1 and m.metallic == 0 and _roughness(m) <= SMOOTH_GLASS and not m.thin:
+            return rows.GLASS if m.transmission_texture is None else rows.LAYERED
+        return rows.LAYERED if any(layers) or m.transmission or textured else rows.METALLIC_ROUGHNESS
     return _KINDS[m.kind]
 
 
 def _flags(m: Material, used: list[int], texels: Texels) -> int:
     mapped = m.normal_texture is not None or m.clearcoat_normal_texture is not None
-    transmits = m.kind == "glass" or (m.kind == "metallic_roughness" and m.transmission > 0)
+    principled = m.kind == "metallic_roughness"
+    transmits = m.kind == "glass" or (principled and m.transmission > 0)
     flags = {
         rows.TEXTURED: bool(used),
         rows.SECOND_UV: any(texels.looks_at_second_uvs(row) for row in used),
@@ -118,6 +121,7 @@ def _flags(m: Material, used: list[int], texels: Texels) -> int:
         rows.BLENDED: m.alpha_mode == "blend",
         rows.THIN: m.thin,
         rows.DISPERSIVE: transmits and m.dispersion > 0 and not m.thin,
+        rows.TRANSMITS: _kind(m) == rows.LAYERED and (transmits or (principled and m.diffuse_transmission > 0)),
         rows.ABSORBING: transmits and not m.thin and bool(_absorption(m).any()),
     }
     return sum(bit for bit, is_set in flags.items() if is_set)

@@ -79,7 +79,7 @@ def vertex_tangents(position: F32, normal: F32, uv: F32, triangle: I32) -> F32:
 
 def _unit(v: F64) -> F64:
     length = np.linalg.norm(v, axis=1, keepdims=True)
-    return np.divide(v, length, out=np.zeros_like(v), where=length > 0)
+    return np.divide(v, length, out=np.zeros(v.shape), where=length > 0)  # bincount of nothing gives integers
 
 
 def _any_tangent(n: F64) -> F64:

@@ -81,13 +81,32 @@ class TextureShelf:
             self._images[key] = self.add(make(image))
         return self.texture(self._images[key], source.wrap_s, source.wrap_t, source.uv_set, source.transform)
 
-    def find(self, reference: str, beside: str, user: str, srgb: bool = True) -> int | None:
+    def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
+        """A texture whose image is made of two others', looked up as the first is; None without the first or second."""
+        if first is None or second is None:
+            return None
+        other = self._description.textures[second].image
+        return self.derived(first, f"{what} with image {other}", lambda image: make(image, self._description.images[other]))
+
+    def image_of(self, texture: int) -> Image:
+        """The image that a texture shows."""
+        return self._description.images[self._description.textures[texture].image]
+
+    def find(
+        self,
+        reference: str,
+        beside: str,
+        user: str,
+        srgb: bool = True,
+        wrap: Wrap = "repeat",
+        transform: UvTransform = UNMOVED,
+    ) -> int | None:
         """The texture that scene file `beside` means by `reference`; where it is missing, a warning that names it and `user`."""
         name = self._files.find(reference, beside)
         if name is None:
             self.missing(reference, user)
             return None
-        return self.texture(self.image_file(name, srgb))
+        return self.texture(self.image_file(name, srgb), wrap, wrap, transform=transform)
 
     def missing(self, reference: str, user: str) -> None:
         """Warns of a texture that is not among the files."""

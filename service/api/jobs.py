@@ -11,12 +11,14 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
+from service.api.scenes import record
 from service.describe import job_out
 from service.farm import Farm, FarmDependency
 from service.models import ACTIVE, Frame, Job, Scene
 from service.problem import Problem
 from service.resolve import resolve
 from service.schemas import JobIn, JobOut, JobPatch
+from service.uploads import under_sky
 
 __all__ = ["find_job", "router"]
 
@@ -31,9 +33,10 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
+    scene_id = _under_its_sky(request, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
-        scene=request.scene,
+        scene=scene_id,
         name=request.name or "",
         state="queued",
         priority=request.priority,
@@ -48,7 +51,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     )
     try:
         with farm.sessions.begin() as session:
-            scene = session.get(Scene, request.scene)
+            scene = session.get(Scene, scene_id)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
@@ -138,10 +141,26 @@ def find_job(id: str, farm: Farm) -> Job:
     return job
 
 
+def _under_its_sky(request: JobIn, farm: Farm) -> str:
+    """The scene to render: under the sky that is asked for it is another one, which is made here."""
+    sky = request.environment.sky if request.environment else None
+    if sky is None:
+        return request.scene
+    with farm.sessions() as session:
+        scene = session.get(Scene, request.scene)
+    if scene is None:
+        raise _no_scene(request.scene)
+    return record(under_sky(scene, sky.elevation, sky.azimuth), farm).id
+
+
+def _no_scene(id: str) -> Problem:
+    return Problem(404, f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
+
+
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
     if scene is None:
-        raise Problem(404, f"scene: there is no scene {job.scene[:60]!r}. Upload it first, by POST /api/scenes.")
+        raise _no_scene(job.scene)
     if scene.status == "failed":
         raise Problem(409, f"The scene cannot be rendered: {scene.error}")
     job.name = job.name or scene.name

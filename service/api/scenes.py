@@ -33,7 +33,10 @@ UPLOAD_FORM = {
                     "properties": {
                         "files": {"type": "array", "items": {"type": "string", "format": "binary"}},
                         "main": {"type": "string", "description": "which of several scene files is meant"},
-                        "environment": {"type": "string", "description": "an image among the files that lights the scene"},
+                        "environment": {
+                            "type": "string",
+                            "description": "an image among the files that lights the scene, or a sky as sky:ELEVATION,AZIMUTH",
+                        },
                         "name": {"type": "string"},
                     },
                 }

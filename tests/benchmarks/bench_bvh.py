@@ -1,6 +1,6 @@
-"""The BVH alone, on one thread: building over a million triangles, and rays through it and through a closed room.
+"""The BVH alone, on one thread: building over a million triangles, rays through it, and what instances cost.
 
-    python -m tests.benchmarks.bench_bvh
+    python -m tests.benchmarks.bench_bvh [terrain | instances]
 
 Rates are of CPU time, so that other work on the machine matters less. Primary rays come from one eye in raster order,
 random ones join two random points of the bounding sphere, shadow rays are random ones that ask for any hit.
@@ -8,16 +8,20 @@ random ones join two random points of the bounding sphere, shadow rays are rando
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from renderer.bvh.build import build
+from renderer.bvh.build import Instances, build
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
 from renderer.jit import entry
+from renderer.scene.load import read
 
 _RAYS = 500_000
 _FAR = np.float32(np.inf)
@@ -79,7 +83,9 @@ def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
     return amount / best / 1e6
 
 
-def _trace(name: str, bvh: Bvh, position: Any) -> None:
+def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
+    """Prints and gives the rates of each kind of rays."""
+    rates = {}
     rays = _rays(position)
     stack = new_stack()
     for kind, kernel, (o, d) in (
@@ -88,11 +94,77 @@ def _trace(name: str, bvh: Bvh, position: Any) -> None:
         ("shadow", _any, rays["random"]),
     ):
         kernel(bvh, stack, o[:1], d[:1])  # compiled before the clock starts
-        print(f"{name}, {kind} rays: {_rate(lambda k=kernel, o=o, d=d: k(bvh, stack, o, d), len(o)):.1f} M/s")
+        rates[kind] = _rate(lambda k=kernel, o=o, d=d: k(bvh, stack, o, d), len(o))
+        print(f"{name}, {kind} rays: {rates[kind]:.1f} M/s")
+    return rates
+
+
+def _bytes(bvh: Bvh) -> int:
+    return sum(array.nbytes for array in bvh)
+
+
+def _bunny() -> tuple[Any, Any]:
+    """The sample files' bunny; a terrain of 70 thousand triangles where they are not there."""
+    folder = Path(os.environ.get("RAYFARM_ASSETS") or Path(__file__).parents[3] / "shared" / "assets")
+    if not (folder / "bunny.ply").exists():
+        return _terrain(187)
+    mesh = read(folder, "bunny.ply").meshes[0]
+    return mesh.positions, mesh.triangles
+
+
+def _places(position: Any, count: int) -> Any:
+    """(count, 3, 4): side by side on a square, each turned about the vertical."""
+    side = int(np.ceil(count**0.5))
+    size = float((position.max(0) - position.min(0)).max())
+    places = np.zeros((count, 3, 4))
+    for i, angle in enumerate(np.random.default_rng(1).uniform(0, 2 * np.pi, count)):
+        c, s = np.cos(angle), np.sin(angle)
+        places[i, :, :3] = ((c, 0, s), (0, 1, 0), (-s, 0, c))
+        places[i, :, 3] = i % side * size, 0, i // side * size
+    return places
+
+
+def _instances() -> None:
+    """A thousand copies of a mesh against one, and sixteen against the same triangles copied into the world."""
+    none = np.zeros((0, 4), np.float32)
+    position, triangle = _bunny()
+    first = np.array([0, len(triangle)])
+
+    def timed(*arguments: Any) -> tuple[Bvh, float]:
+        best, bvh = np.inf, build(*arguments)
+        for _ in range(3):
+            begin = time.process_time()
+            bvh = build(*arguments)
+            best = min(best, time.process_time() - begin)
+        return bvh, best
+
+    one, one_time = timed(position, triangle, none)
+    shown = Instances(first, np.zeros(1000, int), _places(position, 1000))
+    thousand, thousand_time = timed(position, triangle, none, shown)
+    print(f"one mesh of {len(triangle)} triangles: {_bytes(one) / 1e6:.1f} MB, built in {one_time:.2f} s")
+    print(
+        f"a thousand of it: {_bytes(thousand) / _bytes(one):.3f} times the memory, {thousand_time / one_time:.2f} times the time"
+    )
+    places = _places(position, 16)
+    copies = np.concatenate([position @ m[:, :3].T + m[:, 3] for m in places]).astype(np.float32)
+    every = np.concatenate([triangle + i * len(position) for i in range(16)]).astype(np.int32)
+    kept = build(position, triangle, none, Instances(first, np.zeros(16, int), places))
+    copied = build(copies, every, none)
+    slow = _trace("sixteen kept once", kept, copies)
+    fast = _trace("sixteen copied", copied, copies)
+    for kind, rate in slow.items():
+        print(f"kept once / copied, {kind} rays: {rate / fast[kind]:.2f}")
 
 
 def main() -> None:
     """Prints the rates."""
+    if "instances" not in sys.argv[1:]:
+        _terrains()
+    if "terrain" not in sys.argv[1:]:
+        _instances()
+
+
+def _terrains() -> None:
     none = np.zeros((0, 4), np.float32)
     for n in (129, 708):
         position, triangle = _terrain(n)

@@ -43,17 +43,36 @@ def test_the_choices_are_the_renderers(page: Page) -> None:
         const lists = Object.entries(m).filter(([, list]) => Array.isArray(list));
         return Object.fromEntries(lists.map(([name, list]) => [name, list.map((choice) => choice.name)]));"""
     assert call(page, "render-choices", names) == {
-        name: list(getattr(settings, name)) for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "PROJECTIONS")
+        name: list(getattr(settings, name))
+        for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "PROJECTIONS", "MISTAKES")
     }
     fields = settings.RenderSettings.__dataclass_fields__
     for name, value in call(page, "render-choices", "return m.DEFAULTS;").items():
-        assert fields[name].default == value, name
+        assert fields[name].default == (tuple(value) if isinstance(value, list) else value), name
 
 
 def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
     open_form(page)
     plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50, "seed": 0}
     assert submitted(page) == {**plain, "environment": {"strength": 1}}
+
+
+def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
+    """All that a finished job was rendered with, but what is the scene's own anyway."""
+    view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
+    chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
+    light = {"environment": (0.123456, 2.0, 0.5), "environment_strength": 0.7}
+    rendered = settings.RenderSettings(640, 320, view, max_depth=5, roulette=0.8, **chosen, **light)  # type: ignore[arg-type]
+    job = {"settings": rendered.to_json(), "spp": 21, "noise": None, "seconds": 90}
+    body = """
+        window.asked = null;
+        const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
+        document.body.replaceChildren(form.element);"""
+    call(page, "settings-form", body, {"scene": SCENE, "job": job})
+    asked = submitted(page)
+    assert settings.View.from_json(asked.pop("view")) == view
+    size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}
+    assert asked == {**size, **chosen, "environment": {"color": [0.123456, 2.0, 0.5], "strength": 0.7}}
 
 
 def test_what_is_changed_is_asked_for(page: Page) -> None:
@@ -86,6 +105,19 @@ def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
     assert asked["integrator"] == "ao"
     assert asked["ao_distance"] == 2.5
     assert "max_depth" not in asked
+
+
+def test_whitteds_constant_is_a_grey_and_a_mistake_is_asked_for_by_name(page: Page) -> None:
+    open_form(page)
+    expect(page.get_by_label("Ambient light")).to_be_hidden()
+    page.get_by_label("Integrator").select_option("whitted")
+    expect(page.get_by_label("Finding lights")).to_be_hidden()
+    page.get_by_label("Ambient light").fill("0.1")
+    page.get_by_label("Mistake on purpose").select_option("attenuation")
+    page.get_by_label("Near plane").fill("1.5")
+    asked = submitted(page)
+    assert (asked["integrator"], asked["ambient"], asked["mistake"]) == ("whitted", [0.1, 0.1, 0.1], "attenuation")
+    assert asked["view"]["near"] == 1.5
 
 
 def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:

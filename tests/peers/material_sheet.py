@@ -236,7 +236,7 @@ def point_light() -> Glb:
 @_case
 def spot_light() -> Glb:
     glb = _stage(lamp=0)
-    cone = {"innerConeAngle": 0.25, "outerConeAngle": 0.4}
+    cone = {"innerConeAngle": 0.39, "outerConeAngle": 0.4}
     glb.add_light(
         {"type": "spot", "color": [0.7, 0.8, 1], "intensity": 5e4, "spot": cone},
         translation=[-2.0, 3.0, 2.0],

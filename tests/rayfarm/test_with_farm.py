@@ -14,6 +14,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from rayfarm.client import Client, ClientError
+from renderer.denoise import is_available
 from tests.helpers import ROOT, Farm, wait_until
 
 pytestmark = pytest.mark.farm
@@ -70,6 +71,23 @@ def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
     assert code == 0, err
     # A white ball in even light is as bright as the light: the furnace.
     assert pixels(tmp_path / "ball.exr").mean() == pytest.approx(0.25, rel=0.02)
+
+
+def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "ball.yaml").write_text(
+        "shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: white}]\nmaterials: {white: {kind: diffuse, color: 1}}\n"
+    )
+    arguments = ["--env=sky:20,60", "--size=24x16", "--spp=8", "--eye=0,0,4", "--target=0,0,0", "--aov=depth"]
+    more = ["--denoise"] if is_available() else []
+    code, _, err = run("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "farm.exr", *arguments, *more)
+    assert code == 0, err
+    assert run("render", tmp_path / "ball.yaml", "-o", tmp_path / "alone.exr", *arguments)[0] == 0
+    assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
+    assert pixels(tmp_path / "farm.exr")[2, :, 2].min() > 0, "there is a sky"
+    if more:
+        clean = pixels(tmp_path / "farm-denoised.exr")
+        assert clean.shape == (16, 24, 3)
+        assert not np.array_equal(clean, pixels(tmp_path / "farm.exr"))
 
 
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:

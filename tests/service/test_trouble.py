@@ -9,8 +9,8 @@ import redis
 
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
-from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RESULTS, RenderBatch, Result
+from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
+from worker.contract import RESULTS, RenderBatch, Result, pack_sums
 
 
 def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None:
@@ -55,6 +55,24 @@ def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, 
     redis_server.start()
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest(spp=30)
+
+
+def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_them(service: Service, worker: PeerWorker) -> None:
+    def with_bad(batch: RenderBatch) -> bool:
+        sums = expected_sums(batch.tile, batch.first, batch.count, 0)
+        bad = [[batch.tile.x, batch.tile.y, batch.first]] if batch.first == 0 else []
+        event = {"type": "batch", **worker._about(batch), "seconds": 0.01, "bad": bad, "bad_count": len(bad)}
+        worker.send(event, pack_sums(sums))
+        return False
+
+    worker.on_batch = with_bad
+    job = service.submit(service.ready_scene(), sampler="independent")
+    finished = service.wait_for(job, "finished")
+    assert finished["bad_samples"] == 12
+    bad = finished["frames"][0]["bad"]
+    assert {(b["x"], b["y"], b["sample"]) for b in bad} == {(x, y, 0) for x in (0, 16, 32, 48) for y in (0, 16, 32)}
+    assert bad[0]["reproduce"].endswith(f"--pixel={bad[0]['x']},{bad[0]['y']} --sample=0")
+    assert "--sampler=independent" in bad[0]["reproduce"]
 
 
 def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, worker: PeerWorker) -> None:

@@ -3,9 +3,19 @@
 import { h } from "./dom.js";
 import { environmentFields } from "./environment-fields.js";
 import { choiceField, field, numberInput, setShown } from "./fields.js";
-import { DEFAULTS, FILTERS, SAMPLERS, SAMPLINGS } from "./render-choices.js";
+import { DEFAULTS, FILTERS, MISTAKES, SAMPLERS, SAMPLINGS } from "./render-choices.js";
 
 /** @typedef {import("./types.js").JobRequest} JobRequest */
+
+/**
+ * What a picture was asked to be beside the renderer's own settings.
+ *
+ * @typedef {object} Beside
+ * @property {number | null} [noise] relative
+ * @property {number | null} [seconds]
+ * @property {import("./types.js").Vec3 | null} [environment]
+ * @property {number} [environment_strength]
+ */
 
 /**
  * What an integrator looks at; the rest is not shown, and not sent.
@@ -13,39 +23,68 @@ import { DEFAULTS, FILTERS, SAMPLERS, SAMPLINGS } from "./render-choices.js";
  * @type {Record<string, (keyof typeof DEFAULTS)[]>}
  */
 const READ_BY = {
-  path: ["max_depth", "sampling", "light_samples", "roulette", "clamp_indirect"],
-  direct: ["sampling", "light_samples"],
-  whitted: ["max_depth", "light_samples"],
+  path: ["max_depth", "sampling", "light_samples", "roulette", "clamp_indirect", "mistake"],
+  direct: ["sampling", "light_samples", "mistake"],
+  whitted: ["max_depth", "light_samples", "ambient", "mistake"],
   ao: ["ao_distance"],
 };
 
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
+ * @param {Record<string, any>} [first] what the fields show first, where that is something else
  * @returns {{element: HTMLDetailsElement, show: (integrator: string) => void, get: () => Partial<JobRequest>}}
  */
-export function advancedFields(defaults) {
-  const start = { ...DEFAULTS, ...defaults };
-  const noise = numberInput({ min: 0.01, max: 1000, step: "any", required: false, placeholder: "off" });
-  const seconds = numberInput({ min: 1, max: 1e7, step: "any", required: false, placeholder: "off" });
+export function advancedFields(defaults, first = {}) {
+  const own = { ...DEFAULTS, ...defaults };
+  /** @type {typeof own & Beside} */
+  const start = { ...own, ...first };
+  const noise = numberInput({
+    value: start.noise ? start.noise * 100 : "",
+    min: 0.01,
+    max: 1000,
+    step: "any",
+    required: false,
+    placeholder: "off",
+  });
+  const seconds = numberInput({
+    value: start.seconds ?? "",
+    min: 1,
+    max: 1e7,
+    step: "any",
+    required: false,
+    placeholder: "off",
+  });
   const depth = numberInput({ value: start.max_depth, min: 1, max: 1024 });
   const seed = numberInput({ value: start.seed, min: 0, max: 2 ** 32 - 1 });
   const lightSamples = numberInput({ value: start.light_samples, min: 1, max: 64 });
   const roulette = optional(start.roulette, { min: 0.05, max: 1, placeholder: "by throughput" });
   const clamp = optional(start.clamp_indirect || null, { min: 0, max: 1e9, placeholder: "off" });
   const distance = optional(start.ao_distance || null, { min: 0, max: 1e15, placeholder: "no limit" });
-  const environment = environmentFields();
+  const ambient = numberInput({ value: start.ambient[0], min: 0, max: 1e9, step: "any" });
+  const environment = environmentFields(start);
   const sampling = choiceField("Finding lights", SAMPLINGS, start.sampling);
+  const mistake = choiceField("Mistake on purpose", MISTAKES, start.mistake);
   const sampler = choiceField("Sampler", SAMPLERS, start.sampler);
   const filter = choiceField("Pixel filter", FILTERS, start.filter);
 
   /** Settings with a field of their own, and that field. @type {Partial<Record<keyof typeof DEFAULTS, HTMLElement>>} */
   const fields = {
     max_depth: field("Max depth", depth, "Path segments, the camera's included."),
-    light_samples: field("Light samples", lightSamples, "Shadow rays where the camera looks; more soften shadows sooner."),
-    roulette: field("Roulette", roulette, "The chance with which a path goes on; empty: as much as it still carries."),
+    light_samples: field(
+      "Light samples",
+      lightSamples,
+      "Shadow rays where the camera looks; in Whitted's way, 1 is a sharp shadow.",
+    ),
+    roulette: field(
+      "Roulette",
+      roulette,
+      "The chance with which a path goes on at each bounce; empty: as much as it still carries.",
+    ),
     clamp_indirect: field("Indirect clamp", clamp, "Cuts fireflies from bounced light, and some light with them."),
     ao_distance: field("AO distance", distance, "What is farther away than this does not occlude."),
+    ambient: field("Ambient light", ambient, "A constant in place of all light from wall to wall."),
     sampling: sampling.element,
+    mistake: mistake.element,
   };
   /** The current values of what has a field. */
   const values = () => ({
@@ -54,7 +93,10 @@ export function advancedFields(defaults) {
     roulette: valueOr(roulette, null),
     clamp_indirect: valueOr(clamp, 0),
     ao_distance: valueOr(distance, 0),
+    // A grey, unless the scene's own colour is left as it is.
+    ambient: ambient.valueAsNumber === start.ambient[0] ? start.ambient : Array(3).fill(ambient.valueAsNumber),
     sampling: sampling.get(),
+    mistake: mistake.get(),
   });
   let integrator = start.integrator;
   const isRead = (/** @type {string} */ name) =>
@@ -98,10 +140,12 @@ export function advancedFields(defaults) {
       ...(noise.value && { noise: noise.valueAsNumber / 100 }),
       ...(seconds.value && { seconds: seconds.valueAsNumber }),
       ...Object.fromEntries(
-        Object.entries(values()).filter(([name, value]) => isRead(name) && value !== /** @type {any} */ (start)[name]),
+        Object.entries(values()).filter(
+          ([name, value]) => isRead(name) && String(value) !== String(/** @type {any} */ (own)[name]),
+        ),
       ),
-      ...(sampler.get() !== start.sampler && { sampler: sampler.get() }),
-      ...(filter.get() !== start.filter && { filter: filter.get() }),
+      ...(sampler.get() !== own.sampler && { sampler: sampler.get() }),
+      ...(filter.get() !== own.filter && { filter: filter.get() }),
       seed: seed.valueAsNumber,
       environment: environment.get(),
     }),

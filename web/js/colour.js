@@ -11,3 +11,17 @@ export function linearOf(hex) {
   };
   return [channel(1), channel(3), channel(5)];
 }
+
+/**
+ * @param {[number, number, number]} linear Rec.709; what is above 1 shows as 1
+ * @returns {string} "#rrggbb"
+ */
+export function hexOf(linear) {
+  const channel = (/** @type {number} */ v) => {
+    const coded = v <= 0.0031308 ? v * 12.92 : 1.055 * v ** (1 / 2.4) - 0.055;
+    return Math.round(Math.min(Math.max(coded, 0), 1) * 255)
+      .toString(16)
+      .padStart(2, "0");
+  };
+  return `#${linear.map(channel).join("")}`;
+}

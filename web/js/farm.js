@@ -118,8 +118,8 @@ export function followFarm() {
       meanwhile = [];
       try {
         const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers()]);
-        scenes.set(lists[0]);
         jobs.set(lists[1]);
+        scenes.set(lists[0]); // after the jobs: a scene's form may begin with the settings of one
         workers.set(lists[2]);
       } catch {
         source.dispatchEvent(new Event("error"));

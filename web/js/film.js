@@ -16,7 +16,8 @@ export class Film {
    * @param {Uint32Array} [words] RGB9E5, rows from the top; black where left out
    */
   constructor(width, height, words = new Uint32Array(width * height)) {
-    if (words.length !== width * height) throw new Error(`A picture of ${width}×${height} came with ${words.length} words.`);
+    if (words.length !== width * height)
+      throw new Error(`A picture of ${width}×${height} came with ${words.length} words.`);
     this.width = width;
     this.height = height;
     this.words = words;

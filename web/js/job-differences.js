@@ -2,7 +2,7 @@
 
 import { DENOISED, channelOf } from "./channels.js";
 import { count } from "./format.js";
-import { FILTERS, INTEGRATORS, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
+import { FILTERS, INTEGRATORS, MISTAKES, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
 
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {Record<string, any>} Settings */
@@ -21,12 +21,15 @@ const ROWS = [
   ["Light samples", ({ light_samples: n }) => n && `${n} light sample${n === 1 ? "" : "s"}`],
   ["Indirect clamp", ({ clamp_indirect: clamp }) => (clamp ? `clamp ${clamp}` : "no clamp")],
   ["AO distance", ({ ao_distance: d }) => (d ? `AO ${d}` : "no limit")],
+  ["Ambient light", ({ ambient }) => ambient && `ambient ${ambient.map(short).join(", ")}`],
+  ["Mistake", ({ mistake }) => (mistake ? labelOf(MISTAKES, mistake) : "no mistake")],
   ["Pixel filter", ({ filter }) => labelOf(FILTERS, filter)],
   ["Samples per pixel", (_, { spp, noise }) => (noise == null ? spp && `${count(spp)} spp` : `noise ${noise * 100} %`)],
   ["Seed", ({ seed }) => `seed ${seed}`],
   ["Projection", ({ view }) => labelOf(PROJECTIONS, view?.projection)],
   ["Aperture", ({ view }) => view?.aperture != null && `aperture ${short(view.aperture)}`],
   ["Focus distance", ({ view }) => (view?.focus == null ? "at the target" : `focus ${short(view.focus)}`)],
+  ["Near plane", ({ view }) => view?.near != null && `near ${short(view.near)}`],
   ["Camera at", ({ view }) => view?.eye?.map(short).join(", ")],
   ["Environment", ({ environment, environment_strength: strength }) => JSON.stringify([environment, strength])],
   ["Size", (_, { width, height }) => `${width}×${height}`],

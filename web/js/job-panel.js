@@ -12,6 +12,8 @@ import { showError } from "./tray.js";
 /** @typedef {import("./types.js").Job} Job */
 
 const MORE_SAMPLES = 256;
+/** Of the samples that were left out, so many are named. */
+const BAD_NAMED = 3;
 /** States from which a job goes on where it stopped: its film stays. */
 const STOPPED = ["paused", "cancelled", "failed"];
 
@@ -38,12 +40,13 @@ export function progressPanel() {
   const speed = h("dd");
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
-  const bad = h("p", { class: "quiet small", hidden: true });
+  const bad = h("div", { class: "quiet small", hidden: true });
   /** @type {Job | null} */
   let latest = null;
   let heard = 0;
   /** @type {string | null} */
   let shownError = null;
+  let shownBad = 0;
   const tick = () => {
     if (!latest) return;
     const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
@@ -97,10 +100,28 @@ export function progressPanel() {
         fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
       }
       bad.hidden = job.bad_samples === 0;
-      setText(bad, `${plural(job.bad_samples, "sample")} came out as no number and were left out.`);
+      if (job.bad_samples !== shownBad) {
+        shownBad = job.bad_samples;
+        const replay = job.frames?.[0]?.bad?.[0]?.reproduce;
+        fill(
+          bad,
+          h("p", null, badSentence(job)),
+          replay && h("p", null, "To see how the first came about:"),
+          replay && command(replay),
+        );
+      }
       tick();
     },
   };
+}
+
+/** @param {Job} job */
+function badSentence({ bad_samples: n, frames }) {
+  const where = (frames?.[0]?.bad ?? [])
+    .slice(0, BAD_NAMED)
+    .map(({ x, y, sample }) => `pixel ${x}, ${y} sample ${sample}`);
+  const first = where.length ? ` First: ${where.join("; ")}.` : "";
+  return `${plural(n, "sample")} came out as no number and ${n === 1 ? "was" : "were"} left out.${first}`;
 }
 
 /** @param {Job} job what "12" samples are out of */

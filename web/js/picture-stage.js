@@ -50,7 +50,9 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   const view = made instanceof FilmView ? made : null;
   const zoom = zoomControls(() => view);
   const divider = wipeDivider(wiped);
-  const tags = ["left", "right"].map((edge) => h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }));
+  const tags = ["left", "right"].map((edge) =>
+    h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }),
+  );
   const readouts = h("div", { class: "readouts" });
   const element = h(
     "div",

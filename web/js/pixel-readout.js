@@ -109,9 +109,7 @@ export class PixelReadout {
     });
     setText(this.samples, `${samples} spp`);
     this.line.classList.toggle("exact", exact);
-    this.line.title = exact
-      ? "Exact values of the film, linear Rec.709"
-      : "Values of the live picture, true to 0.2 %";
+    this.line.title = exact ? "Exact values of the film, linear Rec.709" : "Values of the live picture, true to 0.2 %";
   }
 }
 

@@ -5,9 +5,21 @@
 /** @type {Choice[]} */
 export const INTEGRATORS = [
   { name: "path", label: "Path tracing", hint: "All light: direct, reflected, refracted, from wall to wall." },
-  { name: "direct", label: "Direct light", hint: "Light that comes straight from a light; what it would bounce on to stays dark." },
-  { name: "whitted", label: "Whitted ray tracing", hint: "Direct light, mirrors and glass, as in 1980; matt walls light nothing." },
-  { name: "ao", label: "Ambient occlusion", hint: "How open each point is to its surroundings; lights and colours play no part." },
+  {
+    name: "direct",
+    label: "Direct light",
+    hint: "Light that comes straight from a light; what it would bounce on to stays dark.",
+  },
+  {
+    name: "whitted",
+    label: "Whitted ray tracing",
+    hint: "Direct light, mirrors and glass, as in 1980; matt walls light nothing.",
+  },
+  {
+    name: "ao",
+    label: "Ambient occlusion",
+    hint: "How open each point is to its surroundings; lights and colours play no part.",
+  },
 ];
 
 /** @type {Choice[]} */
@@ -25,7 +37,11 @@ export const FILTERS = [
 
 /** @type {Choice[]} */
 export const SAMPLINGS = [
-  { name: "mis", label: "Both, weighted (MIS)", hint: "Lights and surfaces are both sampled, each counts where it is good." },
+  {
+    name: "mis",
+    label: "Both, weighted (MIS)",
+    hint: "Lights and surfaces are both sampled, each counts where it is good.",
+  },
   { name: "light", label: "Lights only", hint: "Good for small lights; mirrors do not see them." },
   { name: "bsdf", label: "Surfaces only", hint: "Lights are found by chance: good for large ones and for mirrors." },
   { name: "uniform", label: "Uniform", hint: "All directions alike: the most noise, for comparison." },
@@ -36,6 +52,21 @@ export const PROJECTIONS = [
   { name: "perspective", label: "Perspective", hint: "As an eye or a lens sees." },
   { name: "orthographic", label: "Orthographic", hint: "Parallel lines stay parallel, as on a plan." },
   { name: "panorama", label: "Panorama", hint: "All around the eye, twice as wide as high." },
+];
+
+/** @type {Choice[]} */
+export const MISTAKES = [
+  { name: "", label: "None", hint: "Other renderers' errors, to see what each does to a picture." },
+  {
+    name: "light-cutoff",
+    label: "Lights cut off by distance",
+    hint: "Far light samples are dropped but still counted: the picture darkens.",
+  },
+  {
+    name: "attenuation",
+    label: "Attenuation twice",
+    hint: "Radiance falls by the squared distance once more: the picture darkens.",
+  },
 ];
 
 /** What a request leaves out and no scene file says: RenderSettings' own values. */
@@ -50,6 +81,8 @@ export const DEFAULTS = {
   roulette: /** @type {number | null} */ (null),
   light_samples: 1,
   ao_distance: 0,
+  ambient: [0, 0, 0],
+  mistake: "",
 };
 
 /** @param {Choice[]} choices @param {string | undefined} name @returns {string | undefined} */

@@ -19,8 +19,14 @@ const FORMATS = /** @type {const} */ ([
  * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
  */
 export function savePanel(job, display) {
-  const raw = row("", FORMATS.map(([format, hint]) => link(job, display, format, hint, false)));
-  const clean = row("Denoised", FORMATS.map(([format, hint]) => link(job, display, format, hint, true)));
+  const raw = row(
+    "",
+    FORMATS.map(([format, hint]) => link(job, display, format, hint, false)),
+  );
+  const clean = row(
+    "Denoised",
+    FORMATS.map(([format, hint]) => link(job, display, format, hint, true)),
+  );
   let can = false;
   const show = () => {
     const both = can && display.value.channel === "";
@@ -59,12 +65,7 @@ function row(text, links) {
  */
 function link(job, display, format, hint, denoise) {
   const name = `${format.toUpperCase()}${denoise ? ", denoised" : ""}`;
-  const anchor = h(
-    "a",
-    { class: "button", title: hint, "aria-label": name },
-    icon("download"),
-    format.toUpperCase(),
-  );
+  const anchor = h("a", { class: "button", title: hint, "aria-label": name }, icon("download"), format.toUpperCase());
   // The address is made when it is used: exposure and channel are those of that moment.
   const aim = () => {
     const { exposure, curve, channel } = display.value;

@@ -28,18 +28,24 @@ import { sizeFields } from "./size-fields.js";
 /**
  * @param {Scene} scene ready
  * @param {(request: JobRequest) => Promise<void>} submit
+ * @param {import("./types.js").Job | null} [like] a picture whose settings the form shows first
  * @returns {SettingsForm}
  */
-export function settingsForm(scene, submit) {
+export function settingsForm(scene, submit, like = null) {
   const { defaults } = scene;
+  /** @type {Record<string, any>} */
+  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
   const estimate = h("p", { class: "quiet small number" });
   const update = () => setText(estimate, costOf(scene, size.get(), quality.get()));
-  const size = sizeFields(defaults, () => update());
+  const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
-  const quality = qualityFields(defaults, () => update());
-  const advanced = advancedFields(defaults);
+  const quality = qualityFields({ ...defaults, ...first }, () => update());
+  const advanced = advancedFields(defaults, first);
   const own = defaults.integrator ?? DEFAULTS.integrator;
-  const integrator = choiceField("Integrator", INTEGRATORS, own, () => advanced.show(integrator.get()));
+  const integrator = choiceField("Integrator", INTEGRATORS, first.integrator ?? own, () =>
+    advanced.show(integrator.get()),
+  );
+  if (like?.settings) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
   const request = () => ({
     scene: scene.id,

@@ -7,7 +7,11 @@
 export const CURVES = [
   { name: "neutral", label: "Neutral", hint: "Khronos PBR Neutral: true base colours, highlights roll off" },
   { name: "srgb", label: "sRGB", hint: "No curve: what is above 1 clips" },
-  { name: "hue", label: "Hue-preserving clip", hint: "A pixel above 1 is scaled by its greatest channel: no hue shifts" },
+  {
+    name: "hue",
+    label: "Hue-preserving clip",
+    hint: "A pixel above 1 is scaled by its greatest channel: no hue shifts",
+  },
   { name: "reinhard", label: "Reinhard", hint: "x / (1 + luminance): soft and flat" },
   { name: "filmic", label: "Filmic", hint: "ACES fit by Narkowicz: more contrast" },
   { name: "agx", label: "AgX", hint: "Bright colours fade to white, as on film" },

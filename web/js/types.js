@@ -11,6 +11,7 @@
  * @property {string} [projection] perspective where it is left out
  * @property {number} [aperture] radius of the lens; 0: all is sharp
  * @property {number | null} [focus] distance of what is sharp along the line of sight; null: the target's
+ * @property {number} [near] what stands before this distance is cut away
  * @property {number} [height] what an orthographic camera shows from top to bottom
  *
  * @typedef {{name: string, view: View}} Camera
@@ -47,6 +48,7 @@
  * @property {number} samples in the film: every pixel of every frame counted
  * @property {number} samples_per_s of the moment; 0 where it is not being rendered
  * @property {number} bad_samples that were NaN or infinite, and left out
+ * @property {{bad?: {x: number, y: number, sample: number, reproduce?: string}[]}[]} [frames] with the first samples that were left out
  * @property {number} created unix seconds
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height
@@ -81,6 +83,8 @@
  * @property {number} [roulette]
  * @property {number} [clamp_indirect]
  * @property {number} [ao_distance]
+ * @property {number[]} [ambient]
+ * @property {string} [mistake]
  * @property {EnvironmentRequest} [environment] in place of the scene's own, or times its strength
  *
  * @typedef {object} Worker

@@ -26,6 +26,7 @@ export function viewFields(start = START, projected = () => {}) {
   const fov = numberInput({ min: 0.01, max: 179, step: "any" });
   const height = numberInput({ min: 1e-12, max: LARGEST, step: "any" });
   const aperture = numberInput({ min: 0, max: LARGEST, step: "any" });
+  const near = numberInput({ min: 0, max: LARGEST, step: "any" });
   const focus = numberInput({ min: 1e-12, max: LARGEST, step: "any", required: false });
   /** The fields of each projection. @type {Record<string, HTMLElement[]>} */
   const of = {
@@ -38,9 +39,11 @@ export function viewFields(start = START, projected = () => {}) {
     panorama: [],
   };
 
+  const cut = field("Near plane", near, "What stands before this distance is cut away.");
   const show = () => {
     for (const [name, elements] of Object.entries(of))
       for (const element of elements) setShown(element, name === projection.get());
+    setShown(cut, projection.get() !== "panorama");
   };
   const chosen = () => (show(), projected(projection.get()));
 
@@ -55,6 +58,7 @@ export function viewFields(start = START, projected = () => {}) {
     fov.value = String(short(view.fov));
     height.value = String(short(view.height ?? heightAtTarget(view)));
     aperture.value = String(short(view.aperture ?? 0));
+    near.value = String(short(view.near ?? 0));
     focus.value = view.focus == null ? "" : String(short(view.focus));
     focus.placeholder = String(short(distance(view)));
     show();
@@ -69,6 +73,7 @@ export function viewFields(start = START, projected = () => {}) {
     /** @type {View} */
     const view = { ...base, eye: eye.get(base.eye), target: target.get(base.target), up: up.get(base.up) };
     view.projection = projection.get();
+    if (view.projection !== "panorama") view.near = kept(near, base.near ?? 0);
     if (view.projection === "orthographic") view.height = kept(height, base.height ?? heightAtTarget(base));
     if (view.projection === "perspective") {
       view.fov = kept(fov, base.fov);
@@ -83,7 +88,7 @@ export function viewFields(start = START, projected = () => {}) {
     "details",
     null,
     h("summary", null, "Lens"),
-    h("div", { class: "pairs" }, projection.element, Object.values(of).flat()),
+    h("div", { class: "pairs" }, projection.element, Object.values(of).flat(), cut),
   );
   /** As the fields had it when they were set. */
   const unchanged = () => JSON.stringify(get());

@@ -25,10 +25,11 @@ const KEY_DOLLY = 1.1;
 /**
  * @param {{view: () => View, request: () => JobRequest, turn: (view: View) => void, focus: (distance: number) => void}} form
  * @param {number} aspect of the picture
+ * @param {string} meanwhile a picture's address, shown until the first preview is here; "" for none
  * @param {() => void} done the user has found the view
  * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void}} refresh: the form was changed
  */
-export function viewTurner(form, aspect, done) {
+export function viewTurner(form, aspect, meanwhile, done) {
   const canvas = h("canvas", { role: "img", "aria-label": "Preview of the view" });
   const over = h("canvas", { hidden: true });
   const surface = h(
@@ -43,7 +44,12 @@ export function viewTurner(form, aspect, done) {
     over,
   );
   const said = h("p", { class: "small quiet", role: "status" });
-  const pick = h("button", { class: "button", type: "button", "aria-pressed": "false" }, icon("target"), "Pick the focus");
+  const pick = h(
+    "button",
+    { class: "button", type: "button", "aria-pressed": "false" },
+    icon("target"),
+    "Pick the focus",
+  );
   const element = h(
     "div",
     { class: "turner-box" },
@@ -68,16 +74,24 @@ export function viewTurner(form, aspect, done) {
     return { element, refresh: () => {}, dispose: () => {} };
   }
   const preview = new Preview(aspect, {
-    shown: () => picture.layers[0].upload(),
+    shown: (film) => {
+      if (picture.layers[0].film) picture.layers[0].upload();
+      else picture.layers[0].setFilm(film);
+    },
     failed: (error) => showError("The view could not be previewed", error),
   });
   const { size } = preview;
   picture.setPicture(size.width, size.height);
-  picture.layers[0].setFilm(preview.film);
+  // Until the first samples are here: better another view of the scene than a black one.
+  if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
   surface.style.aspectRatio = `${size.width} / ${size.height}`;
   const resizing = new ResizeObserver(() => {
     picture.resize();
-    viewport.show(Math.min(viewport.canvas.width / size.width, viewport.canvas.height / size.height), size.width / 2, size.height / 2);
+    viewport.show(
+      Math.min(viewport.canvas.width / size.width, viewport.canvas.height / size.height),
+      size.width / 2,
+      size.height / 2,
+    );
     picture.draw();
   });
   resizing.observe(surface);
@@ -101,7 +115,9 @@ export function viewTurner(form, aspect, done) {
     surface.classList.toggle("picking", on);
     setText(
       said,
-      on ? "Click what is to be sharp." : "Drag turns, with Shift or two fingers it moves; the wheel goes nearer and farther.",
+      on
+        ? "Click what is to be sharp."
+        : "Drag turns, with Shift or two fingers it moves; the wheel goes nearer and farther.",
     );
   };
   pick.addEventListener("click", () => setPicking(!picking));

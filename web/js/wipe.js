@@ -46,7 +46,14 @@ export function wipeDivider(moved) {
   element.addEventListener("keydown", (event) => {
     const step = event.shiftKey ? LONG_STEP : STEP;
     /** @type {Record<string, number>} */
-    const places = { ArrowLeft: at - step, ArrowDown: at - step, ArrowRight: at + step, ArrowUp: at + step, Home: 0, End: 1 };
+    const places = {
+      ArrowLeft: at - step,
+      ArrowDown: at - step,
+      ArrowRight: at + step,
+      ArrowUp: at + step,
+      Home: 0,
+      End: 1,
+    };
     const to = places[event.key];
     if (to === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault(); // the render view's arrows read pixels

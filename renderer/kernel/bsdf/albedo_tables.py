@@ -11,11 +11,23 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["SIZE", "ggx_albedo", "ggx_table", "main", "mean_over_hemisphere", "table_path"]
+__all__ = [
+    "CHARLIE_LAMBDA",
+    "SIZE",
+    "ggx_albedo",
+    "ggx_table",
+    "main",
+    "mean_over_hemisphere",
+    "sheen_albedo",
+    "sheen_table",
+    "table_path",
+]
 
 F64 = npt.NDArray[np.float64]
 SIZE = 32  # nodes of roughness (sqrt alpha) and of the square root of the cosine, both even from 0 to 1
 _SMALLEST = 1e-4
+# a, b, c, d, e of log Lambda, for alpha 0 and alpha 1 (Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF", 2017).
+CHARLIE_LAMBDA = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82987, 0.19823, -1.97760, -4.32054)
 
 
 def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, float]:
@@ -47,6 +59,35 @@ def _smith_lambda(cosine: float | F64, alpha: float) -> F64:
     return (np.sqrt(1 + alpha**2 * (1 / np.square(cosine) - 1)) - 1) / 2
 
 
+def sheen_albedo(cosine: float, alpha: float, steps: int = 256) -> float:
+    """What a white Charlie sheen scatters of the light from this direction, by midpoints over the other directions."""
+    z, turn = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps) + 0.5) / steps * np.pi, indexing="ij")
+    r = np.sqrt(1 - z * z)
+    h = np.stack([r * np.cos(turn) + np.sqrt(1 - cosine**2), r * np.sin(turn), z + cosine], -1)
+    sine2 = 1 - h[..., 2] ** 2 / (h**2).sum(-1)
+    density = (2 + 1 / alpha) * sine2 ** (0.5 / alpha) / (2 * np.pi)
+    shadowing = 1 + _charlie_lambda(cosine, alpha) + _charlie_lambda(z, alpha)
+    return float((density / (shadowing * 4 * cosine)).mean() * 2 * np.pi)
+
+
+def _charlie_lambda(cosine: float | F64, alpha: float) -> F64:
+    smooth, rough = (np.array(c) for c in CHARLIE_LAMBDA)
+    a, b, c, d, e = rough + (smooth - rough) * (1 - alpha) ** 2
+
+    def fit(x: float | F64) -> F64:
+        return np.asarray(a / (1 + b * x**c) + d * x + e)
+
+    steep = np.asarray(cosine, np.float64)
+    return np.where(steep < 0.5, np.exp(fit(np.minimum(steep, 0.5))), np.exp(2 * fit(0.5) - fit(np.minimum(1 - steep, 0.5))))
+
+
+def sheen_table() -> F64:
+    """(SIZE + 1, SIZE), as `ggx_table`; the last row holds the means."""
+    node = np.arange(SIZE) / (SIZE - 1)
+    table = np.array([[sheen_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
+    return np.concatenate([table, [[mean_over_hemisphere(row) for row in table]]])
+
+
 def ggx_table() -> F64:
     """(SIZE + 1, SIZE, 2): [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2.
 
@@ -74,6 +115,7 @@ def table_path(name: str) -> Path:
 def main() -> None:
     """Writes the tables."""
     np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
+    np.save(table_path("sheen_albedo"), sheen_table().astype(np.float32))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Wavefront's material files, as exporters write them.
 
-An MTL says how to shade after Phong; here that becomes the nearest physical surface. Source: the Alias/Wavefront
-specification, and the PBR additions Pr, Pm and map_Ke that Blender and others write.
+An MTL says how to shade after Phong; here that becomes the nearest physical surface. Sources: the Alias/Wavefront
+specification, and its extension for physically based shading by Clara.io (Pr, Pm, Ps, Pc, Pcr, aniso, anisor, norm), which
+Blender and others write.
 """
 
 from __future__ import annotations
@@ -10,24 +11,15 @@ import math
 
 from renderer.scene.description import Material, Vec3
 from renderer.scene.files import SceneFiles
+from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_opacity, with_roughness_and_metal
+from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_mtl"]
 
-# How many words follow each option of a map statement; the file's name, spaces and all, is the rest of the line.
-_OPTIONS = {
-    "-blendu": 1,
-    "-blendv": 1,
-    "-boost": 1,
-    "-cc": 1,
-    "-clamp": 1,
-    "-imfchan": 1,
-    "-mm": 2,
-    "-bm": 1,
-    "-texres": 1,
-    "-type": 1,
-}
 _GLASS_MODELS = (4, 6, 7, 9)
+_MATTE_MODELS = (0, 1)
+_COATED = ("pr", "pm", "ps", "pc", "aniso", "map_pr", "map_pm")
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
@@ -42,7 +34,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
             current = found.setdefault(value, _Statements(value, name, shelf))
         elif current is not None and keyword and not keyword.startswith("#"):
             current.values[keyword.lower()] = value
-    return {material: _material(statements, files) for material, statements in found.items()}
+    return {material: _material(statements) for material, statements in found.items()}
 
 
 class _Statements:
@@ -72,76 +64,93 @@ class _Statements:
         values = self.numbers(keyword)
         if not values:
             return default
-        r, g, b = (min(max(v, 0.0), high) for v in (values[:3] if len(values) >= 3 else values[:1] * 3))
-        return r, g, b
+        return unit_color(values[:3] if len(values) >= 3 else values[:1] * 3, high)
+
+    def map(self, *keywords: str) -> Map | None:
+        """The first of the map statements that names a file."""
+        maps = (parse_map(self.values.get(k, "")) for k in keywords)
+        return next((m for m in maps if m is not None), None)
+
+    def texture(self, *keywords: str, srgb: bool = False) -> int | None:
+        found = self.map(*keywords)
+        return found.find(self.shelf, self.file, f"Material {self.name}", srgb) if found else None
 
 
-def _material(said: _Statements, files: SceneFiles) -> Material:
-    name = said.name
+def _material(said: _Statements) -> Material:
     diffuse, specular = said.color("kd", (0.8, 0.8, 0.8)), said.color("ks", (0.0, 0.0, 0.0))
     shininess = max(said.number("ns", 0.0), 0.0)
-    model = int(said.number("illum", 2))
-    material = Material(name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
-    material.base_color_texture = _map(said, ("map_kd",), files)
+    material = Material(said.name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
+    material.base_color_texture = said.texture("map_kd", srgb=True)
     if material.base_color_texture is not None and max(diffuse) == 0:
         material.base_color = (1.0, 1.0, 1.0)  # written by exporters that let the map replace the colour
-    material.emission_texture = _map(said, ("map_ke", "map_emissive"), files)
+    material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
+    _normals(said, material)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
-    material.roughness = min(max(said.number("pr", (2 / (shininess + 2)) ** 0.25), 0.0), 1.0)
-    material.metallic = min(max(said.number("pm", 0.0), 0.0), 1.0)
-    material.ior = min(max(said.number("ni", 1.5), 1.0), 5.0)
-    _choose_kind(material, model, specular, shininess, "pr" in said.values or "pm" in said.values)
-    if material.kind not in ("glass", "mirror") and ("map_d" in said.values or 0 < said.number("d", 1.0) < 1):
-        said.shelf.warn(f"Material {name}: its transparency is not rendered yet; it is opaque.")
+    roughness = unit(said.number("pr", (2 / (shininess + 2)) ** 0.25))
+    index = clamped(said.number("ni", 1.5), 1.0, 5.0)
+    material.ior = index if index > 1.0 else 1.5  # exporters write 1 for what they do not know
+    _choose_kind(said, material, specular, shininess)
+    if material.kind == "metallic_roughness":
+        _physical(said, material, roughness, specular)
+    if material.kind not in ("glass", "mirror"):
+        _opacity(said, material)
     return material
 
 
-def _choose_kind(material: Material, model: int, specular: Vec3, shininess: float, physical: bool) -> None:
-    if model in _GLASS_MODELS:
-        material.kind = "glass"
-        material.base_color = (1.0, 1.0, 1.0)
-        if material.ior <= 1.0:
-            material.ior = 1.5
-    elif model in (3, 5) and max(material.base_color) == 0 and max(specular) > 0:
+def _choose_kind(said: _Statements, material: Material, specular: Vec3, shininess: float) -> None:
+    model = int(clamped(said.number("illum", 2), 0, 10))
+    black = max(material.base_color) < 0.05 and material.base_color_texture is None
+    if any(keyword in said.values for keyword in _COATED):
+        material.kind = "metallic_roughness"
+    elif model in _GLASS_MODELS:
+        material.kind, material.base_color = "glass", said.color("tf", (1.0, 1.0, 1.0))
+        material.base_color_texture = None
+    elif model in (3, 5) and black and max(specular) > 0:
         material.kind, material.base_color = "mirror", specular
-    elif max(material.base_color) < 0.05 and max(specular) > 0.3 and material.base_color_texture is None and shininess > 1:
+    elif black and max(specular) > 0.3 and shininess > 1:
         material.kind, material.metallic, material.base_color = "metallic_roughness", 1.0, specular
-    elif physical or (max(specular) > 0 and shininess > 1):
+    elif max(specular) > 0 and shininess > 1 and model not in _MATTE_MODELS:
         material.kind = "metallic_roughness"
 
 
-def _map(said: _Statements, keywords: tuple[str, ...], files: SceneFiles) -> int | None:
-    for keyword in keywords:
-        reference, scaled = _file_of(said.values.get(keyword, ""))
-        if scaled:
-            said.shelf.warn(f"Material {said.name}: the scale of its texture is left out.")
-        if reference:
-            return said.shelf.find(reference, said.file, f"Material {said.name}")
-    return None
+def _physical(said: _Statements, material: Material, roughness: float, specular: Vec3) -> None:
+    material.roughness = roughness
+    material.metallic = unit(said.number("pm", material.metallic))
+    rough, metal = said.texture("map_pr"), said.texture("map_pm")
+    material.metallic_roughness_texture = with_roughness_and_metal(said.shelf, rough, metal)
+    if rough is not None and "pr" not in said.values:
+        material.roughness = 1.0
+    if metal is not None and "pm" not in said.values:
+        material.metallic = 1.0
+    if "ks" in said.values and material.metallic == 0:
+        material.specular = unit(2 * max(specular))  # 0.5 is what exporters write for the 4 % that plastics reflect
+    material.clearcoat, material.clearcoat_roughness = unit(said.number("pc", 0.0)), unit(said.number("pcr", 0.0))
+    material.anisotropy = unit(said.number("aniso", 0.0))
+    material.anisotropy_rotation = math.remainder(2 * math.pi * said.number("anisor", 0.0), 2 * math.pi)
+    sheen = unit(said.number("ps", 0.0))
+    if sheen > 0:
+        material.sheen_color, material.sheen_roughness = (sheen, sheen, sheen), 0.5
 
 
-def _file_of(value: str) -> tuple[str, bool]:
-    """The file that a map statement names, and whether its options move or scale the texture."""
-    words = value.split()
-    at, scaled = 0, False
-    while at < len(words) and words[at].lower() in (*_OPTIONS, "-o", "-s", "-t"):
-        option = words[at].lower()
-        at += 1
-        if option in _OPTIONS:
-            at += _OPTIONS[option]
-            continue
-        last = at + 3  # one to three numbers
-        while at < min(last, len(words)) and _is_number(words[at]):
-            scaled |= float(words[at]) != (1 if option == "-s" else 0)
-            at += 1
-    return (value.split(None, at)[at].strip() if at < len(words) else ""), scaled
+def _normals(said: _Statements, material: Material) -> None:
+    material.normal_texture = said.texture("norm")
+    bump = said.map("map_bump", "bump")
+    if material.normal_texture is None and bump is not None:
+        texture = bump.find(said.shelf, said.file, f"Material {said.name}")
+        if texture is not None and holds_normals(said.shelf.image_of(texture)):
+            material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
+        elif texture is not None:
+            said.shelf.warn(f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map.")
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _opacity(said: _Statements, material: Material) -> None:
+    values = said.numbers("d")  # `d -halo 0.5` is none, and warned of
+    opacity = values[0] if values else 1 - said.number("tr", 0.0)
+    if 0 < opacity < 1:  # 0 is written by exporters that mean the opposite
+        material.opacity, material.alpha_mode = opacity, "blend"
+    mask = said.texture("map_d", "map_opacity", "map_tr")
+    if mask is not None:
+        material.base_color_texture = with_opacity(said.shelf, material.base_color_texture, mask)
+        material.alpha_mode = "blend"

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.image.read import IMAGE_SUFFIXES
+from renderer.scene.closed import is_closed
 from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
@@ -16,6 +17,7 @@ from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import read_mtl
 from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.textures import TextureShelf
+from renderer.scene.unique import unique_rows
 
 __all__ = ["read"]
 
@@ -37,7 +39,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     for name, faces in _stretches(said).items():
         mesh = _mesh(name or PurePosixPath(main).stem, said, faces)
         if mesh is not None:
-            mesh.material = materials.number(name, has_uvs=mesh.uvs is not None)
+            mesh.material = materials.number(name, mesh)
             description.meshes.append(smoothed(mesh))
             description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
@@ -87,14 +89,8 @@ def _mesh(name: str, said: Statements, faces: npt.NDArray[np.int64]) -> Mesh | N
 
 def _joined(corners: I32) -> tuple[I32, I32]:
     """Corners that are the same made one vertex: the (V, 3) vertices, and the vertex of each corner."""
-    low = corners.min(axis=0).astype(np.int64)
-    span = corners.max(axis=0) - low + 1
-    if float(span[0]) * float(span[1]) * float(span[2]) < 2.0**62:
-        key = ((corners[:, 0] - low[0]) * span[1] + (corners[:, 1] - low[1])) * span[2] + (corners[:, 2] - low[2])
-        _, first, number = np.unique(key, return_index=True, return_inverse=True)
-    else:
-        _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-    return corners[first], number.reshape(-1).astype(np.int32)
+    first, number = unique_rows(corners)
+    return corners[first], number.astype(np.int32)
 
 
 class _Materials:
@@ -104,7 +100,6 @@ class _Materials:
         self, file: str, libraries: list[str], files: SceneFiles, shelf: TextureShelf, description: SceneDescription
     ) -> None:
         self._file, self._files, self._shelf, self._description = file, files, shelf, description
-        self._numbers: dict[str | None, int] = {}
         self._found: dict[str, Material] = {}
         for library in libraries:
             name = files.find(library, file)
@@ -117,18 +112,19 @@ class _Materials:
                 self._found.update(read_mtl(files, n, shelf))
         self._bare = not libraries
 
-    def number(self, name: str | None, has_uvs: bool) -> int:
-        if name not in self._numbers:
-            material = self._found.get(name or "")
-            if material is None:
-                material = Material(name or "default")
-                if self._bare and has_uvs:
-                    material.base_color_texture = self._lone_texture(material)
-                elif name is not None and self._found:
-                    self._shelf.warn(f"{self._file}: no material file describes {name[:120]}; it is grey.")
-            self._description.materials.append(material)
-            self._numbers[name] = len(self._description.materials) - 1
-        return self._numbers[name]
+    def number(self, name: str | None, mesh: Mesh) -> int:
+        """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
+        material = self._found.get(name or "")
+        if material is None:
+            material = Material(name or "default")
+            if self._bare and mesh.uvs is not None:
+                material.base_color_texture = self._lone_texture(material)
+            elif name is not None and self._found:
+                self._shelf.warn(f"{self._file}: no material file describes {name[:120]}; it is grey.")
+        if material.kind == "glass":
+            material.thin = not is_closed(mesh.positions, mesh.triangles)
+        self._description.materials.append(material)
+        return len(self._description.materials) - 1
 
     def _lone_texture(self, material: Material) -> int | None:
         images = self._files.siblings(self._file, IMAGE_SUFFIXES)

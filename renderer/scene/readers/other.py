@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import re
+from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -14,9 +15,10 @@ import trimesh
 from PIL import Image, PngImagePlugin
 
 from renderer.errors import SceneError
-from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Vec3
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
+from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
@@ -55,7 +57,7 @@ def _is_binary_stl(data: bytes) -> bool:
 
 def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: TextureShelf, description: SceneDescription) -> None:
     numbers: dict[str, int] = {}
-    materials: dict[int, int] = {}
+    materials: dict[tuple[int, Any], int] = {}
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
         geometry = scene.geometry[name]
@@ -65,7 +67,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
         if name not in numbers:
             mesh = _mesh(str(name), geometry, main)
             source = getattr(geometry.visual, "material", None)
-            key = id(source) if source is not None else 0
+            key = (id(source), getattr(geometry.visual, "kind", None))
             if key not in materials:
                 description.materials.append(_material(geometry, shelf))
                 materials[key] = len(description.materials) - 1
@@ -82,26 +84,40 @@ def _mesh(name: str, geometry: Any, main: str) -> Mesh:
         raise SceneError(f"{main}: a face names vertex {triangles.max()} where there are {len(positions)}; export the file again")
     if not np.isfinite(positions).all():
         raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+    mesh = Mesh(name, positions, triangles.astype(np.int32))
     # trimesh makes normals where a file has none; only those that the file gave are in its cache.
     own = geometry._cache.cache.get("vertex_normals")
-    normals = None if own is None or len(own) != len(positions) else np.asarray(own, np.float32)
+    mesh.normals = None if own is None or len(own) != len(positions) else np.asarray(own, np.float32)
     uvs = getattr(geometry.visual, "uv", None)
     if uvs is not None:
         uvs = np.asarray(uvs, np.float32)
-        if uvs.ndim != 2 or len(uvs) != len(positions) or uvs.shape[1] < 2:
-            uvs = None
-        else:
-            uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh counts v from the lower edge
-    return Mesh(name, positions, triangles.astype(np.int32), normals, uvs)
+        if uvs.ndim == 2 and len(uvs) == len(positions) and uvs.shape[1] >= 2:
+            mesh.uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh counts v from the lower edge
+    return _coloured(mesh, geometry.visual)
+
+
+def _coloured(mesh: Mesh, visual: Any) -> Mesh:
+    kind = getattr(visual, "kind", None)
+    if kind == "vertex" and len(visual.vertex_colors) == len(mesh.positions):
+        return replace(mesh, colors=vertex_colors(np.asarray(visual.vertex_colors)))
+    if kind != "face" or len(visual.face_colors) != len(mesh.triangles):
+        return mesh
+    # Faces of different colours share no vertex.
+    corners = mesh.triangles.reshape(-1)
+
+    def pick(values: F32 | None) -> F32 | None:
+        return None if values is None else values[corners]
+
+    colors = vertex_colors(np.repeat(np.asarray(visual.face_colors), 3, axis=0))
+    own = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    return Mesh(mesh.name, mesh.positions[corners], own, pick(mesh.normals), pick(mesh.uvs), colors=colors)
 
 
 def _material(geometry: Any, shelf: TextureShelf) -> Material:
     visual = geometry.visual
     source = getattr(visual, "material", None)
     if source is None:
-        if getattr(visual, "kind", None) in ("vertex", "face"):
-            shelf.warn("Vertex and face colours are not rendered yet.")
-        return Material()
+        return Material(base_color=(1.0, 1.0, 1.0)) if getattr(visual, "kind", None) in ("vertex", "face") else Material()
     material = Material(str(getattr(source, "name", None) or "default"))
     image = getattr(source, "baseColorTexture", None) or getattr(source, "image", None)
     material.base_color_texture = _texture(image, shelf)

@@ -1,112 +1,89 @@
-"""Scattering models: what is sampled follows its density, weights are eval over density, light is neither made nor directed."""
+"""Every material: samples follow their density, weights are eval over density, light is neither made nor directed."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from renderer.jit import entry
-from renderer.kernel.bsdf.fresnel import fresnel_dielectric
-from renderer.kernel.material import LAYER_SLOTS, Material, eval_material, sample_material
-from renderer.kernel.rows import DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
+from renderer.scene.description import Material
 from tests.renderer.judge import chi_squared, direction_test, limit
+from tests.renderer.kernel.subject import Subject, hemisphere, many, tilted
 
 WHITE = (1.0, 1.0, 1.0)
 COLOR = (0.9, 0.5, 0.2)
-# (kind, base, metallic, roughness, ior)
-SMOOTH_AND_ROUGH = [
-    (METALLIC_ROUGHNESS, COLOR, metallic, roughness, 1.5) for metallic in (0.0, 0.5, 1.0) for roughness in (0.35, 0.6, 1.0)
-]
-MODELS = [(DIFFUSE, COLOR, 0.0, 1.0, 1.5), *SMOOTH_AND_ROUGH]
+GOLD = {"eta": (0.18, 0.42, 1.37), "k": (3.42, 2.35, 1.77)}
 ANGLES = (0, 45, 80)
 
 
-@entry
-def _sample(kind, base, metallic, roughness, f0, f90, eta, layers, wo, u, wi, weight, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, (f0, f0, f0), f90, eta, layers)
-    for i in range(len(u)):
-        w = (wo[i, 0], wo[i, 1], wo[i, 2])
-        d, f, p, scale = sample_material(material, w, u[i, 0], (u[i, 1], u[i, 2]))
-        for k in range(3):
-            wi[i, k] = d[k]
-            weight[i, k] = f[k]
-        pdf[i, 0] = p
-        pdf[i, 1] = scale
+def principled(**fields):
+    return Material(**{"kind": "metallic_roughness", "base_color": COLOR, "roughness": 0.5, **fields})
 
 
-@entry
-def _eval(kind, base, metallic, roughness, f0, f90, eta, layers, wo, wi, f, pdf):
-    material = Material(kind, (base[0], base[1], base[2]), metallic, roughness, (f0, f0, f0), f90, eta, layers)
-    for i in range(len(wi)):
-        value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
-        for k in range(3):
-            f[i, k] = value[k]
+# Wide enough for the bins of a chi-squared test.
+MODELS = {
+    "diffuse": Material(base_color=COLOR),
+    "plastic": principled(roughness=0.35),
+    "half metal": principled(metallic=0.5, roughness=0.6),
+    "metal": principled(metallic=1.0, roughness=1.0),
+    "tinted specular": principled(specular=0.7, specular_color=(1.0, 0.6, 0.2), ior=1.8),
+    "conductor": Material(kind="conductor", roughness=0.5, **GOLD),
+    "brushed conductor": Material(kind="conductor", roughness=0.45, anisotropy=0.6, anisotropy_rotation=0.9, **GOLD),
+    "blinn-phong": Material(kind="blinn_phong", base_color=(0.5, 0.3, 0.1), specular_color=(0.4, 0.4, 0.4), shininess=20.0),
+    "rough glass": Material(kind="glass", base_color=COLOR, roughness=0.8),
+    "rough pane": Material(kind="glass", base_color=COLOR, roughness=0.5, thin=True),
+    "half transmission": principled(transmission=0.5, metallic=0.2, roughness=0.8),
+    "leaf": principled(diffuse_transmission=0.6, diffuse_transmission_color=(0.3, 0.8, 0.1)),
+    "clearcoat": principled(clearcoat=1.0, clearcoat_roughness=0.4, metallic=0.8, roughness=0.7),
+    "sheen": principled(sheen_color=(0.8, 0.6, 1.0), sheen_roughness=0.5, roughness=0.9),
+    "anisotropic": principled(anisotropy=0.7, anisotropy_rotation=0.5, metallic=1.0, roughness=0.45),
+    "iridescent": principled(iridescence=0.9, iridescence_thickness=(300.0, 450.0), metallic=0.5),
+    "everything": principled(
+        metallic=0.3, transmission=0.4, thin=True, diffuse_transmission=0.5, clearcoat=0.7, clearcoat_roughness=0.5,
+        sheen_color=(0.5, 0.4, 0.3), sheen_roughness=0.6, anisotropy=0.4, iridescence=0.5, roughness=0.6,
+    ),
+}  # fmt: skip
+FROM_BOTH_SIDES = ("rough glass", "half transmission")
+CASES = [(name, True) for name in MODELS] + [(name, False) for name in FROM_BOTH_SIDES]
 
 
-def arguments(model, front=True):
-    kind, base, metallic, roughness, ior = model
-    eta = np.float32(ior if front else 1 / ior)
-    layers = np.zeros(LAYER_SLOTS, np.float32)
-    return (
-        np.int32(kind),
-        np.array(base, np.float32),
-        np.float32(metallic),
-        np.float32(roughness),
-        np.float32(((ior - 1) / (ior + 1)) ** 2),
-        np.float32(1),
-        eta,
-        layers,
-    )
+@pytest.fixture(scope="module")
+def subjects():
+    return {(name, front): Subject(MODELS[name], front) for name, front in CASES}
 
 
-def many(vector, n):
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(vector, np.float32), (n, 3)))
-
-
-def sample(model, wo, n=200_000, front=True, seed=0):
-    """(wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
-    u = np.random.default_rng(seed).random((n, 3), np.float32)
-    wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
-    _sample(*arguments(model, front), many(wo, n), u, wi, weight, pdf)
-    return wi, weight, pdf[:, 0], pdf[:, 1]
-
-
-def evaluate(model, wo, wi):
-    """(f |cos|, pdf)."""
-    n = len(wi)
-    f, pdf = np.empty((n, 3), np.float32), np.empty(n, np.float32)
-    _eval(*arguments(model), many(wo, n), np.ascontiguousarray(wi, np.float32), f, pdf)
-    return f, pdf
-
-
-def tilted(degrees, turn=0.7):
-    a = np.radians(degrees)
-    return np.array((np.sin(a) * np.cos(turn), np.sin(a) * np.sin(turn), np.cos(a)))
-
-
-def hemisphere(n, seed):
-    z, turn = np.random.default_rng(seed).random((2, n))
-    z = 0.02 + 0.98 * z
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(2 * np.pi * turn), r * np.sin(2 * np.pi * turn), z], 1).astype(np.float32)
+def sphere(n, seed):
+    """Directions all round, none nearly horizontal."""
+    w = hemisphere(n, seed)
+    w[::2, 2] *= -1
+    return w
 
 
 @pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("model", MODELS, ids=str)
-def test_samples_follow_their_density(model, degrees):
-    wo = tilted(degrees)
-    wi, _, pdf, _ = sample(model, wo)
+@pytest.mark.parametrize(("name", "front"), CASES)
+def test_samples_follow_their_density(subjects, name, front, degrees):
+    subject, wo = subjects[name, front], tilted(degrees)
+    wi, _, pdf, _ = subject.sample(wo)
     kept = np.where((pdf > 0)[:, None], wi, np.nan)
-    name = f"{model} at {degrees}"
-    direction_test(kept, lambda w: evaluate(model, wo, w)[1], len(MODELS) * len(ANGLES), (64, 64), 12, name)
+    tests = len(CASES) * len(ANGLES)
+    direction_test(kept, lambda w: subject.eval(wo, w)[1], tests, (48, 48), 8, f"{name} at {degrees}")
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-def test_a_sharp_lobe_follows_its_density(degrees):
-    """Roughness 0.1, alpha 0.01: its directions are binned about the mirror's, in steps of the lobe's own width."""
-    model = (METALLIC_ROUGHNESS, WHITE, 1.0, 0.1, 1.5)
-    wo = tilted(degrees)
-    n = 200_000
-    wi, _, pdf, _ = sample(model, wo, n)
+@pytest.mark.parametrize(("name", "degrees"), [(n, d) for n in ("metal", "coat", "glass", "conductor") for d in ANGLES])
+def test_a_sharp_lobe_follows_its_density(name, degrees):
+    """Roughness 0.1, alpha 0.01: its directions are binned about the lobe's middle, in steps of the lobe's own width."""
+    sharp = {
+        "metal": principled(metallic=1.0, roughness=0.1),
+        "coat": principled(base_color=(0.0, 0.0, 0.0), specular=0.0, clearcoat=1.0, clearcoat_roughness=0.1),
+        "glass": Material(kind="glass", roughness=0.1, ior=1.4),
+        "conductor": Material(kind="conductor", roughness=0.1, **GOLD),
+    }
+    subject, wo, n = Subject(sharp[name]), tilted(degrees), 200_000
+    wi, _, pdf, _ = subject.sample(wo, n)
     axis = np.array((-wo[0], -wo[1], wo[2]))
+    if name == "glass":
+        axis = np.array((-wo[0] / 1.4, -wo[1] / 1.4, -np.sqrt(1 - (wo[0] ** 2 + wo[1] ** 2) / 1.4**2)))
     s = np.cross(axis, (0.3, -0.8, 0.52))
     s /= np.linalg.norm(s)
     frame = np.stack([s, np.cross(axis, s), axis])
@@ -120,76 +97,141 @@ def test_a_sharp_lobe_follows_its_density(degrees):
     grid = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3)
     solid_angle = (grid**2).sum(1) ** -1.5 * (2 * reach / (bins * fine)) ** 2
     unit = grid / np.linalg.norm(grid, axis=1, keepdims=True) @ frame
-    mass = (evaluate(model, wo, unit)[1].astype(float) * solid_angle).reshape(bins, fine, bins, fine).sum((1, 3))
-    assert 0.9 < mass.sum() < 1.001
+    mass = (subject.eval(wo, unit)[1].astype(float) * solid_angle).reshape(bins, fine, bins, fine).sum((1, 3))
+    assert (0.3 if name in ("glass", "coat") else 0.85) < mass.sum() < 1.001
     expected = np.append(mass.ravel(), 1 - mass.sum()) * n
-    chi_squared(np.append(counts.ravel(), n - counts.sum()), expected, len(ANGLES), f"sharp at {degrees}")
+    chi_squared(np.append(counts.ravel(), n - counts.sum()), expected, 4 * len(ANGLES), f"{name} at {degrees}")
 
 
-@pytest.mark.parametrize("model", [*MODELS, (METALLIC_ROUGHNESS, COLOR, 0.3, 0.05, 1.5)], ids=str)
-def test_a_samples_weight_is_eval_over_density(model):
+@pytest.mark.parametrize(("name", "front"), CASES)
+def test_a_samples_weight_is_eval_over_density(subjects, name, front):
     wo = hemisphere(20_000, 1)
-    wi, weight, pdf, scale = sample(model, wo, len(wo))
+    wi, weight, pdf, scale = subjects[name, front].sample(wo, len(wo))
     good = pdf > 0
-    f, again = evaluate(model, wo[good], wi[good])
-    np.testing.assert_allclose(again, pdf[good], rtol=1e-5)
-    np.testing.assert_allclose(weight[good] * pdf[good, None], f, rtol=1e-4, atol=1e-6)
+    f, again = subjects[name, front].eval(wo[good], wi[good])
+    np.testing.assert_allclose(again, pdf[good], rtol=1e-4)
+    np.testing.assert_allclose(weight[good] * pdf[good, None], f, rtol=1e-3, atol=1e-5)
     assert (weight[~good] == 0).all()
-    assert (scale == 1).all()
+    refracted = (wi[:, 2] < 0) & good & (name in FROM_BOTH_SIDES)
+    eta = MODELS[name].ior if front else 1 / MODELS[name].ior
+    assert (scale[~refracted] == 1).all()
+    np.testing.assert_allclose(scale[refracted], eta**2, rtol=1e-6)
     assert np.isfinite(weight).all()
-    np.testing.assert_allclose(np.linalg.norm(wi[good], axis=1), 1, atol=3e-6)
+    np.testing.assert_allclose(np.linalg.norm(wi[good], axis=1), 1, atol=1e-5)
 
 
-@pytest.mark.parametrize("model", MODELS, ids=str)
-def test_scattering_is_reciprocal(model):
-    """f(wo, wi) = f(wi, wo), over a grid of directions that both reach grazing."""
-    wo, wi = hemisphere(20_000, 2), hemisphere(20_000, 3)
-    there, _ = evaluate(model, wo, wi)
-    back, _ = evaluate(model, wi, wo)
-    np.testing.assert_allclose(there / wi[:, 2:], back / wo[:, 2:], rtol=2e-4, atol=1e-6)
+def assert_reciprocal(material, wo, wi, name=""):
+    """f(wo, wi) = f(wi, wo); through a boundary, after undoing the squeeze of radiance, with the sides exchanged."""
+    through = wi[:, 2] < 0
+    refracts = material.transmission > 0 or material.kind == "glass"
+    if refracts and material.diffuse_transmission > 0:  # what both scatter below is squeezed in one of them only
+        material = replace(material, thin=True)
+    squeeze = material.ior**2 if refracts and not material.thin else 1.0
+    there, _ = Subject(material).eval(wo, wi)
+    back = np.where(through[:, None], 0, Subject(material).eval(np.where(through[:, None], wo, wi), wo)[0])
+    if through.any():
+        beyond, flip = Subject(material, front=material.thin), np.array((1, 1, -1))
+        back[through] = beyond.eval(wi[through] * flip, wo[through] * flip)[0] / squeeze
+    there, back = there / abs(wi[:, 2:]), back / wo[:, 2:]
+    np.testing.assert_allclose(there, back, rtol=2e-3, atol=2e-5 * max(there.max(), 1e-3), err_msg=name)
 
 
-@pytest.mark.parametrize("degrees", [0, 30, 60, 70, 80])
-def test_no_more_light_leaves_than_came(degrees):
-    """White of every metallic and roughness, by the mean weight and by integrating eval; and no less to half a per cent."""
-    z, turn = np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(400) + 0.5) / 400 * 2 * np.pi, indexing="ij")
-    r = np.sqrt(1 - z * z)
-    grid = np.stack([r * np.cos(turn), r * np.sin(turn), z], -1).reshape(-1, 3)
-    for metallic in (0.0, 0.5, 1.0):
-        for roughness in (0.3, 0.6, 1.0):
-            model = (METALLIC_ROUGHNESS, WHITE, metallic, roughness, 1.5)
-            _, weight, _, _ = sample(model, tilted(degrees), 20_000)
-            error = weight[:, 0].std() / np.sqrt(len(weight))
-            albedo = weight[:, 0].mean(dtype=np.float64)
-            assert abs(albedo - 1) <= 0.005 + limit(45) * error
-            integral = evaluate(model, tilted(degrees), grid)[0][:, 0].mean(dtype=np.float64) * 2 * np.pi
-            assert abs(albedo - integral) < limit(45) * error + 4e-3
+@pytest.mark.parametrize("name", MODELS)
+def test_scattering_is_reciprocal(name):
+    assert_reciprocal(MODELS[name], hemisphere(4000, 2), sphere(4000, 3))
 
 
-@pytest.mark.parametrize("model", MODELS, ids=str)
-def test_nothing_is_scattered_below_the_horizon(model):
-    below = hemisphere(2000, 4) * np.float32((1, 1, -1))
-    f, pdf = evaluate(model, tilted(30), below)
+unit = st.floats(0, 1)
+anything = st.builds(
+    principled,
+    base_color=st.tuples(unit, unit, unit),
+    metallic=unit,
+    roughness=st.floats(0.2, 1),
+    ior=st.floats(1.125, 2.5),
+    specular=unit,
+    specular_color=st.tuples(unit, unit, unit),
+    transmission=st.one_of(st.just(0.0), unit),
+    thin=st.booleans(),
+    diffuse_transmission=st.one_of(st.just(0.0), unit),
+    diffuse_transmission_color=st.tuples(unit, unit, unit),
+    clearcoat=st.one_of(st.just(0.0), unit),
+    clearcoat_roughness=st.floats(0.1, 1),
+    sheen_color=st.one_of(st.just((0.0, 0.0, 0.0)), st.tuples(unit, unit, unit)),
+    sheen_roughness=unit,
+    anisotropy=st.one_of(st.just(0.0), st.floats(0, 0.75)),
+    anisotropy_rotation=st.floats(0, 6),
+    iridescence=st.one_of(st.just(0.0), unit),
+    iridescence_ior=st.floats(1, 2),
+    iridescence_thickness=st.tuples(st.just(100.0), st.floats(0, 800)),
+)
+
+
+@settings(derandomize=True, max_examples=60, deadline=None)
+@given(anything)
+def test_whatever_its_properties_it_is_reciprocal(material):
+    assert_reciprocal(material, hemisphere(300, 2), sphere(300, 3), str(material))
+
+
+@settings(derandomize=True, max_examples=60, deadline=None)
+@given(anything, st.floats(0, 85), st.booleans())
+def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
+    n = 4000
+    _, weight, _, scale = Subject(material, front).sample(tilted(degrees), n)
+    assert np.isfinite(weight).all()
+    carried = (weight * scale[:, None]).astype(float)
+    error = carried.std(0) / np.sqrt(n)
+    # Anisotropic and iridescent surfaces know their own albedo to a few per cent only.
+    slack = 0.01 + 0.04 * (material.anisotropy > 0) + 0.03 * (material.iridescence > 0)
+    assert (carried.mean(0) <= 1 + slack + limit(180) * error).all()
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 60, 80])
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize(
+    ("what", "least"),
+    [
+        ({}, 0.995),
+        ({"metallic": 0.5}, 0.995),
+        ({"metallic": 1.0}, 0.995),
+        ({"transmission": 1.0, "thin": True}, 0.995),
+        ({"diffuse_transmission": 0.5}, 0.995),
+        ({"clearcoat": 1.0}, 0.97),  # the base's microfacets get the lesser of what passes in and out
+        ({"sheen_color": WHITE, "sheen_roughness": 0.5}, 0.97),
+        ({"metallic": 1.0, "clearcoat": 1.0}, 0.93),
+        ({"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)}, 0.995),
+    ],
+    ids=str,
+)
+def test_white_in_a_white_furnace(what, least, roughness, degrees):
+    _, weight, _, _ = Subject(principled(base_color=WHITE, roughness=roughness, **what)).sample(tilted(degrees), 40_000)
+    albedo, error = weight[:, 0].mean(dtype=np.float64), weight[:, 0].std() / 200
+    assert least - limit(144) * error <= albedo <= 1.005 + limit(144) * error
+
+
+@pytest.mark.parametrize("name", [n for n in MODELS if n not in (*FROM_BOTH_SIDES, "rough pane", "leaf", "everything")])
+def test_an_opaque_material_scatters_nothing_below_the_horizon(subjects, name):
+    f, pdf = subjects[name, True].eval(tilted(30), hemisphere(2000, 4) * np.float32((1, 1, -1)))
     assert not f.any()
     assert not pdf.any()
-    wi, weight, pdf, _ = sample(model, tilted(80))
+    wi, weight, pdf, _ = subjects[name, True].sample(tilted(80))
     assert (wi[weight.any(1), 2] > 0).all()
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.02, 1.0])
 @pytest.mark.parametrize("degrees", [0, 60, 89.9, 90 - 1e-4])
-def test_extremes_stay_finite(roughness, degrees):
-    for metallic in (0.0, 1.0):
-        model = (METALLIC_ROUGHNESS, WHITE, metallic, roughness, 1.5)
-        wi, weight, pdf, _ = sample(model, tilted(degrees), 20_000)
-        for values in (wi, weight, pdf, *evaluate(model, tilted(degrees), wi)):
-            assert np.isfinite(values).all()
-        assert weight.max() < 20
+@pytest.mark.parametrize("name", ["plastic", "metal", "everything"])
+def test_extremes_stay_finite(name, degrees, roughness):
+    fields = {**vars(MODELS[name]), "base_color": WHITE, "roughness": roughness}
+    subject = Subject(Material(**fields))
+    wi, weight, pdf, _ = subject.sample(tilted(degrees), 20_000)
+    for values in (wi, weight, pdf, *subject.eval(tilted(degrees), wi)):
+        assert np.isfinite(values).all()
+    assert weight.max() < 25
 
 
 def test_mirror():
     wo = hemisphere(1000, 5)
-    wi, weight, pdf, scale = sample((MIRROR, COLOR, 0.0, 1.0, 1.5), wo, 1000)
+    wi, weight, pdf, scale = Subject(Material(kind="mirror", base_color=COLOR)).sample(wo, 1000)
     np.testing.assert_array_equal(wi, wo * np.float32((-1, -1, 1)))
     assert (weight == np.float32(COLOR)).all()
     assert (pdf == 0).all()
@@ -197,39 +239,35 @@ def test_mirror():
 
 
 def fresnel(cosine, eta):
-    """Unpolarised reflectance in double precision, by Snell's angle and the tangent and sine laws."""
-    a = np.arccos(cosine)
+    """Unpolarised reflectance in double precision, by Snell's angle and the tangent and sine laws; complex for metals."""
+    a = np.arccos(cosine + 0j)
     b = np.arcsin(np.sin(a) / eta)
-    return 0.5 * ((np.sin(a - b) / np.sin(a + b)) ** 2 + (np.tan(a - b) / np.tan(a + b)) ** 2)
+    return float(0.5 * (abs(np.sin(a - b) / np.sin(a + b)) ** 2 + abs(np.tan(a - b) / np.tan(a + b)) ** 2))
 
 
-def test_fresnel_is_fresnels():
-    for cosine in np.linspace(0.05, 0.995, 40):
-        for eta in (1.33, 1.5, 2.4):
-            assert fresnel_dielectric.py_func(np.float32(cosine), np.float32(eta))[0] == pytest.approx(
-                fresnel(cosine, eta), abs=1e-5
-            )
-            sine2 = 1 - cosine * cosine
-            if sine2 < 0.98 / eta**2:
-                found = fresnel_dielectric.py_func(np.float32(cosine), np.float32(1 / eta))[0]
-                assert found == pytest.approx(fresnel(cosine, 1 / eta), abs=1e-4)
-            elif sine2 > 1.02 / eta**2:
-                assert fresnel_dielectric.py_func(np.float32(cosine), np.float32(1 / eta)) == (1, 0)
-    assert fresnel_dielectric.py_func(np.float32(1), np.float32(1.5))[0] == pytest.approx(0.04, abs=1e-6)
+@pytest.mark.parametrize("degrees", [10, 45, 70, 85])
+def test_a_smooth_conductor_reflects_by_fresnels_equations(degrees):
+    wi, weight, pdf, _ = Subject(Material(kind="conductor", **GOLD)).sample(tilted(degrees), 10)
+    expected = [fresnel(np.cos(np.radians(degrees)), e + 1j * k) for e, k in zip(GOLD["eta"], GOLD["k"], strict=True)]
+    np.testing.assert_allclose(weight, many(expected, 10), rtol=1e-4)
+    np.testing.assert_allclose(wi, many(tilted(degrees) * (-1, -1, 1), 10), atol=1e-6)
+    assert (pdf == 0).all()
 
 
 @pytest.mark.parametrize("front", [True, False])
 @pytest.mark.parametrize("degrees", [0, 30, 60])
-def test_glass_reflects_as_often_as_fresnel_says_and_bends_as_snell_says(front, degrees):
+@pytest.mark.parametrize("kind", ["glass", "metallic_roughness"])
+def test_glass_reflects_as_often_as_fresnel_says_and_bends_as_snell_says(kind, front, degrees):
     ior, tint, n = 1.5, (1.0, 0.5, 0.25), 100_000
     eta = ior if front else 1 / ior
     wo = tilted(degrees)
-    wi, weight, pdf, scale = sample((GLASS, tint, 0.0, 1.0, ior), wo, n, front)
+    material = Material(kind=kind, base_color=tint, ior=ior, roughness=0.0, transmission=1.0)
+    wi, weight, pdf, scale = Subject(material, front).sample(wo, n)
     through = wi[:, 2] < 0
     sine = np.sin(np.radians(degrees))
     expected = 1.0 if sine > eta else (0.04 if degrees == 0 else fresnel(np.cos(np.radians(degrees)), eta))
     spread = np.sqrt(expected * (1 - expected) / n)
-    assert abs((~through).mean() - expected) <= limit(6) * spread + 1e-6
+    assert abs((~through).mean() - expected) <= limit(12) * spread + 1e-6
     assert (pdf == 0).all()
     assert (weight[~through] == 1).all()
     assert (scale[~through] == 1).all()
@@ -239,3 +277,21 @@ def test_glass_reflects_as_often_as_fresnel_says_and_bends_as_snell_says(front, 
         np.testing.assert_allclose(np.linalg.norm(wi[through], axis=1), 1, atol=1e-6)
         np.testing.assert_allclose(weight[through] * scale[through, None], many(tint, through.sum()), rtol=1e-6)
         np.testing.assert_allclose(scale[through], eta**2, rtol=1e-6)
+
+
+def test_a_smooth_pane_lets_light_pass_straight():
+    wo = tilted(50)
+    wi, weight, pdf, scale = Subject(Material(kind="glass", base_color=COLOR, thin=True)).sample(wo, 1000)
+    through = wi[:, 2] < 0
+    assert 0.8 < through.mean() < 1
+    np.testing.assert_allclose(wi[through], many(-wo, through.sum()), atol=1e-6)
+    np.testing.assert_allclose(weight[through], many(COLOR, through.sum()), rtol=1e-4)
+    assert (pdf == 0).all()
+    assert (scale == 1).all()
+
+
+def test_a_film_of_no_thickness_is_no_film():
+    wo, wi = hemisphere(1000, 6), hemisphere(1000, 7)
+    bare, _ = Subject(principled(metallic=1.0, anisotropy=1e-6)).eval(wo, wi)
+    film, _ = Subject(principled(metallic=1.0, iridescence=1.0, iridescence_thickness=(0.0, 0.0))).eval(wo, wi)
+    np.testing.assert_allclose(film, bare, rtol=0.02, atol=1e-3)

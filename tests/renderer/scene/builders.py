@@ -89,6 +89,40 @@ def cup():
     return g.glb()
 
 
+def full_gltf(png):
+    """A file that has something of everything; `png` makes its texture."""
+    g = Gltf()
+    texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
+    moved = {"index": texture, "texCoord": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
+    extensions = {
+        "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": {"index": texture}},
+        "KHR_materials_volume": {"thicknessFactor": 0, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0.5]},
+        "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceThicknessMaximum": 300},
+        "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1},
+    }
+    g.material(
+        pbrMetallicRoughness={"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": texture}},
+        normalTexture=moved,
+        emissiveFactor=[1, 1, 1],
+        alphaMode="BLEND",
+        extensions=extensions,
+    )
+    points = np.random.default_rng(1).random((4, 3), np.float32)
+    node = g.mesh(points, np.array([0, 1, 2, 3], np.uint16), 5, 0, TEXCOORD_0=points[:, :2].copy(), NORMAL=points, COLOR_0=points)
+    node["rotation"] = [0, 0, 0, 1]
+    g.root["cameras"] = [
+        {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1}},
+    ]
+    g.node(camera=0, matrix=np.eye(4).reshape(-1).tolist())
+    spot = {"type": "spot", "intensity": 3, "spot": {"innerConeAngle": 0.2}}
+    g.root["extensions"] = {"KHR_lights_punctual": {"lights": [spot]}}
+    g.node(camera=1, extensions={"KHR_lights_punctual": {"light": 0}})
+    copies = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": g.array(points)}}}
+    g.node(mesh=0, extensions=copies)
+    return g
+
+
 def rotation_y(degrees):
     """A 4x4 rotation about +Y."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))

@@ -13,7 +13,7 @@ from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.load import read
-from tests.renderer.scene.builders import Gltf
+from tests.renderer.scene.builders import Gltf, full_gltf
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n"
 SCENE_YAML = """
@@ -21,39 +21,6 @@ materials: {m: {kind: glass, ior: 1.4}, l: {emission: 4}}
 cameras: [{name: c, eye: [0, 0, 5], target: [0, 0, 0]}]
 shapes: [{type: quad, material: l, transform: [{scale: 2}]}, {type: sphere, material: m}]
 """
-
-
-def full_gltf(png):
-    g = Gltf()
-    texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
-    moved = {"index": texture, "texCoord": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
-    extensions = {
-        "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": {"index": texture}},
-        "KHR_materials_volume": {"thicknessFactor": 0, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0.5]},
-        "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceThicknessMaximum": 300},
-        "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1},
-    }
-    g.material(
-        pbrMetallicRoughness={"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": texture}},
-        normalTexture=moved,
-        emissiveFactor=[1, 1, 1],
-        alphaMode="BLEND",
-        extensions=extensions,
-    )
-    points = np.random.default_rng(1).random((4, 3), np.float32)
-    node = g.mesh(points, np.array([0, 1, 2, 3], np.uint16), 5, 0, TEXCOORD_0=points[:, :2].copy(), NORMAL=points, COLOR_0=points)
-    node["rotation"] = [0, 0, 0, 1]
-    g.root["cameras"] = [
-        {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}},
-        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1}},
-    ]
-    g.node(camera=0, matrix=np.eye(4).reshape(-1).tolist())
-    spot = {"type": "spot", "intensity": 3, "spot": {"innerConeAngle": 0.2}}
-    g.root["extensions"] = {"KHR_lights_punctual": {"lights": [spot]}}
-    g.node(camera=1, extensions={"KHR_lights_punctual": {"light": 0}})
-    copies = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": g.array(points)}}}
-    g.node(mesh=0, extensions=copies)
-    return g
 
 
 def edit(path, value):

@@ -70,22 +70,6 @@ Ks 0.9 0.8 0.7
     assert (chrome.kind, chrome.base_color) == ("mirror", (0.9, 0.8, 0.7))
 
 
-@pytest.mark.parametrize(
-    ("statement", "name", "scaled"),
-    [
-        ("1 wood.png", "1 wood.png", False),
-        ("-bm 1 1 wood.png", "1 wood.png", False),
-        ("-s 1 1 1 -o 0 0.5 wood.png", "wood.png", True),
-        ("-clamp on\t-s 1 1 1  1 wood.png", "1 wood.png", False),
-    ],
-)
-def test_options_before_a_textures_name(scene, png, statement, name, scaled):
-    mtl = f"newmtl m\nmap_Kd {statement}\n"
-    description = scene("a.obj", f"mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n", {"a.mtl": mtl, name: png(1, 2, 3)})
-    assert description.images[0].name == name
-    assert any("scale" in w for w in description.warnings) == scaled
-
-
 def test_a_texture_that_is_missing_is_named(scene):
     mtl = "newmtl m\nKd 0.2 0.3 0.4\nmap_Kd textures/bark.jpg\n"
     description = scene("a.obj", f"mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n", {"a.mtl": mtl})

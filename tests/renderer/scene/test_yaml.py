@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.scene.description import Sky
 from renderer.scene.geometry import flatten
 from renderer.scene.readers.metals import METALS
 from tests.renderer.scene.builders import cup
@@ -116,6 +117,14 @@ shapes: [{type: quad}]
     assert (leaf.transmission, leaf.dispersion) == (0.1, 0.3)
     raw = description.images[description.textures[found["rough"].metallic_roughness_texture].image]
     assert (raw.srgb, raw.pixels[0, -1, 0]) == (False, 128)  # as data, 0.5 is 0.5
+
+
+def test_a_sky(scene):
+    text = "environment: {color: [1, 2, 3], rotation: 30, sky: {sun_elevation: 10, sun: false, dust: 3, ground_albedo: 0.5}}\n"
+    environment = scene("s.yaml", text + QUAD).environment
+    assert environment.sky == Sky(sun_elevation=10, sun=False, dust=3, ground_albedo=(0.5, 0.5, 0.5))
+    assert (environment.color, environment.rotation) == ((1, 2, 3), 30)
+    assert scene("s.yaml", "environment: {sky: {}}\n" + QUAD).environment.sky == Sky()
 
 
 def test_lights_and_cameras(scene):
@@ -255,6 +264,8 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
             "shapes:\n  - type: quad\n    transform: [{rotate: {axis: [0, 0, 0], degrees: 3}}]",
             "line 3: shapes[0].transform[0].rotate",
         ),
+        ("environment: {image: sky.exr, sky: {}}\n" + QUAD, "line 1: environment: has one of image and sky"),
+        ("environment:\n  sky: {sun_size: 0}\n" + QUAD, "line 2: environment.sky.sun_size: 0 is less than"),
         ("environment: {image: sky.exr}\n" + QUAD, "line 1: environment.image: sky.exr is not among"),
         ("textures: {t: {wrap: clamp}}\n" + QUAD, "one of image and checker"),
         ("textures: {t: {image: a.png, wrap: [clamp]}}\n" + QUAD, "textures.t.wrap"),

@@ -1,9 +1,9 @@
 /** Two pictures beside each other at a wipe: two jobs, a job and its denoised copy, or planes of either. */
 
 import { getJob } from "../api.js";
-import { CHANNELS, DENOISED_CHANNEL } from "../channels.js";
+import { differenceTable, progressOf, sideChoice } from "../compare-panel.js";
 import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../display-panel.js";
-import { fill, h, keyedList, setText } from "../dom.js";
+import { fill, h } from "../dom.js";
 import { adoptJob, jobs } from "../farm.js";
 import { emptyState } from "../hints.js";
 import { icon } from "../icons.js";
@@ -11,10 +11,8 @@ import { differences, sideNames } from "../job-differences.js";
 import { LiveFilm } from "../live-film.js";
 import { pictureStage } from "../picture-stage.js";
 import { stageKeys } from "../render-keys.js";
-import { INTEGRATORS, labelOf } from "../render-choices.js";
 import { here, linkTo, setParams, setTitle } from "../router.js";
 import { addShortcuts } from "../shortcuts.js";
-import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer, Store } from "../store.js";
 
 /** @typedef {import("../types.js").Job} Job */
@@ -42,7 +40,11 @@ export function compareView(a, b) {
   const instead = (/** @type {string} */ title, /** @type {string} */ sentence) =>
     fill(
       element,
-      h("div", { class: "page" }, emptyState("compare", title, h("p", null, sentence), h("a", { href: linkTo("jobs") }, "To the jobs"))),
+      h(
+        "div",
+        { class: "page" },
+        emptyState("compare", title, h("p", null, sentence), h("a", { href: linkTo("jobs") }, "To the jobs")),
+      ),
     );
   const { params } = here();
   /** @type {Store<Comparison>} */
@@ -145,7 +147,10 @@ function open(page, a, b, state) {
     wiped: (wipe) => state.update((now) => ({ ...now, wipe })),
     changed: () => {
       const errors = [0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value.error);
-      fill(problems, errors.filter(Boolean).map((error) => h("p", { class: "notice error" }, icon("warning"), messageOf(error))));
+      fill(
+        problems,
+        errors.filter(Boolean).map((error) => h("p", { class: "notice error" }, icon("warning"), messageOf(error))),
+      );
     },
   });
   stage.element.append(problems);
@@ -192,9 +197,18 @@ function open(page, a, b, state) {
     h(
       "aside",
       { class: "side", "aria-label": "Comparison" },
-      h("section", { class: "side-section stack", "aria-label": "Progress" }, progress.map(({ element }) => element)),
+      h(
+        "section",
+        { class: "side-section stack", "aria-label": "Progress" },
+        progress.map(({ element }) => element),
+      ),
       h("section", { class: "side-section", "aria-label": "Display" }, lookFields(state, normalise)),
-      h("section", { class: "side-section stack tight", "aria-label": "Differences" }, h("h2", null, "Differences"), table),
+      h(
+        "section",
+        { class: "side-section stack tight", "aria-label": "Differences" },
+        h("h2", null, "Differences"),
+        table,
+      ),
     ),
   );
   let shownRows = "";
@@ -209,82 +223,13 @@ function open(page, a, b, state) {
       const key = JSON.stringify(rows);
       if (key === shownRows) return;
       shownRows = key;
-      fill(table, rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, "None: both have the same settings."));
+      fill(
+        table,
+        rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, "None: both have the same settings."),
+      );
       arrange(); // the sides are called by their differences
     },
   };
-}
-
-/**
- * What one side shows: a job, and a channel of it.
- *
- * @param {"A" | "B"} letter
- * @param {Store<Comparison>} state
- * @param {"a" | "b"} job
- * @param {"left" | "right"} channel
- * @param {Disposer} life
- */
-function sideChoice(letter, state, job, channel, life) {
-  const pictures = h("select", {
-    "aria-label": `Picture ${letter}`,
-    onchange: () => state.update((now) => ({ ...now, [job]: pictures.value })),
-  });
-  const showPicture = keyedList(pictures, ({ id }) => id, pictureOption);
-  const channels = h(
-    "select",
-    { "aria-label": `Channel of ${letter}`, onchange: () => state.update((now) => ({ ...now, [channel]: channels.value })) },
-    [...CHANNELS.slice(0, 1), DENOISED_CHANNEL, ...CHANNELS.slice(1)].map(({ name, label }) => h("option", { value: name }, label)),
-  );
-  const show = () => {
-    const now = state.value;
-    showPicture((jobs.value ?? []).filter(({ width, samples, id }) => (width && samples > 0) || id === now[job]));
-    pictures.value = now[job];
-    channels.value = now[channel];
-  };
-  life.add(state.subscribe(show));
-  life.add(jobs.subscribe(show));
-  return h("div", { class: "side-choice" }, h("span", { class: "letter", "aria-hidden": "true" }, letter), pictures, channels);
-}
-
-/** @returns {import("../dom.js").Row<Job>} */
-function pictureOption(/** @type {Job} */ { id }) {
-  const element = h("option", { value: id });
-  return {
-    element,
-    update({ name, settings, spp, width, height }) {
-      const facts = [name, labelOf(INTEGRATORS, settings?.integrator), spp && `${spp} spp`, `${width}×${height}`];
-      setText(element, facts.filter(Boolean).join(" · "));
-    },
-  };
-}
-
-/** @param {string} letter @param {Job} job */
-function progressOf(letter, job) {
-  const chip = stateChip(job.state);
-  const bar = progressBar(`Progress of ${letter}`);
-  return {
-    element: h("div", { class: "stack tight" }, h("div", { class: "row" }, h("strong", null, letter), chip.element), bar.element),
-    /** @param {Job} next */
-    update(next) {
-      chip.update(next.state);
-      bar.update(next.progress, next.state);
-    },
-  };
-}
-
-/** @param {{label: string, a: string, b: string}[]} rows */
-function differenceTable(rows) {
-  const head = ["", "A", "B"].map((text) => h("th", { scope: "col" }, text));
-  return h(
-    "table",
-    null,
-    h("thead", null, h("tr", null, head)),
-    h(
-      "tbody",
-      null,
-      rows.map(({ label, a, b }) => h("tr", null, h("th", { scope: "row" }, label), h("td", null, a), h("td", null, b))),
-    ),
-  );
 }
 
 /** @param {unknown} error */

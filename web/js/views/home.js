@@ -45,7 +45,9 @@ export function homeView() {
 
   const refresh = () => {
     const seenScenes = (scenes.value ?? []).filter(({ id }) => !hidden.value.has(id));
-    const seenJobs = (jobs.value ?? []).filter((job) => !hidden.value.has(job.id) && !isPassing(job)).slice(0, RECENT_JOBS);
+    const seenJobs = (jobs.value ?? [])
+      .filter((job) => !hidden.value.has(job.id) && !isPassing(job))
+      .slice(0, RECENT_JOBS);
     showScenes(seenScenes);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
@@ -58,7 +60,10 @@ export function homeView() {
 
   Promise.all([getExamples(), getComparisons()]).then(
     ([examples, comparisons]) => {
-      fill(exampleGrid, examples.map((example) => exampleCard(example, comparisons[example.name] ?? [])));
+      fill(
+        exampleGrid,
+        examples.map((example) => exampleCard(example, comparisons[example.name] ?? [])),
+      );
       exampleSection.hidden = examples.length === 0;
     },
     () => {}, // a service without examples: the section stays away

@@ -126,14 +126,7 @@ function open(page, job, life) {
     h("div", { class: "job-line" }, line.element),
     picture.element,
     picture.statusBar,
-    h(
-      "aside",
-      { class: "side", "aria-label": "Picture" },
-      progress.element,
-      look.element,
-      save.element,
-      details(job),
-    ),
+    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, look.element, save.element, details(job)),
   );
 
   return (next) => {
@@ -163,6 +156,12 @@ function details(job) {
     "section",
     { class: "side-section", "aria-label": "Details" },
     h("h2", null, "Details"),
+    h(
+      "a",
+      { class: "button again", href: `${linkTo("scenes", job.scene)}?like=${job.id}` },
+      icon("refresh"),
+      "Render with other settings",
+    ),
     h(
       "dl",
       { class: "facts number" },

@@ -7,7 +7,7 @@ import { bytes, count } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { isPassing } from "../preview.js";
-import { go, linkTo, setTitle } from "../router.js";
+import { go, here, linkTo, setTitle } from "../router.js";
 import { settingsForm } from "../settings-form.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
@@ -153,13 +153,15 @@ function ready(page, scene, life) {
     (job) => jobRow(job, life),
   );
   const listJobs = () => {
-    const own = (jobs.value ?? []).filter((job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job));
+    const own = (jobs.value ?? []).filter(
+      (job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job),
+    );
     showJobs(own);
     pictures.hidden = own.length === 0;
     const finished = own.find(({ state }) => state === "finished");
     picture.update(scene, finished && imageUrl(finished.id, "jpg", { width: 800, v: finished.samples }));
   };
-  const form = settingsForm(scene, async (request) => {
+  const submit = async (/** @type {import("../types.js").JobRequest} */ request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
@@ -168,7 +170,9 @@ function ready(page, scene, life) {
     } catch (error) {
       showError("The picture was not started", error);
     }
-  });
+  };
+  const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
+  const form = settingsForm(scene, submit, like);
   const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
@@ -210,11 +214,17 @@ function turnable(picture, form, life) {
   };
   const start = () => {
     const { width = 1, height = 1 } = form.request();
-    turner = viewTurner(form, width / height, () => (stop(), button.focus()));
+    const seen = picture.querySelector("img")?.src ?? "";
+    turner = viewTurner(form, width / height, seen, () => (stop(), button.focus()));
     fill(box, turner.element);
     /** @type {HTMLElement | null} */ (turner.element.querySelector(".turner"))?.focus({ preventScroll: true });
   };
-  const button = h("button", { class: "button turn-button", type: "button", onclick: start }, icon("turn"), "Turn the view");
+  const button = h(
+    "button",
+    { class: "button turn-button", type: "button", onclick: start },
+    icon("turn"),
+    "Turn the view",
+  );
   const box = h("div", { class: "view-box" }, picture, button);
   form.element.addEventListener("change", () => turner?.refresh());
   life.add(stop);

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, Vec3
+from renderer.scene.description import Environment, Light, Sky, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.lines import Path, Yaml
-from renderer.scene.readers.yaml.values import radiance, vec3
+from renderer.scene.readers.yaml.values import color, radiance, vec3
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_environment", "read_light"]
@@ -61,12 +61,21 @@ def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Pat
 
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
     """What is under `environment`."""
+    if "image" in source and "sky" in source:
+        raise document.error(("environment",), "has one of image and sky")
     image = None
     if "image" in source:
         name = files.find(source["image"], document.file)
         if name is None:
             raise document.error(("environment", "image"), f"{source['image'][:120]} is not among the files; add it")
         image = shelf.image_file(name)
+    fields = dict(source["sky"]) if "sky" in source else None
+    if fields and "ground_albedo" in fields:
+        fields["ground_albedo"] = color(fields["ground_albedo"])
     return Environment(
-        radiance(source.get("color", 1.0)), image, float(source.get("strength", 1)), float(source.get("rotation", 0))
+        color=radiance(source.get("color", 1.0)),
+        image=image,
+        strength=float(source.get("strength", 1)),
+        rotation=float(source.get("rotation", 0)),
+        sky=None if fields is None else Sky(**fields),
     )

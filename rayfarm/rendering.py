@@ -1,0 +1,107 @@
+"""Rendering in this process: a scene read and compiled, its frame or a part of it, and what each step took."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rayfarm.console import Ticker, bar
+from rayfarm.errors import CommandError
+from rayfarm.options import Env
+from rayfarm.scene_files import opened
+from renderer.settings import RenderSettings, Tile
+
+if TYPE_CHECKING:
+    from renderer.film import Sums
+    from renderer.render import RenderStats
+    from renderer.scene.compiled import CompiledScene
+
+__all__ = ["Clock", "load_scene", "part_of_frame", "whole_frame"]
+
+
+class Clock:
+    """Seconds of each step, from one mark to the next: wall time, and processor time of all threads."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.cpu_seconds: dict[str, float] = {}
+        self._last = time.perf_counter(), time.process_time()
+
+    def mark(self, step: str) -> None:
+        """A step ends here."""
+        now = time.perf_counter(), time.process_time()
+        self.seconds[step], self.cpu_seconds[step] = now[0] - self._last[0], now[1] - self._last[1]
+        self._last = now
+
+
+def load_scene(scene: Path, environment: Env, clock: Clock, brute: bool = False) -> tuple[CompiledScene, dict[str, Any]]:
+    """The compiled scene and its summary; brute: without a BVH.
+
+    Read first: a wrong file is told before half a minute of compiling.
+    """
+    from renderer.render import warm_up
+    from renderer.scene.compile import compile_scene, summarise
+    from renderer.scene.load import read
+
+    with bar() as progress:
+        step = progress.add_task("reading", total=None)
+        with opened(scene, environment.image) as (folder, main, inside):
+            if environment.sky is not None:
+                inside = "sky:{:g},{:g}".format(*environment.sky)
+            description = read(folder, main, inside)
+        clock.mark("load_s")
+        progress.update(step, description="loading the kernels (the first time compiles them: half a minute)")
+        warm_up()
+        clock.mark("compile_s")
+        progress.update(step, description="building")
+        compiled = compile_scene(description, brute=brute)
+        summary = summarise(description, compiled)
+        clock.mark("build_s")
+    return compiled, summary
+
+
+def whole_frame(
+    compiled: CompiledScene,
+    settings: RenderSettings,
+    spp: int,
+    threads: int | None,
+    noise: float | None,
+    time_limit: float | None,
+    done: RenderStats,
+) -> Sums:
+    """The whole frame's sums, with a progress bar."""
+    from renderer.film import noise as noise_of
+    from renderer.render import render_frame
+
+    ticker = Ticker()
+    with bar() as progress:
+        task = progress.add_task("rendering", total=None)
+
+        def show(part: int, whole: int) -> None:
+            progress.update(task, completed=part, total=whole)
+            ticker.tick(f"rendering: {100 * part / max(whole, 1):.0f} %")
+
+        def quiet_enough(sums: Sums) -> bool:
+            return noise is not None and noise_of(sums, settings.film_exponent) <= noise
+
+        return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
+
+
+def part_of_frame(
+    compiled: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, done: RenderStats
+) -> Sums:
+    """A frame's sums with one batch in it: what a worker of a farm renders."""
+    import numpy as np
+
+    from renderer.film import CHANNELS
+    from renderer.render import render_batch
+
+    x, y, w, h = tile
+    if min(x, y) < 0 or min(w, h) < 1 or x + w > settings.width or y + h > settings.height:
+        raise CommandError(f"--tile reaches out of the picture of {settings.width}x{settings.height} pixels")
+    batch = render_batch(compiled, settings, tile, first, count)
+    sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
+    sums[:, y : y + h, x : x + w] = batch.sums
+    done.samples, done.bad, done.bad_count = w * h * count, batch.bad, batch.bad_count
+    return sums

@@ -1,0 +1,84 @@
+"""Metals by their measured index of refraction eta + i k, smooth or rough."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_scattering
+from renderer.kernel.bsdf.fresnel import fresnel_conductor
+from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
+from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+
+__all__ = ["eval_and_pdf_conductor", "fresnel_rgb", "sample_conductor", "sample_smooth_conductor"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+_INV_PI = np.float32(1.0 / math.pi)
+_LEAST_LOSS = np.float32(1e-3)
+
+
+@device
+def fresnel_rgb(cosine, eta, k):
+    """Reflectance of the three channels."""
+    return (
+        fresnel_conductor(cosine, eta[0], k[0]),
+        fresnel_conductor(cosine, eta[1], k[1]),
+        fresnel_conductor(cosine, eta[2], k[2]),
+    )
+
+
+@device
+def _choice(wo, roughness):
+    """The chance of the microfacets: the rest is light that they scatter more than once."""
+    a, b = ggx_albedo(wo[2], roughness)
+    return a + b
+
+
+@device
+def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
+    """(f |cos|, pdf). mean_fresnel: over the hemisphere, cosine-weighted; roughness: the isotropic twin's, for the energy."""
+    if wi[2] <= _ZERO or wo[2] <= _ZERO:
+        return (_ZERO, _ZERO, _ZERO), _ZERO
+    h = vec.normalize(vec.add(wo, wi))
+    lambda_o = smith_lambda(wo, alpha_x, alpha_y)
+    lambda_i = smith_lambda(wi, alpha_x, alpha_y)
+    density = ggx_density(h, alpha_x, alpha_y) / (_FOUR * wo[2])
+    f = vec.scale(fresnel_rgb(vec.dot(wo, h), eta, k), density / (_ONE + lambda_o + lambda_i))
+    a, b = ggx_mean_albedo(roughness)
+    mean = a + b
+    choice = _choice(wo, roughness)
+    a, b = ggx_albedo(wi[2], roughness)
+    lost = max(_ONE - choice, _ZERO) * max(_ONE - a - b, _ZERO) / max(_ONE - mean, _LEAST_LOSS) * wi[2] * _INV_PI
+    again = (
+        lost * multiple_scattering(mean_fresnel[0], mean),
+        lost * multiple_scattering(mean_fresnel[1], mean),
+        lost * multiple_scattering(mean_fresnel[2], mean),
+    )
+    pdf = choice * density / (_ONE + lambda_o) + (_ONE - choice) * square_to_cosine_hemisphere_pdf(wi)
+    return vec.add(f, again), pdf
+
+
+@device
+def sample_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
+    """(wi, weight, pdf)."""
+    if choose < _choice(wo, roughness):
+        h = sample_visible_normal(wo, alpha_x, alpha_y, u)
+        wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
+    else:
+        wi = square_to_cosine_hemisphere(u)
+    f, pdf = eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
+    if pdf <= _ZERO:
+        return wi, (_ZERO, _ZERO, _ZERO), _ZERO
+    return wi, vec.scale(f, _ONE / pdf), pdf
+
+
+@device
+def sample_smooth_conductor(eta, k, wo):
+    """(wi, weight) of the mirror that an even metal is."""
+    return (-wo[0], -wo[1], wo[2]), fresnel_rgb(wo[2], eta, k)

@@ -1,0 +1,110 @@
+"""Reflectance of a thin film on a surface, by interference: KHR_materials_iridescence.
+
+Belcour & Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence" (SIGGRAPH 2017): Airy
+summation of the film's reflections, integrated over the eye's sensitivities in Fourier space. The base under the film is
+known by its F0, as the extension has it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device, subroutine
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric, schlick_weight
+from renderer.kernel.polynomial import exp, sincos_turns
+
+__all__ = ["film_reflectance"]
+
+_ZERO = np.float32(0.0)
+_QUARTER = np.float32(0.25)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_METRES = np.float32(1e-9)
+_MOST_F0 = np.float32(0.9999)
+_FADE = np.float32(1.0 / 30.0)  # thinner films (nanometres) fade into none
+# Gaussian fits of the CIE sensitivities in Fourier space: value, position, variance; X has a second lobe (its supplement).
+_VALUE = tuple(np.float32(v / 1.0685e-7) for v in (5.4856e-13, 4.4201e-13, 5.2481e-13, 9.7470e-14))
+_POSITION = tuple(np.float32(p / (2 * math.pi)) for p in (1.6810e6, 1.7953e6, 2.2084e6, 2.2399e6))
+_VARIANCE = tuple(np.float32(v) for v in (4.3278e9, 9.3046e9, 6.6121e9, 4.5282e9))
+_SPREAD = tuple(np.float32(math.sqrt(2 * math.pi * v)) for v in (4.3278e9, 9.3046e9, 6.6121e9, 4.5282e9))
+_TWO_PI = np.float32(2 * math.pi)
+
+
+@device
+def _gauss(k, path, turns):
+    _, cosine = sincos_turns(_POSITION[k] * path + turns)
+    return _VALUE[k] * _SPREAD[k] * cosine * exp(-_VARIANCE[k] * path * path)
+
+
+@device
+def _sensitivity(path, turns):
+    """Linear Rec.709 response to a wave whose path is `path` metres times 2 pi longer, its phase shifted by so many turns.
+
+    turns: one for each channel, as the base's phase jump is each channel's own.
+    """
+    x = _gauss(0, path, turns[0]) + _gauss(3, path, turns[0])
+    y = _gauss(1, path, turns[1])
+    z = _gauss(2, path, turns[2])
+    return (
+        np.float32(3.2404542) * x - np.float32(1.5371385) * y - np.float32(0.4985314) * z,
+        np.float32(-0.9692660) * x + np.float32(1.8760108) * y + np.float32(0.0415560) * z,
+        np.float32(0.0556434) * x - np.float32(0.2040259) * y + np.float32(1.0572252) * z,
+    )
+
+
+@device
+def _index(f0, outside):
+    """The index of refraction whose boundary with `outside` reflects f0."""
+    root = math.sqrt(min(f0, _MOST_F0))
+    return outside * (_ONE + root) / (_ONE - root)
+
+
+@device
+def _film_to_base(f0, film, cosine):
+    """(reflectance at the film's lower side, phase jump in turns) of one channel."""
+    index = _index(f0, _ONE)
+    ratio = (index - film) / (index + film)
+    r0 = ratio * ratio
+    return r0 + (_ONE - r0) * schlick_weight(cosine), _HALF if index < film else _ZERO
+
+
+@device
+def _airy(r12, r23, t121, first, second):
+    """Of one channel: the mean, and the weights of the first two orders of interference."""
+    r123 = r12 * r23
+    root = math.sqrt(max(r123, _ZERO))
+    stay = t121 * t121 * r23 / (_ONE - r123)
+    c0 = r12 + stay
+    c1 = (stay - t121) * root
+    c2 = c1 * root
+    return min(max(c0 + _TWO * (c1 * first + c2 * second), _ZERO), _ONE)
+
+
+@subroutine
+def film_reflectance(f0, film_ior, thickness, cosine):
+    """Reflectance of three channels, 0 ... 1; thickness in nanometres, f0 of the bare base."""
+    # A film that fades away takes the air's index, and so leaves the bare surface.
+    fade = min(max(thickness * _FADE, _ZERO), _ONE)
+    fade = fade * fade * (np.float32(3.0) - _TWO * fade)
+    film = _ONE + (film_ior - _ONE) * fade
+    r12, inside = fresnel_dielectric(cosine, film)
+    if r12 >= _ONE:
+        return _ONE, _ONE, _ONE
+    t121 = _ONE - r12
+    path = _TWO * film * thickness * _METRES * inside * _TWO_PI
+    outer = _HALF if film < _ONE else _ZERO
+    jump = _HALF - outer
+    r0, p0 = _film_to_base(f0[0], film, inside)
+    r1, p1 = _film_to_base(f0[1], film, inside)
+    r2, p2 = _film_to_base(f0[2], film, inside)
+    turns = (jump + p0, jump + p1, jump + p2)
+    first = _sensitivity(path, turns)
+    second = _sensitivity(_TWO * path, (_TWO * turns[0], _TWO * turns[1], _TWO * turns[2]))
+    return (
+        _airy(r12, r0, t121, first[0], second[0]),
+        _airy(r12, r1, t121, first[1], second[1]),
+        _airy(r12, r2, t121, first[2], second[2]),
+    )

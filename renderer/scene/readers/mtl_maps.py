@@ -1,0 +1,130 @@
+"""The textures of MTL materials: map statements with their options, and maps that share an image with another here."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Image, UvTransform, Wrap
+from renderer.scene.textures import UNMOVED, TextureShelf
+
+__all__ = ["Map", "holds_normals", "parse_map", "with_opacity", "with_roughness_and_metal"]
+
+# How many words follow each option of a map statement; the file's name, spaces and all, is the rest of the line.
+_OPTIONS = {
+    "-blendu": 1,
+    "-blendv": 1,
+    "-boost": 1,
+    "-cc": 1,
+    "-clamp": 1,
+    "-imfchan": 1,
+    "-mm": 2,
+    "-bm": 1,
+    "-texres": 1,
+    "-type": 1,
+}
+
+
+class Map(NamedTuple):
+    """What a map statement says."""
+
+    file: str
+    wrap: Wrap = "repeat"
+    transform: UvTransform = UNMOVED  # of UVs from the image's upper left corner
+    strength: float = 1.0  # -bm
+
+    def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
+        """The texture of the map; None, with a warning, where it is missing."""
+        return shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
+
+
+def parse_map(value: str) -> Map | None:
+    """A map statement without its keyword; None where it names no file."""
+    words = value.split()
+    scale, offset = [1.0, 1.0], [0.0, 0.0]
+    wrap: Wrap = "repeat"
+    strength = 1.0
+    at = 0
+    while at < len(words) and words[at].lower() in (*_OPTIONS, "-o", "-s", "-t"):
+        option = words[at].lower()
+        at += 1
+        if option in _OPTIONS:
+            following = words[at : at + _OPTIONS[option]]
+            at += _OPTIONS[option]
+            if option == "-clamp" and following == ["on"]:
+                wrap = "clamp"
+            elif option == "-bm" and following and _is_number(following[0]):
+                strength = float(following[0])
+            continue
+        last, axis = at + 3, 0  # one to three numbers
+        while at < min(last, len(words)) and _is_number(words[at]):
+            if axis < 2 and option != "-t":
+                (scale if option == "-s" else offset)[axis] = float(words[at])
+            at, axis = at + 1, axis + 1
+    if at >= len(words):
+        return None
+    # They hold for v counted upwards: v' = s v + o is 1 - v' = s (1 - v) + (1 - s - o).
+    transform = (scale[0], 0.0, offset[0], 0.0, scale[1], 1.0 - scale[1] - offset[1])
+    return Map(value.split(None, at)[at].strip(), wrap, transform, strength)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
+
+
+def holds_normals(image: Image) -> bool:
+    """Whether an image looks like a normal map: bluish, and its red and green even out. Heights are grey."""
+    mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0) / (255.0 if image.pixels.dtype == np.uint8 else 1.0)
+    return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
+
+
+def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | None:
+    """A texture with one's colour, white where None, and the opacity that another shows: its alpha where it has some."""
+
+    def make(image: Image, mask: Image) -> Image:
+        pixels = _rgba8(image).copy()
+        alpha = _rgba8(mask)
+        grey = alpha[..., 3] if (alpha[..., 3] < 255).any() else alpha[..., :3].max(axis=2)
+        pixels[..., 3] = _resized(grey, pixels.shape)
+        if color is None:
+            pixels[..., :3] = 255
+        return Image(f"{image.name} with opacity", pixels, image.srgb)
+
+    return shelf.combined(opacity if color is None else color, opacity, "colour and opacity", make)
+
+
+def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: int | None) -> int | None:
+    """glTF's texture (G roughness, B metal) of two grey ones; 1 where there is none."""
+    if roughness is None and metal is None:
+        return None
+
+    def make(first: Image, second: Image) -> Image:
+        base = _rgba8(first)
+        pixels = np.full_like(base, 255)
+        if roughness is not None:
+            pixels[..., 1] = base[..., 0]
+        if metal is not None:
+            pixels[..., 2] = _resized(_rgba8(second)[..., 0], pixels.shape)
+        return Image(f"{first.name} as roughness and metal", pixels, srgb=False)
+
+    one, other = (metal if roughness is None else roughness), (roughness if metal is None else metal)
+    return shelf.combined(one, other, f"roughness {roughness is not None} metal {metal is not None}", make)
+
+
+def _rgba8(image: Image) -> npt.NDArray[np.uint8]:
+    if image.pixels.dtype == np.uint8:
+        return image.pixels
+    values = np.clip(image.pixels[..., :3], 0, 1)
+    opaque = np.ones((*values.shape[:2], 1), np.float32)
+    return np.rint(np.concatenate([values, opaque], axis=2) * 255).astype(np.uint8)
+
+
+def _resized(channel: npt.NDArray[np.uint8], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+    rows = np.arange(shape[0]) * channel.shape[0] // shape[0]
+    columns = np.arange(shape[1]) * channel.shape[1] // shape[1]
+    return channel[rows[:, None], columns]

@@ -1,0 +1,95 @@
+"""A material under test: described as in a scene, compiled, and evaluated or sampled for many directions by one kernel each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import entry
+from renderer.kernel.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
+from renderer.kernel.surface import Surface
+from renderer.scene.description import Material
+from tests.renderer.builders import scene, square
+
+
+@entry
+def _sample(compiled, surface, layers, wo, u, wi, weight, pdf):
+    frame = ((np.float32(1), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), surface.shading)
+    material = fetch_material(compiled, surface, frame, layers)
+    for i in range(len(u)):
+        w = (wo[i, 0], wo[i, 1], wo[i, 2])
+        d, f, p, scale = sample_material(material, w, u[i, 0], (u[i, 1], u[i, 2]))
+        for k in range(3):
+            wi[i, k] = d[k]
+            weight[i, k] = f[k]
+        pdf[i, 0] = p
+        pdf[i, 1] = scale
+
+
+@entry
+def _eval(compiled, surface, layers, wo, wi, f, pdf):
+    frame = ((np.float32(1), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), surface.shading)
+    material = fetch_material(compiled, surface, frame, layers)
+    for i in range(len(wi)):
+        value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
+        for k in range(3):
+            f[i, k] = value[k]
+
+
+def many(vector, n):
+    """(n, 3) float32 of one vector (3,), or of n of them."""
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(vector, np.float32), (n, 3)))
+
+
+class Subject:
+    """A material seen from its front or back, in the local frame (z up, on the viewer's side)."""
+
+    def __init__(self, material: Material, front: bool = True):
+        self.material = material
+        self.compiled = scene([material], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),), environment=1.0)
+        zero, one = np.float32(0), np.float32(1)
+        up, nothing = (zero, zero, one), (zero, zero, zero)
+        white = (one, one, one, one)
+        self._surface = Surface(
+            point=nothing,
+            error=zero,
+            geometric=up,
+            shading=up,
+            uv=(zero, zero),
+            front=front,
+            material=0,
+            light=-1,
+            object=0,
+            uv1=(zero, zero),
+            color=white,
+            tangent=(one, zero, zero, one),
+            shadow_point=nothing,
+        )
+        self._layers = np.zeros(LAYER_SLOTS, np.float32)
+
+    def sample(self, wo, n=200_000, seed=0):
+        """(wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
+        u = np.random.default_rng(seed).random((n, 3), np.float32)
+        wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
+        _sample(self.compiled, self._surface, self._layers, many(wo, n), u, wi, weight, pdf)
+        return wi, weight, pdf[:, 0], pdf[:, 1]
+
+    def eval(self, wo, wi):
+        """(f |cos|, pdf)."""
+        n = len(wi)
+        f, pdf = np.empty((n, 3), np.float32), np.empty(n, np.float32)
+        _eval(self.compiled, self._surface, self._layers, many(wo, n), np.ascontiguousarray(wi, np.float32), f, pdf)
+        return f, pdf
+
+
+def tilted(degrees, turn=0.7):
+    """A unit vector, so far from z."""
+    a = np.radians(degrees)
+    return np.array((np.sin(a) * np.cos(turn), np.sin(a) * np.sin(turn), np.cos(a)))
+
+
+def hemisphere(n, seed):
+    """(n, 3) directions that are at least 0.02 above the horizon, uniform there."""
+    z, turn = np.random.default_rng(seed).random((2, n))
+    z = 0.02 + 0.98 * z
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(2 * np.pi * turn), r * np.sin(2 * np.pi * turn), z], 1).astype(np.float32)

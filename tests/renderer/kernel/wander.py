@@ -1,0 +1,68 @@
+"""Rays sent from surface to surface: to see whether any leaves a closed room, or meets the surface that it starts from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
+from renderer.jit import entry
+from renderer.kernel import vec
+from renderer.kernel.surface import departure, surface_at
+from renderer.kernel.warp import square_to_cosine_hemisphere
+from renderer.scene.arrays import CompiledScene
+
+_FAR = np.float32(np.inf)
+
+
+@entry
+def _wander(scene, stack, o, d, u, bounces):
+    for i in range(len(o)):
+        origin = (o[i, 0], o[i, 1], o[i, 2])
+        direction = (d[i, 0], d[i, 1], d[i, 2])
+        bounces[i] = 0
+        for b in range(u.shape[1]):
+            hit = closest_hit(scene.bvh, stack, origin, direction, _FAR)
+            if hit.primitive == NO_PRIMITIVE:
+                break
+            bounces[i] += 1
+            surface = surface_at(scene, origin, direction, hit)
+            s, t = vec.basis(surface.geometric)
+            local = square_to_cosine_hemisphere((u[i, b, 0], u[i, b, 1]))
+            direction = vec.to_world(s, t, surface.geometric, local)
+            origin = departure(surface, True, direction)
+
+
+def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: int = 0) -> np.ndarray:
+    """How often each of `count` paths from o (3,) bounced before it met nothing; `bounces` where it never did."""
+    rng = np.random.default_rng(seed)
+    d = rng.standard_normal((count, 3))
+    d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+    done = np.zeros(count, np.int64)
+    origin = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (count, 3)))
+    _wander(scene, new_stack(), origin, d, rng.random((count, bounces, 2), np.float32), done)
+    return done
+
+
+@entry
+def _touch(scene, stack, o, d, u, met, hits):
+    for i in range(len(o)):
+        origin = (o[i, 0], o[i, 1], o[i, 2])
+        direction = (d[i, 0], d[i, 1], d[i, 2])
+        hit = closest_hit(scene.bvh, stack, origin, direction, _FAR)
+        hits[i] = hit.primitive != NO_PRIMITIVE
+        met[i] = False
+        if hits[i]:
+            surface = surface_at(scene, origin, direction, hit)
+            s, t = vec.basis(surface.geometric)
+            local = square_to_cosine_hemisphere((u[i, 0], u[i, 1]))
+            away = vec.to_world(s, t, surface.geometric, local)
+            met[i] = any_hit(scene.bvh, stack, departure(surface, True, away), away, _FAR)
+
+
+def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Whether rays hit, and whether rays that leave from there, cosine distributed, hit again: (hits, met), (n,) bool."""
+    u = np.random.default_rng(seed).random((len(d), 2), np.float32)
+    hits, met = np.zeros(len(d), bool), np.zeros(len(d), bool)
+    o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (len(d), 3)))
+    _touch(scene, new_stack(), o, np.ascontiguousarray(d, np.float32), u, met, hits)
+    return hits, met

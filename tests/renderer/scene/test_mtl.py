@@ -1,0 +1,117 @@
+"""MTL: what exporters write becomes the nearest physical surface."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl m\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture
+def material(scene):
+    """`material(mtl, files)` is the description and material of a triangle with these statements."""
+
+    def read(statements, others=None, faces=TRIANGLE + "usemtl m\nf 1 2 3\n"):
+        description = scene("a.obj", f"mtllib a.mtl\n{faces}", {"a.mtl": f"newmtl m\n{statements}\n", **(others or {})})
+        return description, description.materials[0]
+
+    return read
+
+
+def picture(pixels):
+    out = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(out, "PNG")
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("statement", "name", "wrap", "transform"),
+    [
+        ("1 wood.png", "1 wood.png", "repeat", (1, 0, 0, 0, 1, 0)),
+        ("-bm 1 1 wood.png", "1 wood.png", "repeat", (1, 0, 0, 0, 1, 0)),
+        ("-s 2 3 1 -o 0.25 0.5 wood.png", "wood.png", "repeat", (2, 0, 0.25, 0, 3, -2.5)),
+        ("-clamp on\t-s 1 1 1  1 wood.png", "1 wood.png", "clamp", (1, 0, 0, 0, 1, 0)),
+    ],
+)
+def test_options_before_a_textures_name(material, png, statement, name, wrap, transform):
+    description, _ = material(f"map_Kd {statement}", {name: png(1, 2, 3)})
+    assert description.images[0].name == name
+    assert (description.textures[0].wrap_s, description.textures[0].transform) == (wrap, transform)
+
+
+def test_scale_and_offset_mean_what_they_mean_in_obj(material, png):
+    description, _ = material("map_Kd -s 2 3 -o 0.25 0.5 wood.png", {"wood.png": png(1, 2, 3)})
+    matrix = np.array(description.textures[0].transform).reshape(2, 3)
+    u, v = 0.3, 0.7  # v counted upwards; ours is 1 - v
+    found = matrix @ (u, 1 - v, 1)
+    np.testing.assert_allclose((found[0], 1 - found[1]), (2 * u + 0.25, 3 * v + 0.5))
+
+
+def test_the_physical_extension(material, png):
+    statements = "Kd 0.5 0.4 0.3\nPr 0.3\nPm 0.75\nPc 0.6\nPcr 0.1\nPs 0.5\naniso 0.4\nanisor 0.25\nnorm bumps.png"
+    description, found = material(statements, {"bumps.png": png(128, 128, 255)})
+    assert (found.kind, found.base_color, found.roughness, found.metallic) == ("metallic_roughness", (0.5, 0.4, 0.3), 0.3, 0.75)
+    assert (found.clearcoat, found.clearcoat_roughness, found.sheen_color) == (0.6, 0.1, (0.5, 0.5, 0.5))
+    assert (found.anisotropy, found.anisotropy_rotation) == (0.4, np.pi / 2)
+    assert not description.images[description.textures[found.normal_texture].image].srgb
+
+
+def test_maps_of_roughness_and_metal_share_a_texture(material):
+    rough, metal = picture([[[10, 0, 0], [20, 0, 0]]]), picture([[[30, 0, 0]], [[40, 0, 0]]])
+    description, found = material("map_Pr r.png\nmap_Pm m.png", {"r.png": rough, "m.png": metal})
+    image = description.images[description.textures[found.metallic_roughness_texture].image]
+    assert image.pixels[0, :, 1].tolist() == [10, 20]
+    assert image.pixels[0, :, 2].tolist() == [30, 30]
+    assert (image.srgb, found.roughness, found.metallic) == (False, 1, 1)
+    description, found = material("Pr 0.5\nmap_Pm m.png", {"m.png": metal})
+    image = description.images[description.textures[found.metallic_roughness_texture].image]
+    assert (image.pixels[..., 1] == 255).all()
+    assert (image.pixels[:, 0, 2].tolist(), found.roughness) == ([30, 40], 0.5)
+
+
+@pytest.mark.parametrize(("statement", "opacity"), [("d 0.25", 0.25), ("Tr 0.25", 0.75), ("d 1", 1), ("d 0", 1), ("Tr 1", 1)])
+def test_opacity(material, statement, opacity):
+    _, found = material(statement)
+    assert (found.opacity, found.alpha_mode) == (opacity, "blend" if opacity < 1 else "opaque")
+
+
+def test_a_map_of_opacity_goes_into_the_colours_alpha(material):
+    leaf, mask = picture([[[1, 2, 3], [4, 5, 6]]]), picture([[[0, 0, 0], [200, 200, 200]]])
+    description, found = material("map_Kd leaf.png\nmap_d mask.png", {"leaf.png": leaf, "mask.png": mask})
+    image = description.images[description.textures[found.base_color_texture].image]
+    assert image.pixels[0].tolist() == [[1, 2, 3, 0], [4, 5, 6, 200]]
+    assert (found.alpha_mode, image.srgb) == ("blend", True)
+    cut = picture([[[9, 9, 9, 0], [9, 9, 9, 255]]])  # one with an alpha of its own
+    description, found = material("Kd 0.5 0.5 0.5\nmap_d cut.png", {"cut.png": cut})
+    image = description.images[description.textures[found.base_color_texture].image]
+    assert image.pixels[0].tolist() == [[255, 255, 255, 0], [255, 255, 255, 255]]
+    assert found.base_color == (0.5, 0.5, 0.5)
+
+
+def test_a_bump_map_is_taken_where_it_holds_normals(material, png):
+    flat = picture(np.full((2, 2, 3), (128, 127, 255)))
+    description, found = material("map_Bump -bm 0.5 n.png", {"n.png": flat})
+    assert (found.normal_scale, description.textures[found.normal_texture].image) == (0.5, 0)
+    description, found = material("map_Bump heights.png", {"heights.png": png(90, 90, 90)})
+    assert found.normal_texture is None
+    assert any("m: its bump map holds heights" in w for w in description.warnings)
+
+
+@pytest.mark.parametrize(("faces", "thin"), [(TETRAHEDRON, False), (TRIANGLE + "usemtl m\nf 1 2 3\n", True)])
+def test_glass_refracts_where_it_has_an_inside(material, faces, thin):
+    _, found = material("illum 4\nNi 1.45\nTf 0.5 0.9 0.5\nKd 0.2 0.2 0.2\nd 0.1", faces=faces)
+    assert (found.kind, found.ior, found.base_color, found.thin) == ("glass", 1.45, (0.5, 0.9, 0.5), thin)
+    assert found.alpha_mode == "opaque"
+
+
+def test_highlights_of_phong(material):
+    _, plastic = material("Kd 0.5 0 0\nKs 0.25 0.25 0.25\nNs 96\nNi 1")
+    assert (plastic.kind, plastic.specular, plastic.ior) == ("metallic_roughness", 0.5, 1.5)
+    assert plastic.roughness == pytest.approx((2 / 98) ** 0.25)
+    _, matte = material("Kd 0.5 0 0\nKs 0.25 0.25 0.25\nNs 96\nillum 1")
+    assert matte.kind == "diffuse"
+    _, metal = material("Kd 0 0 0\nKs 0.9 0.7 0.2\nNs 300")
+    assert (metal.metallic, metal.base_color, metal.specular) == (1, (0.9, 0.7, 0.2), 1)

@@ -1,0 +1,104 @@
+"""Files that others wrote, damaged in ways that keep them JSON: each ends in a scene or in a sentence of ours."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from tests.renderer.scene.builders import full_gltf
+
+ODD = [None, True, -1, 0, 1, 7, 255, 5126, 2**31, 2**63, 1e-40, 1e39, float("nan"), "", "a", [], {}, [0], [[1, 2]], {"a": 1}]
+FILES = {"BoxTextured.glb": 120, "Duck.glb": 120, "AlphaBlendModeTest.glb": 24, "full": 120}  # and how often it is tried
+
+
+def chunks(glb):
+    """The JSON and the binary part of a GLB."""
+    length = struct.unpack_from("<I", glb, 12)[0]
+    return json.loads(glb[20 : 20 + length]), glb[20 + length + 8 :]
+
+
+def packed(root, binary):
+    text = json.dumps(root).encode()
+    text += b" " * (-len(text) % 4)
+    parts = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+
+
+def places(value):
+    """(container, key) of everything within."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, child in list(items):
+        yield value, key
+        yield from places(child)
+
+
+def mutated(root, rng):
+    """The JSON with one to three of: an odd value in a place, one part in another's place, a part gone, a list repeated."""
+    root = json.loads(json.dumps(root))
+    for _ in range(rng.integers(1, 4)):
+        everything = list(places(root))
+        parent, key = everything[rng.integers(len(everything))]
+        other, from_ = everything[rng.integers(len(everything))]
+        way = rng.integers(4)
+        if way == 0:
+            parent[key] = ODD[rng.integers(len(ODD))]
+        elif way == 1:
+            parent[key] = json.loads(json.dumps(other[from_]))
+        elif way == 2:
+            del parent[key]
+        elif isinstance(parent[key], list):
+            parent[key] = parent[key] * 2
+    return root
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_a_mutated_glb_is_a_scene_or_a_sentence(assets, tmp_path, png, file):
+    root, binary = chunks(full_gltf(png).glb() if file == "full" else (assets / file).read_bytes())
+    rng = np.random.default_rng(11)
+    told = 0
+    for _ in range(FILES[file]):
+        (tmp_path / "a.glb").write_bytes(packed(mutated(root, rng), binary))
+        try:
+            description = read(tmp_path, "a.glb")
+        except SceneError as error:
+            told += 1
+            assert str(error).startswith("a.glb: ")
+            assert "could not be read as" not in str(error), "the backstop spoke: a reader let a value through unchecked"
+        else:
+            assert all(np.isfinite(i.transform).all() for i in description.instances)
+            assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
+            if file == "full":
+                compiled_or_told(description)
+    assert 0.1 < told / FILES[file] < 0.9  # it does damage, and not only
+
+
+def compiled_or_told(description):
+    """What was read compiles into finite numbers, or is told why not."""
+    try:
+        scene = compile_scene(description)
+    except SceneError as error:
+        assert len(str(error)) > 20
+    else:
+        assert all(np.isfinite(array).all() for array in scene if isinstance(array, np.ndarray))
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_a_glb_with_damaged_numbers_is_a_scene_or_a_sentence(assets, tmp_path, png, file):
+    root, binary = chunks(full_gltf(png).glb() if file == "full" else (assets / file).read_bytes())
+    rng = np.random.default_rng(12)
+    for _ in range(25):
+        damaged = np.frombuffer(binary, np.uint8).copy()
+        at = rng.integers(len(damaged), size=max(len(damaged) // 200, 4))
+        damaged[at] = rng.integers(256, size=len(at))
+        (tmp_path / "a.glb").write_bytes(packed(root, damaged.tobytes()))
+        try:
+            description = read(tmp_path, "a.glb")
+        except SceneError as error:
+            assert str(error).startswith("a.glb: ")
+            assert "could not be read as" not in str(error)
+        else:
+            assert all(np.isfinite(m.positions).all() for m in description.meshes)
