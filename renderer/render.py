@@ -10,22 +10,28 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.bvh.traverse import new_stack
+from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
-from renderer.kernel.accumulate import MAX_BAD, render_tile
+from renderer.kernel import record
+from renderer.kernel.accumulate import MAX_BAD, RENDERERS
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
+from renderer.kernel.visibility import MAX_PASSED
+from renderer.replay import Replay, read_log
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
-from renderer.scene.environment import relit
-from renderer.settings import RenderSettings, Tile, View, tiles_of
+from renderer.scene.environment import relit, sampled_alone
+from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 
-__all__ = ["RenderStats", "render_batch", "render_frame", "warm_up"]
+__all__ = ["RenderStats", "render_batch", "render_frame", "replay", "warm_up"]
 
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
+_NO_LOG = np.empty((0, record.COLUMNS))
 
 
 @dataclass
@@ -38,21 +44,30 @@ class RenderStats:
     bad_count: int = 0
 
 
-def _render(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> tuple[BatchSums, int]:
-    """A batch and its number of rays; the scene's environment is already the settings'."""
+def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
+    """The scene in the settings' environment, its light tables fit for the settings' way of finding lights."""
+    scene = relit(scene, settings.environment, settings.environment_strength)
+    return sampled_alone(scene) if settings.sampling == "light" or settings.integrator == "whitted" else scene
+
+
+def _render(
+    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, log: npt.NDArray[np.float64] = _NO_LOG
+) -> tuple[BatchSums, int]:
+    """A batch and its number of rays; the scene is `_prepared`. log: rows for the last sample's protocol."""
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
-    bad_count, rays = render_tile(
+    bad_count, rays = RENDERERS[settings.integrator](
         scene,
         new_stack(),
         camera_frame(settings),
-        kernel_options(settings),
+        kernel_options(settings, scene),
         tile.x,
         tile.y,
         first,
         count,
         sums,
         bad,
+        log,
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     return BatchSums(sums, listed, int(bad_count)), int(rays)
@@ -63,7 +78,7 @@ def render_batch(scene: CompiledScene, settings: RenderSettings, tile: Tile, fir
 
     The sums depend on the arguments alone: batches of a frame add up to the same bits however the frame is cut.
     """
-    return _render(relit(scene, settings.environment, settings.environment_strength), settings, tile, first, count)[0]
+    return _render(_prepared(scene, settings), settings, tile, first, count)[0]
 
 
 def render_frame(
@@ -87,7 +102,7 @@ def render_frame(
     """
     stats = stats if stats is not None else RenderStats()
     threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (threads or os.cpu_count() or 1)
-    lit = relit(scene, settings.environment, settings.environment_strength)
+    prepared = _prepared(scene, settings)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE)
     total = spp * settings.width * settings.height
@@ -96,7 +111,7 @@ def render_frame(
     done = 0
 
     def render(tile: Tile, first: int, count: int) -> int:
-        batch, rays = _render(lit, settings, tile, first, count)
+        batch, rays = _render(prepared, settings, tile, first, count)
         sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += batch.sums
         with lock:
             stats.rays += rays
@@ -124,6 +139,20 @@ def render_frame(
             if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
                 break
     return sums
+
+
+def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sample: int) -> Replay:
+    """One sample of a pixel once more, by the machine code that renders pictures, with all that its path met.
+
+    Raises SettingsError where the pixel is not in the picture or the sample number is out of range.
+    """
+    if not (0 <= x < settings.width and 0 <= y < settings.height):
+        raise SettingsError(f"pixel {x},{y} lies outside the picture of {settings.width}x{settings.height}")
+    if not 0 <= sample < MAX_SPP:
+        raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
+    log = np.zeros((settings.max_depth + MAX_PASSED, record.COLUMNS))
+    batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
+    return read_log(batch, settings.film_exponent, log)
 
 
 def warm_up() -> float:

@@ -15,7 +15,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, local_floats
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
-from renderer.kernel.light import choose_light, sample_light, sample_one_light
+from renderer.kernel.light import LightSample, choose_light, sample_light, sample_one_light
 from renderer.kernel.material import LAYER_SLOTS, emission, eval_material, fetch_material, is_specular, sample_material
 from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import NO_MISTAKE
@@ -83,7 +83,8 @@ def _look_at_light(scene, p, normal, middle, choice, u):
         return sample_light(scene, p, normal, choice, u)
     light, of_light = choose_light(scene, p, normal, (choice - chance) / (_ONE - chance) if chance > _ZERO else choice)
     sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light))
-    return sample._replace(pdf=sample.pdf * (_ONE - chance) * of_light)
+    pdf = sample.pdf * (_ONE - chance) * of_light
+    return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 
 
 @device

@@ -11,7 +11,7 @@ from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative, luminance
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
 
-__all__ = ["EnvironmentTables", "are_accents", "choose_environment", "relit", "tabulate_environment"]
+__all__ = ["EnvironmentTables", "are_accents", "choose_environment", "relit", "sampled_alone", "tabulate_environment"]
 
 _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
@@ -116,6 +116,23 @@ def relit(scene: CompiledScene, color: tuple[float, float, float] | None, streng
     return scene._replace(
         environment=environment, environment_marginal=marginal, environment_conditional=conditional, environment_frame=frame
     )
+
+
+def sampled_alone(scene: CompiledScene) -> CompiledScene:
+    """The scene with an environment that light sampling finds all of, with no BSDF sampling beside it.
+
+    A texel's weight is the luminance of the brightest texel around, since lookups are bilinear, and not what exceeds the mean.
+    """
+    bright = luminance(scene.environment.astype(np.float64))
+    height, width = bright.shape
+    if height * width == 1 or not bright.any():
+        return scene
+    padded = np.pad(np.pad(bright, ((1, 1), (0, 0)), "edge"), ((0, 0), (1, 1)), "wrap")
+    weight = np.max([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)], axis=0)
+    solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))
+    marginal, conditional = cumulative(weight.mean(axis=1) * solid_angle), cumulative(weight)
+    marginal.flags.writeable = conditional.flags.writeable = False
+    return scene._replace(environment_marginal=marginal, environment_conditional=conditional)
 
 
 def choose_environment(environment: EnvironmentTables, lights_power: float, bounds: F32) -> float:

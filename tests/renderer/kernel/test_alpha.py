@@ -1,0 +1,120 @@
+"""Surfaces that let light pass by their alpha: to eyes, to shadow rays, to bounces; and the insides that absorb."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.film import ALBEDO, DEPTH, MATERIAL, NORMAL, OBJECT, mean
+from renderer.render import render_frame
+from renderer.scene.description import Material, Sphere
+from tests.renderer.builders import emitter, gray, scene, settings, square
+from tests.renderer.judge import assert_mean
+
+FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)
+WHITE = Material(base_color=gray(1.0))
+
+
+def cards(count, material, distance=1.0):
+    """Parallel cards before the camera at z = 4, from z = 2 backwards."""
+    return tuple(square((0, 0, 2 - 0.1 * distance * i), (9, 0, 0), (0, 9, 0), material) for i in range(count))
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
+@pytest.mark.parametrize("count", [1, 4])
+def test_cards_before_a_light_let_the_rest_through(integrator, count):
+    """Black cards of opacity a: (1 - a)**n of the light behind; no card is a segment."""
+    card = Material(base_color=gray(0.0), opacity=0.3, alpha_mode="blend")
+    made = scene([emitter(2.0), card], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *cards(count, 1)))
+    sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=1, integrator=integrator), 256)
+    assert_mean(sums, 2.0 * 0.7**count, tests=6)
+
+
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
+def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
+    card = Material(base_color=gray(0.0), opacity=0.4, alpha_mode="blend")
+    over = tuple(square((0, y, 0), (9, 0, 0), (0, 0, -9), 2) for y in (1.0, 1.2))
+    made = scene([WHITE, emitter(1.0), card], (FLOOR, square((0, 2, 0), (2, 0, 0), (0, 0, 2), 1), *over))
+    bare = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 2, 0), (2, 0, 0), (0, 0, 2), 1)))
+    view = ((0, 0.5, -2), (0, 0, 0), 0.01)
+    expected = mean(render_frame(bare, settings(*view, max_depth=2), 4096), 24).mean()
+    assert_mean(render_frame(made, settings(*view, max_depth=2, sampling=sampling), 512), expected * 0.36, slack=2e-3, tests=3)
+
+
+@pytest.mark.parametrize(("opacity", "there"), [(0.49, False), (0.51, True)])
+def test_a_mask_is_there_or_not(opacity, there):
+    card = Material(base_color=(0.2, 0.4, 0.6), opacity=opacity, alpha_mode="mask", alpha_cutoff=0.5)
+    made = scene([emitter(2.0, 0.5), card], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *cards(1, 1)))
+    sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=1), 4)
+    assert (mean(sums, 24) == (0 if there else 2)).all()
+    assert (sums[MATERIAL] == (2 if there else 1)).all()
+    np.testing.assert_allclose(mean(sums, 24, ALBEDO)[0, 0], (0.2, 0.4, 0.6) if there else (0.5, 0.5, 0.5), rtol=1e-6)
+
+
+def test_planes_are_those_of_the_first_thing_that_is_there():
+    """Through an invisible card: the depth is counted from the eye, not from the card."""
+    card = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
+    wall = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0)
+    bare = scene([emitter(1.0, 0.3)], (wall,))
+    made = scene([emitter(1.0, 0.3), card], (wall, *cards(3, 1)))
+    a, b = (render_frame(s, settings((0, 0, 4), (0, 0, 0), 30), 4) for s in (bare, made))
+    np.testing.assert_allclose(mean(a, 24, DEPTH), mean(b, 24, DEPTH), rtol=1e-5)
+    np.testing.assert_array_equal(a[NORMAL], b[NORMAL])
+    assert (b[OBJECT] == 1).all()
+    for integrator in ("whitted", "ao"):
+        other = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, integrator=integrator), 4)
+        np.testing.assert_allclose(mean(other, 24, DEPTH), mean(a, 24, DEPTH), rtol=1e-5)
+
+
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
+def test_invisible_shells_change_nothing(sampling):
+    """Bounces and shadow rays pass too, and MIS weighs by the vertex before, not by the shell."""
+    air = Material(base_color=gray(0.9), opacity=0.0, alpha_mode="blend")
+    shells = tuple(Sphere((0, 0, 0), 1.2 + 0.1 * i, 2) for i in range(3))
+    made = scene(
+        [Material(base_color=gray(0.6)), emitter(4.0), air], spheres=(Sphere((0, 0, 0), 1.0), Sphere((0, 3, 0), 1.0, 1), *shells)
+    )
+    bare = scene([Material(base_color=gray(0.6)), emitter(4.0)], spheres=(Sphere((0, 0, 0), 1.0), Sphere((0, 3, 0), 1.0, 1)))
+    view = ((0, 3, 3), (0, 0.7, 0), 10)
+    expected = mean(render_frame(bare, settings(*view, max_depth=2), 2048), 24).mean()
+    assert_mean(
+        render_frame(made, settings(*view, max_depth=2, sampling=sampling), 512), expected, slack=2e-3, most_error=0.02, tests=4
+    )
+
+
+def test_so_many_cards_that_no_light_is_left_end():
+    air = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
+    made = scene([emitter(1.0), air], (square((0, 0, -200), (900, 0, 0), (0, 900, 0), 0), *cards(300, 1)))
+    assert not mean(render_frame(made, settings((0, 0, 4), (0, 0, 0), 30), 1), 24).any()
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("distance", [0.1, 0.5])
+def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
+    """Index 1: no reflection, so that all light goes through once: color ** (way / distance)."""
+    glass = Material(
+        kind="glass", base_color=gray(1.0), ior=1.0, attenuation_color=(0.5, 0.25, 0.9), attenuation_distance=distance
+    )
+    slab = tuple(square((0, 0, z), (s * 9, 0, 0), (0, 9, 0), 1) for z, s in ((0.1, 1), (-0.1, -1)))
+    made = scene([emitter(1.0), glass], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *slab))
+    sums = render_frame(made, settings((0, 0, 3), (0, 0, 0), 0.01, max_depth=4, integrator=integrator), 4)
+    expected = np.array((0.5, 0.25, 0.9)) ** (0.2 / distance)
+    np.testing.assert_allclose(mean(sums, 24).mean((0, 1)), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
+def test_unlit_surfaces_show_their_colour_and_scatter_nothing(integrator):
+    unlit = Material(kind="unlit", base_color=(0.2, 0.5, 0.8))
+    made = scene(
+        [unlit, emitter(50.0)], (square((0, 0, 0), (9, 0, 0), (0, 9, 0), 0),), (Sphere((0, 0, 9), 1.0, 1),), environment=3.0
+    )
+    sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, integrator=integrator), 4)
+    np.testing.assert_allclose(mean(sums, 24), np.broadcast_to((0.2, 0.5, 0.8), (24, 24, 3)), rtol=1e-6)
+
+
+def test_light_through_a_half_open_card_onto_a_floor_is_both_ways():
+    """In the open under a constant sky and between two such cards, energy is kept: white cards in a white world vanish."""
+    card = Material(base_color=gray(1.0), opacity=0.5, alpha_mode="blend")
+    made = scene([card], cards(2, 0, 5.0), environment=1.0)
+    sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=64), 256)
+    assert_mean(sums, 1.0, slack=math.exp(-7))

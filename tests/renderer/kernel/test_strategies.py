@@ -1,0 +1,165 @@
+"""Ways to find light and to end paths: they differ in noise, never in the picture."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.film import COLOR, SAMPLES, mean, noise
+from renderer.render import render_batch, render_frame
+from renderer.scene.description import Light, Material, Sphere
+from renderer.settings import Tile
+from tests.renderer.builders import box, emitter, gray, scene, settings, square
+from tests.renderer.judge import assert_mean, limit, mean_and_error
+
+FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)
+VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
+
+
+def room(environment):
+    """Diffuse, glossy, mirror and glass things under a square, a sphere and a sky: large lights, for all strategies to meet."""
+    materials = [
+        Material(base_color=(0.7, 0.6, 0.5)),
+        Material(kind="metallic_roughness", base_color=(0.9, 0.6, 0.3), metallic=0.7, roughness=0.6),
+        Material(kind="mirror", base_color=gray(0.9)),
+        Material(kind="glass", base_color=gray(1.0)),
+        emitter(3.0),
+    ]
+    meshes = (FLOOR, square((0, 3, 0), (1.5, 0, 0), (0, 0, 1.5), 4), box(2, 0.4, (-1.6, 0.4, 0)))
+    spheres = (Sphere((0, 0.6, 0.3), 0.6, 1), Sphere((1.4, 0.5, 0.6), 0.5, 3), Sphere((-2.5, 1.5, -1.5), 0.7, 4))
+    return scene(materials, meshes, spheres, environment=environment)
+
+
+@pytest.fixture(scope="module", params=["dark", "even", "image"])
+def lit_room(request):
+    image = np.random.default_rng(3).gamma(0.5, 1.0, (4, 8, 1)).repeat(3, 2)
+    image[1, 2:4] = 0  # where the light of neighbours spills in between texels
+    made = room({"dark": None, "even": 0.5, "image": image}[request.param])
+    reference = mean_and_error(render_frame(made, settings(*VIEW, max_depth=5, size=32, sampler="independent"), 1024))
+    return made, reference
+
+
+@pytest.mark.parametrize("sampling", ["light", "bsdf", "uniform"])
+def test_each_strategy_alone_gives_the_mean_of_all(lit_room, sampling):
+    made, (expected, error) = lit_room
+    sums = render_frame(made, settings(*VIEW, max_depth=5, size=32, sampling=sampling, sampler="independent"), 1024)
+    found, own = mean_and_error(sums)
+    assert math.hypot(own, error) < 0.01 * expected
+    assert abs(found - expected) < limit(9) * math.hypot(own, error), f"{found} and {expected}"
+
+
+def test_mis_is_about_as_good_as_the_best_of_the_others(lit_room):
+    made, _ = lit_room
+    found = {
+        sampling: noise(
+            render_frame(made, settings(*VIEW, max_depth=5, size=32, sampling=sampling, sampler="independent"), 64), 24
+        )
+        for sampling in ("mis", "light", "bsdf", "uniform")
+    }
+    assert found["mis"] <= 1.1 * min(found.values()), found
+
+
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
+def test_variance_falls_with_the_number_of_independent_samples(sampling):
+    made = room(0.5)
+
+    def error(spp):
+        asked = settings(*VIEW, max_depth=4, size=32, sampling=sampling, sampler="independent")
+        return noise(render_frame(made, asked, spp), 24)
+
+    ratio = error(16) / error(256)
+    assert 0.75 * 4 < ratio < 4 / 0.75, ratio
+
+
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
+def test_lights_without_a_body_are_seen_by_every_strategy(sampling):
+    made = scene([Material(base_color=gray(1.0))], (FLOOR,), lights=(Light("point", gray(math.pi), (0, 2, 0)),))
+    asked = settings((0, 0.5, -2), (0, 0, 0), 0.01, max_depth=2, sampling=sampling)
+    assert_mean(render_frame(made, asked, 16), 0.25, slack=1e-4)
+
+
+@pytest.mark.parametrize("roulette", [0.2, 0.5, 0.8, 1.0, None])
+@pytest.mark.parametrize("sampling", ["mis", "bsdf"])
+def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
+    furnace = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
+    asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette=roulette, sampling=sampling, sampler="independent")
+    assert_mean(render_frame(furnace, asked, 512), 1.0, slack=1e-4, tests=10)
+
+
+def test_a_cut_by_depth_darkens_where_roulette_does_not():
+    furnace = scene([emitter(0.2, 0.8, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
+    asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=5)
+    assert_mean(render_frame(furnace, asked, 64), 1 - 0.8**5, slack=1e-4)
+
+
+@pytest.mark.parametrize("count", [2, 5, 16])
+def test_more_light_samples_are_the_same_picture_with_less_noise(count):
+    made = scene([Material(base_color=gray(1.0)), emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
+    view = ((0, 0.5, -2), (0, 0, 0), 0.01)
+    one = render_frame(made, settings(*view, max_depth=2, sampler="independent"), 64)
+    more = render_frame(made, settings(*view, max_depth=2, sampler="independent", light_samples=count), 64)
+    assert_mean(more, 0.752275 / math.pi, slack=1e-4)
+    # Where BSDF sampling shares the work, light samples thin out only their part of the variance
+    assert noise(more, 24) < noise(one, 24)
+    alone = [
+        noise(render_frame(made, settings(*view, max_depth=2, sampler="independent", sampling="light", light_samples=k), 64), 24)
+        for k in (1, count)
+    ]
+    assert alone[0] / alone[1] == pytest.approx(math.sqrt(count), rel=0.15)
+
+
+def test_the_clamp_spares_direct_light_and_bounds_the_rest():
+    made = room(0.5)
+
+    def picture(depth, clamp, spp=64):
+        return render_frame(made, settings(*VIEW, max_depth=depth, size=32, clamp_indirect=clamp), spp)[COLOR]
+
+    np.testing.assert_array_equal(picture(2, 1e-6, 4), picture(2, 0.0, 4))
+    np.testing.assert_array_equal(picture(6, 1e9, 4), picture(6, 0.0, 4))
+    free, clamped, none = (picture(6, c).mean() for c in (0.0, 0.3, 1e-9))
+    assert none < clamped < free
+    direct = picture(2, 0.0).mean()
+    # Mirror and glass show light after more than one bounce, which counts as indirect
+    assert abs(none - direct) < 0.02 * direct
+
+
+def test_direct_is_a_path_of_two_segments_to_the_bit():
+    made = room(0.5)
+    one = render_frame(made, settings(*VIEW, max_depth=7, integrator="direct"), 4)
+    np.testing.assert_array_equal(one, render_frame(made, settings(*VIEW, max_depth=2), 4))
+    seen = render_frame(made, settings(*VIEW, max_depth=1, integrator="direct"), 4)
+    np.testing.assert_array_equal(seen, render_frame(made, settings(*VIEW, max_depth=1), 4))
+
+
+def under_a_lamp(height, side=0.05):
+    return scene(
+        [Material(base_color=gray(1.0)), emitter(1000.0)],
+        (square((0, 0, 0), (500, 0, 0), (0, 0, -500), 0), square((0, height, 0), (side, 0, 0), (0, 0, side), 1)),
+    )
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+def test_the_mistakes_are_made_as_their_names_say(integrator):
+    """Under a small lamp in the height h: E = L A / h^2; attenuation divides by h^2 once more, the cutoff is at sqrt(1000)."""
+    for height, mistake, factor in (
+        (3.0, "", 1.0),
+        (3.0, "attenuation", 1 / 9),
+        (3.0, "light-cutoff", 1.0),
+        (31.0, "light-cutoff", 1.0),
+        (32.0, "light-cutoff", 0.0),
+        (32.0, "", 1.0),
+    ):
+        asked = settings((0, 0.5, -2), (0, 0, 0), 0.01, max_depth=2, integrator=integrator, mistake=mistake)
+        sums = render_frame(under_a_lamp(height), asked, 64)
+        expected = 1000 * 0.01 / height**2 / math.pi * factor
+        assert mean(sums, 24).mean() == pytest.approx(expected, rel=0.01, abs=1e-9), (height, mistake)
+
+
+def test_a_batch_of_a_strategy_is_a_function_of_its_arguments_too(lit_room):
+    made, _ = lit_room
+    for sampling in ("light", "uniform"):
+        asked = settings(*VIEW, max_depth=4, size=16, sampling=sampling, light_samples=3, roulette=0.7)
+        whole = render_batch(made, asked, Tile(0, 0, 16, 16), 0, 4).sums
+        parts = sum(render_batch(made, asked, Tile(0, 0, 16, 16), n, 1).sums for n in range(4))
+        np.testing.assert_array_equal(whole, parts)
+        assert (whole[SAMPLES] == 4).all()

@@ -1,0 +1,117 @@
+"""One path once more: the film's value to the bit, and a protocol that adds up to it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.errors import SettingsError
+from renderer.film import COLOR, MATERIAL, OBJECT
+from renderer.render import render_batch, render_frame, replay
+from renderer.scene.compiled import seal
+from renderer.scene.description import Material, Sphere
+from renderer.settings import INTEGRATORS, Tile
+from tests.renderer.builders import box, emitter, gray, scene, settings, square
+
+VIEW = ((0, 2, 6), (0, 0.5, 0), 40)
+
+
+@pytest.fixture(scope="module")
+def made():
+    materials = [
+        Material(base_color=(0.7, 0.6, 0.5)),
+        Material(kind="glass", base_color=gray(1.0)),
+        Material(kind="mirror", base_color=gray(0.9)),
+        emitter(9.0),
+        Material(base_color=(0.1, 0.8, 0.1), opacity=0.5, alpha_mode="blend"),
+    ]
+    meshes = (
+        square((0, 0, 0), (9, 0, 0), (0, 0, -9), 0),
+        box(2, 0.4, (0, 0.4, -1)),
+        square((0, 3, 0), (1, 0, 0), (0, 0, 1), 3),
+        square((0, 1, 2), (0.6, 0, 0), (0, 0.6, 0), 4),
+    )
+    return scene(materials, meshes, (Sphere((1.2, 0.6, 0), 0.6, 1),), environment=0.3)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_replay_is_the_films_sample_to_the_bit(made, integrator):
+    asked = settings(*VIEW, size=40, max_depth=6, integrator=integrator, filter="blackman-harris")
+    for sample in (0, 1, 5, 100):
+        film = render_batch(made, asked, Tile(0, 0, 40, 40), sample, 1).sums
+        for x, y in ((3, 4), (20, 20), (28, 22), (16, 30), (22, 17)):
+            found = replay(made, asked, x, y, sample)
+            assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
+            total = np.sum([np.add(v.emitted, v.direct) for v in found.vertices], axis=0)
+            np.testing.assert_allclose(total, found.value, rtol=1e-5, atol=1e-6)
+            if sample == 0 and found.vertices[0].kind == "surface":
+                assert found.vertices[0].object == film[OBJECT, y, x] - 1
+                assert found.vertices[0].material == film[MATERIAL, y, x] - 1
+
+
+def test_the_vertices_are_a_chain(made):
+    asked = settings(*VIEW, size=40, max_depth=6)
+    kinds = set()
+    for y in range(0, 40, 3):
+        for x in range(0, 40, 3):
+            vertices = replay(made, asked, x, y, 3).vertices
+            assert 1 <= len([v for v in vertices if v.kind == "surface"]) + (vertices[-1].kind == "missed") <= 6
+            at = np.array(VIEW[0])
+            before = None
+            for v in vertices:
+                kinds.add(v.kind)
+                assert np.linalg.norm(v.direction) == pytest.approx(1, abs=1e-5)
+                if v.kind == "missed":
+                    assert v is vertices[-1]
+                    assert v.point is v.object is v.material is None
+                    assert v.distance == math.inf
+                    continue
+                np.testing.assert_allclose(
+                    np.array(at) + np.multiply(v.direction, np.linalg.norm(np.subtract(v.point, at))), v.point, atol=1e-3
+                )
+                assert np.dot(v.normal, v.direction) < 1e-6
+                if before is not None and before.kind == "passed":
+                    assert v.throughput == before.throughput or v.kind == "surface"
+                at, before = v.point, v
+            assert vertices[0].throughput == (1, 1, 1)
+            assert vertices[0].pdf is None
+    assert kinds == {"surface", "passed", "missed"}
+
+
+def test_the_strategys_density_is_told(made):
+    """A diffuse bounce's is cos / pi of its direction; none after a mirror."""
+    asked = settings(*VIEW, size=40, max_depth=6)
+    seen = 0
+    for x in range(40):
+        vertices = replay(made, asked, x, 34, 1).vertices
+        if len(vertices) > 1 and vertices[0].material == 0 and vertices[0].kind == "surface":
+            cosine = np.dot(vertices[0].normal, vertices[1].direction)
+            assert vertices[1].pdf == pytest.approx(cosine / math.pi, rel=1e-3)
+            seen += 1
+    assert seen > 20
+
+
+def test_a_bad_sample_has_no_value_but_a_path():
+    made = scene([Material(base_color=gray(0.5))], (square((0, -50, -1), (99, 0, 0), (0, 50, 0), 0),), environment=1.0)
+    poisoned = seal(made._replace(environment=np.full((1, 1, 3), np.nan, np.float32)))
+    asked = settings((0, 0, 0), (0, 0, -1), 60, size=16, max_depth=1)
+    found = replay(poisoned, asked, 3, 3, 0)
+    assert found.value is None
+    assert found.vertices[-1].kind == "missed"
+    assert np.isnan(found.vertices[-1].emitted).all()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "sample", "word"), [(40, 0, 0, "pixel"), (0, -1, 0, "pixel"), (0, 0, -1, "sample"), (0, 0, 1 << 20, "sample")]
+)
+def test_what_is_not_in_the_picture_is_said(made, x, y, sample, word):
+    with pytest.raises(SettingsError, match=f"^{word}"):
+        replay(made, settings(*VIEW, size=40), x, y, sample)
+
+
+def test_rendering_writes_no_log(made):
+    """The same frame with and without: nothing of the protocol is in the picture."""
+    asked = settings(*VIEW, size=16, max_depth=4)
+    before = render_frame(made, asked, 2)
+    replay(made, asked, 3, 3, 1)
+    np.testing.assert_array_equal(render_frame(made, asked, 2), before)
