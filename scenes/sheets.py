@@ -21,6 +21,7 @@ from renderer.image.tonemap import apply
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.readers.metals import METALS
 from renderer.scene.studio import studio_image
 from renderer.settings import RenderSettings, View
 
@@ -63,6 +64,11 @@ def metal_roughness() -> Sweep:
 @_sheet
 def metallic() -> Sweep:
     return _sweep("metallic", _TENTHS, base_color=_GOLD)
+
+
+@_sheet
+def named_metals() -> Sweep:
+    return [(name, Material(kind="conductor", eta=eta, k=k, roughness=0.15)) for name, (eta, k) in list(METALS.items())[:8]]
 
 
 @_sheet
@@ -212,10 +218,13 @@ def render_sheet(name: str, spp: int) -> Picture.Image:
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", choices=[[], *SHEETS], help="all where none is named")
+    parser.add_argument("names", nargs="*", metavar="name", help="all where none is named")
     parser.add_argument("-o", "--output", type=Path, default=DEFAULT)
     parser.add_argument("--spp", type=int, default=128)
     options = parser.parse_args()
+    for name in options.names:
+        if name not in SHEETS:
+            parser.error(f"there is no sheet {name}; known are {', '.join(SHEETS)}")
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.names or SHEETS:
         path = options.output / f"{name}.jpg"

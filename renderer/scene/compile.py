@@ -12,6 +12,7 @@ from renderer.bvh.build import Instances, build
 from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
+from renderer.scene.emitters import emitted_by_triangles
 from renderer.scene.environment import are_accents, choose_environment, tabulate_environment
 from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, place
@@ -47,7 +48,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     say("listing lights", 0.4)
     punctual = tabulate_punctual(description.lights, bounds)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
-    lights = list_lights(packed.emitted, double_sided, geometry, sphere, sphere_material, punctual)
+    emitted = emitted_by_triangles(packed, geometry)
+    lights = list_lights(packed.emitted, emitted, double_sided, geometry, sphere, sphere_material, punctual)
     if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
         light_studio(description)
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")

@@ -38,6 +38,7 @@ class LightList(NamedTuple):
 
 def list_lights(
     emitted: np.ndarray,
+    emitted_by_triangle: np.ndarray,
     double_sided: np.ndarray,
     geometry: Geometry,
     sphere: F32,
@@ -46,14 +47,14 @@ def list_lights(
 ) -> LightList:
     """The primitives whose material emits, and the punctual lights, numbered in the order of the tree if there is one.
 
-    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool. By power, the chance of choosing a
-    light is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in a hundred: else float32
-    would never choose a candle under a stadium's lamps.
+    emitted: (M,) mean luminance of all sides of each material, and (T,) of each triangle; double_sided: (M,) bool. By power,
+    the chance of choosing a light is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in
+    a hundred: else float32 would never choose a candle under a stadium's lamps.
     """
-    triangles = np.flatnonzero(emitted[geometry.triangle_material] > 0) if len(geometry.triangle) else np.zeros(0, np.int64)
+    triangles = np.flatnonzero(emitted_by_triangle > 0)
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
     corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
-    material = np.concatenate([geometry.triangle_material[triangles], sphere_material[spheres]])
+    radiance = np.concatenate([emitted_by_triangle[triangles], emitted[sphere_material[spheres]]])
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     triangle_area = 0.5 * np.linalg.norm(cross, axis=1)
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
@@ -61,14 +62,14 @@ def list_lights(
     rest = len(geometry.triangle) + len(sphere) + np.arange(len(punctual.power))
     primitive = np.concatenate([triangles, len(geometry.triangle) + spheres, rest])
     area = np.concatenate([triangle_area, sphere_area])
-    power = np.concatenate([np.pi * area * emitted[material], punctual.power])
+    power = np.concatenate([np.pi * area * radiance, punctual.power])
     area = np.concatenate([area, np.zeros(len(rest))])
     node, child = np.zeros((0, 12), np.float32), np.zeros((0, 3), np.int32)
     if len(primitive) >= TREE_FROM:
-        both = double_sided[material]
+        both = double_sided[geometry.triangle_material[triangles]]
         bounds = (
-            _triangle_bounds(corners, cross, triangle_area * emitted[material[: len(triangles)]], both[: len(triangles)]),
-            _sphere_bounds(sphere[spheres], sphere_area / 4 * emitted[material[len(triangles) :]]),
+            _triangle_bounds(corners, cross, triangle_area * radiance[: len(triangles)], both),
+            _sphere_bounds(sphere[spheres], sphere_area / 4 * radiance[len(triangles) :]),
             punctual.bounds,
         )
         order, node, child = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))

@@ -8,6 +8,7 @@ import re
 import time
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 from PIL import Image
@@ -96,6 +97,20 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     shown = [float(v) for v in readout.locator(".value").all_inner_texts()]
     np.testing.assert_allclose(shown, film[HEIGHT // 2, WIDTH // 2], rtol=1e-3, atol=1e-4)
     expect(readout).to_contain_text(f"{SPP} spp")
+
+    # So are the planes'. Each shows another picture than the light.
+    pixel = httpx.get(f"{image.removesuffix('image')}pixel?x={WIDTH // 2}&y={HEIGHT // 2}").raise_for_status().json()
+    light = stage.screenshot()
+    channels = page.get_by_label("Channel")
+    for plane in ("albedo", "normal", "depth", "position", "object", "material", "samples", "error"):
+        channels.select_option(plane)
+        expect(page.locator(".channel-tag.left")).to_have_text(re.compile("^[^…]+$"))
+        expect(readout.locator(".values.exact")).to_be_visible()
+        texts = [text for text in readout.locator(".value").all_inner_texts() if text]
+        wanted = pixel[plane] if isinstance(pixel[plane], list) else [pixel[plane]]
+        np.testing.assert_allclose([float(text.split()[0]) for text in texts], wanted, rtol=1e-3, atol=1e-4, err_msg=plane)
+        assert stage.screenshot() != light, plane
+    channels.select_option("")
 
     # The PNG looks as the page does.
     page.get_by_label("Tone curve").select_option("neutral")

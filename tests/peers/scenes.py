@@ -162,6 +162,20 @@ def point_spot_and_directional_light() -> Case:
 
 
 @_case
+def metals_of_measured_index() -> Case:
+    """Gold and copper; the second as rough as both agree: Mitsuba loses what rough metal scatters twice, we do not."""
+    gold = Material(kind="conductor", eta=(0.143, 0.375, 1.442), k=(3.983, 2.386, 1.603), roughness=0.0)
+    copper = Material(kind="conductor", eta=(0.200, 0.924, 1.102), k=(3.912, 2.452, 2.142), roughness=0.1)
+    return _on_the_floor(gold, copper), _settings(_view())
+
+
+@_case
+def rough_glass() -> Case:
+    frosted = Material(kind="glass", base_color=gray(1.0), ior=1.5, roughness=0.1)
+    return _on_the_floor(frosted), _settings(_view(), 10)
+
+
+@_case
 def white_rough_metal() -> Case:
     return _on_the_floor(Material(kind="metallic_roughness", base_color=gray(1.0), metallic=1.0, roughness=0.1)), _settings(
         _view()

@@ -1,0 +1,34 @@
+"""How much the primitives of a scene emit, textures included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.kernel import rows
+from renderer.kernel.mean_emission import mean_texels
+from renderer.scene.geometry import Geometry
+from renderer.scene.lights import luminance
+from renderer.scene.packing import Packed
+
+__all__ = ["emitted_by_triangles"]
+
+_SPREAD = 0.05  # of a mesh's light is taken to leave all its triangles alike: a mean over few points may miss a bright texel
+
+
+def emitted_by_triangles(packed: Packed, geometry: Geometry) -> np.ndarray:
+    """The mean luminance that each triangle emits, (T,) float64, of both sides where both shine."""
+    if not len(geometry.triangle):
+        return np.zeros(0)
+    emitted = packed.emitted[geometry.triangle_material]
+    for material in np.flatnonzero((packed.emitted > 0) & (packed.material_texture[:, rows.EMISSION_TEXTURE] >= 0)):
+        number = packed.material_texture[material, rows.EMISSION_TEXTURE]
+        of_it = np.flatnonzero(geometry.triangle_material == material)
+        mean = np.zeros((len(of_it), 3), np.float32)
+        uv = geometry.uv1 if packed.texture[number, 6] else geometry.uv
+        if not len(uv):  # no mesh of the scene has such coordinates
+            continue
+        mean_texels(packed.texture, packed.texture_transform, packed.texel, number, uv, geometry.triangle[of_it], mean)
+        factor = packed.material[material, rows.EMISSION : rows.EMISSION + 3].astype(np.float64)
+        sides = 2.0 if packed.material[material, rows.DOUBLE_SIDED] else 1.0
+        emitted[of_it] = (1 - _SPREAD) * sides * luminance(mean * factor) + _SPREAD * packed.emitted[material]
+    return emitted
