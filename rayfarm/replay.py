@@ -21,11 +21,11 @@ def show_path(
     compiled: CompiledScene, settings: RenderSettings, summary: dict[str, Any], x: int, y: int, sample: int, as_json: bool
 ) -> None:
     """Print the vertices of a sample's path and its value: what the film gets of it."""
-    from renderer.render import replay  # type: ignore[attr-defined]
+    from renderer.render import replay
 
     path = replay(compiled, settings, x, y, sample)
     vertices = [_named(vertex._asdict(), summary) for vertex in path.vertices]
-    value = [float(c) for c in path.value]
+    value = None if path.value is None else list(path.value)
     if as_json:
         found = {"pixel": [x, y], "sample": sample, "value": value, "vertices": vertices}
         print(json.dumps(_plain(found), indent=1))
@@ -37,9 +37,10 @@ def show_path(
     for number, vertex in enumerate(vertices):
         table.add_row(str(number), *(_text(field) for field in vertex.values()))
     out.print(table)
-    out.print(f"Sample {sample} of pixel {x},{y}: {_text(value)}", markup=False)
-    if not all(math.isfinite(c) for c in value):
-        out.print("It is not finite, and so left out of the film.")
+    if value is None:
+        out.print(f"Sample {sample} of pixel {x},{y} is not finite, and so left out of the film.", markup=False)
+    else:
+        out.print(f"Sample {sample} of pixel {x},{y}: {_text(value)}", markup=False)
 
 
 def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:

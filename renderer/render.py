@@ -16,7 +16,7 @@ from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
 from renderer.kernel import record
-from renderer.kernel.accumulate import MAX_BAD, RENDERERS
+from renderer.kernel.accumulate import MAX_BAD, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
 from renderer.kernel.visibility import MAX_PASSED
@@ -56,7 +56,7 @@ def _render(
     """A batch and its number of rays; the scene is `_prepared`. log: rows for the last sample's protocol."""
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
-    bad_count, rays = RENDERERS[settings.integrator](
+    bad_count, rays = renderer_of(settings)(
         scene,
         new_stack(),
         camera_frame(settings),

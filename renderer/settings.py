@@ -143,6 +143,7 @@ class RenderSettings:
     film_exponent: int = 24
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "ambient", tuple(self.ambient))
         for name in ("width", "height"):
             if not 1 <= getattr(self, name) <= MAX_SIZE:
                 raise SettingsError(f"{name} is {getattr(self, name)}; it lies between 1 and {MAX_SIZE}")

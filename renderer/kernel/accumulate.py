@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from renderer.film import (
@@ -22,11 +24,15 @@ from renderer.kernel import vec
 from renderer.kernel.ao import trace_ao
 from renderer.kernel.camera import camera_ray
 from renderer.kernel.filter import filter_offset
+from renderer.kernel.options import is_special
 from renderer.kernel.path import trace_path
 from renderer.kernel.sampler import pixel_key, uniform4
 from renderer.kernel.whitted import trace_whitted
+from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "RENDERERS", "in_half"]
+__all__ = ["MAX_BAD", "in_half", "renderer_of"]
+
+Renderer = Callable[..., tuple[int, int]]
 
 MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
@@ -70,12 +76,13 @@ def in_half(sample):
 
 
 @device
-def _render_tile(trace, scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
     """Adds `count` samples a pixel to sums (CHANNELS, h, w) int64. Returns (bad samples, rays).
 
     stack: from new_stack; camera: from camera_frame; options: from kernel_options; (x0, y0): the tile's corner;
     bad: (MAX_BAD, 3) int64, filled with x, y and sample number of samples that were NaN or infinite and so left out;
-    trace: the integrator, known when this is compiled; log: rows for the last sample's protocol, or none.
+    trace: the integrator, known when this is compiled, as is whether `special` is None; log: rows for the last sample's
+    protocol, or none.
     """
     bad_count = 0
     rays = 0
@@ -90,7 +97,7 @@ def _render_tile(trace, scene, stack, camera, options, x0, y0, first, count, sum
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
-                path = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log)
+                path = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log, special)
                 rays += path.rays
                 finite = vec.is_finite(path.radiance) and vec.is_finite(path.normal) and vec.is_finite(path.albedo)
                 if not (finite and vec.is_finite(path.position)):
@@ -127,23 +134,34 @@ def _render_tile(trace, scene, stack, camera, options, x0, y0, first, count, sum
     return bad_count, rays
 
 
-@entry
-def render_path(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    """A tile by path tracing: as `_render_tile`."""
-    return _render_tile(trace_path, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+# Each is compiled when it is first called. For pictures there is a path tracer with nothing else in it, which takes less
+# time to compile and to run.
 
 
 @entry
-def render_whitted(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    """A tile by Whitted's ray tracing: as `_render_tile`."""
-    return _render_tile(trace_whitted, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+def _render_path(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    return _render_tile(trace_path, None, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
 
 
 @entry
-def render_ao(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    """A tile's ambient occlusion: as `_render_tile`."""
-    return _render_tile(trace_ao, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+def _render_special_path(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    return _render_tile(trace_path, True, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
 
 
-# By the settings' names. Each is compiled when it is first asked for; direct light is paths of two segments.
-RENDERERS = {"path": render_path, "direct": render_path, "whitted": render_whitted, "ao": render_ao}
+@entry
+def _render_whitted(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    return _render_tile(trace_whitted, None, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+
+
+@entry
+def _render_ao(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
+    return _render_tile(trace_ao, None, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+
+
+def renderer_of(settings: RenderSettings) -> Renderer:
+    """The kernel for these settings: `_render_tile` of their integrator. Direct light is paths of two segments."""
+    if settings.integrator == "whitted":
+        return _render_whitted
+    if settings.integrator == "ao":
+        return _render_ao
+    return _render_special_path if is_special(settings) else _render_path

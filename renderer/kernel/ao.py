@@ -27,7 +27,7 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 
 @device
-def trace_ao(scene, stack, o, d, options, pixel, sample, log):
+def trace_ao(scene, stack, o, d, options, pixel, sample, log, special):
     """As renderer.kernel.path.trace_path: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 
     What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
@@ -60,7 +60,7 @@ def trace_ao(scene, stack, o, d, options, pixel, sample, log):
                 _WHITE, _BLACK,
             )  # fmt: skip
         if through:
-            o = departure(surface, False)
+            o = departure(surface, False, d)
             continue
         s, q, n = shading_frame(scene, surface, vec.neg(d))
         albedo = fetch_material(scene, surface, (s, q, n), layers).base
@@ -70,7 +70,7 @@ def trace_ao(scene, stack, o, d, options, pixel, sample, log):
         material_id = 1 + surface.material
         r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(1))
         towards = vec.to_world(s, q, n, square_to_cosine_hemisphere((r[0], r[1])))
-        start = departure(surface, True)
+        start = departure(surface, True, towards)
         end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
         rays += 1
         open_sky = transmittance(scene, stack, start, end, options.transparent)

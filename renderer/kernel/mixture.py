@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import device, subroutine
+from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material import eval_material, sample_material
 from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
@@ -109,11 +109,13 @@ def aim(scene, primitive, p, u):
 
 
 @subroutine
-def mixture_bounce(scene, p, s, q, n, material, wo, choose, u):
+def mixture_bounce(scene, p, frame, material, wo, choose, u):
     """As `sample_material`, by the mixture: (wi, weight, pdf, radiance scale), the pdf 0 since lights count fully where met.
 
-    p: the point; s, q, n: its shading frame. What a material scatters into single directions it keeps for its own half.
+    p: the point; frame: its shading frame (s, t, n). What a material scatters into single directions it keeps for its own half.
     """
+    out_of_line()
+    s, q, n = frame
     count = len(scene.guide)
     if count == 0:
         wi, weight, _, thinned = sample_material(material, wo, choose, u)

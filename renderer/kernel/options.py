@@ -10,7 +10,19 @@ from renderer.kernel.rows import TRANSPARENT
 from renderer.scene.arrays import CompiledScene
 from renderer.settings import FILTERS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
 
-__all__ = ["ATTENUATION", "BSDF", "LIGHT", "LIGHT_CUTOFF", "MIS", "MIXTURE", "NO_MISTAKE", "UNIFORM", "Options", "kernel_options"]
+__all__ = [
+    "ATTENUATION",
+    "BSDF",
+    "LIGHT",
+    "LIGHT_CUTOFF",
+    "MIS",
+    "MIXTURE",
+    "NO_MISTAKE",
+    "UNIFORM",
+    "Options",
+    "is_special",
+    "kernel_options",
+]
 
 MIS, LIGHT, BSDF, UNIFORM, MIXTURE = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform", "mixture"))
 NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name in ("", "light-cutoff", "attenuation"))
@@ -52,3 +64,8 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
     )
+
+
+def is_special(settings: RenderSettings) -> bool:
+    """Whether the path tracer for pictures cannot do it: to compare strategies, or to show mistakes."""
+    return settings.sampling != "mis" or settings.mistake != "" or settings.light_samples > 1

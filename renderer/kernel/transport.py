@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, subroutine
+from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material import absorption, is_transparent, opacity
-from renderer.kernel.options import ATTENUATION
 from renderer.kernel.polynomial import exp
-from renderer.kernel.rows import GLASS, LAYERED
+from renderer.kernel.rows import ABSORBING
 from renderer.kernel.sampler import uniform4
 
-__all__ = ["PathResult", "attenuated", "is_passed", "limited", "mistaken", "transmits"]
+__all__ = ["COLOR_BLOCK", "PathResult", "attenuated", "is_passed", "limited"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_CUTOFF = np.float32(1000.0)
-_FARTHEST = np.float32(1e30)  # squared: beyond lies the environment, to which no distance is meant
-_PASSING = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below
+PASSING_BLOCK = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below,
+COLOR_BLOCK = 1 << 17  # and from here on those that spread colours
 
 
 class PathResult(NamedTuple):
@@ -41,22 +40,24 @@ def is_passed(scene, surface, options, pixel, sample, passed):
     """Whether the path goes through the surface as if it were not there, which its alpha gives the chance of."""
     if not is_transparent(scene, surface.material):
         return False
-    u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(_PASSING + passed))[0]
+    u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(PASSING_BLOCK + passed))[0]
     return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
 
 
 @subroutine
-def _exp3(a, distance):
-    return exp(-a[0] * distance), exp(-a[1] * distance), exp(-a[2] * distance)
+def _absorbed(throughput, a, start, end):
+    out_of_line()
+    way = vec.sub(end, start)
+    distance = math.sqrt(vec.dot(way, way))
+    return throughput[0] * exp(-a[0] * distance), throughput[1] * exp(-a[1] * distance), throughput[2] * exp(-a[2] * distance)
 
 
 @device
-def attenuated(scene, material, throughput, distance):
-    """What is left of the throughput after a way through the inside of a material: Beer's law."""
-    a = absorption(scene, material)
-    if vec.maximum(a) > _ZERO:
-        return vec.mul(throughput, _exp3(a, distance))
-    return throughput
+def attenuated(scene, material, throughput, start, end):
+    """What is left of the throughput on the way from start to end, through the inside of a material: Beer's law."""
+    if scene.material_flags[material] & ABSORBING == 0:
+        return throughput
+    return _absorbed(throughput, absorption(scene, material), start, end)
 
 
 @device
@@ -67,22 +68,3 @@ def limited(light, limit):
         if most > limit:
             return vec.scale(light, limit / most)
     return light
-
-
-@device
-def transmits(material):
-    """Whether light may pass from one side of the surface to the other."""
-    return material.kind == GLASS or material.kind == LAYERED
-
-
-@subroutine
-def mistaken(mistake, square):
-    """What other renderers' errors make of a light at the squared distance `square`: a factor. The environment keeps its 1.
-
-    LIGHT_CUTOFF drops what is farther than sqrt(1000), ATTENUATION multiplies radiance, which has no distance, by 1/d^2.
-    """
-    if square > _FARTHEST:
-        return _ONE
-    if mistake == ATTENUATION:
-        return _ONE / square
-    return _ZERO if square > _CUTOFF else _ONE

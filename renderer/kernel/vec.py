@@ -14,6 +14,7 @@ __all__ = [
     "cross",
     "dot",
     "is_finite",
+    "length",
     "luminance",
     "maximum",
     "mul",
@@ -78,6 +79,12 @@ def cross(a, b):
 def normalize(a):
     """a at length 1; NaN where a is zero."""
     return scale(a, _ONE / math.sqrt(dot(a, a)))
+
+
+@device
+def length(a):
+    """The length."""
+    return math.sqrt(dot(a, a))
 
 
 @device

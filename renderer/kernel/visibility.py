@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
-from renderer.jit import device, subroutine
+from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material import opacity
 from renderer.kernel.surface import departure, surface_at
@@ -22,6 +22,7 @@ MAX_PASSED = 256  # surfaces that light passes by their alpha; what lies behind 
 @subroutine
 def _through(scene, stack, start, end):
     """The product of what each surface between the two points leaves of the light."""
+    out_of_line()
     left = _ONE
     o = start
     way = vec.sub(end, start)
@@ -38,7 +39,7 @@ def _through(scene, stack, start, end):
         left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
         if not left > _ZERO:
             return _ZERO
-        o = departure(surface, False)
+        o = departure(surface, False, d)
     return _ZERO
 
 

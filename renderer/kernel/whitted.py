@@ -16,14 +16,24 @@ from renderer.jit import device, local_floats
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import LightSample, choose_light, sample_light, sample_one_light
-from renderer.kernel.material import LAYER_SLOTS, emission, eval_material, fetch_material, is_specular, sample_material
+from renderer.kernel.material import (
+    LAYER_SLOTS,
+    disperse,
+    emission,
+    eval_material,
+    fetch_material,
+    is_specular,
+    sample_material,
+    transmits,
+)
 from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
-from renderer.kernel.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
+from renderer.kernel.rows import CONDUCTOR, DISPERSIVE, METALLIC_ROUGHNESS, UNLIT
 from renderer.kernel.sampler import uniform4
+from renderer.kernel.strategy import mistaken
 from renderer.kernel.surface import departure, surface_at
-from renderer.kernel.transport import PathResult, attenuated, is_passed, mistaken, transmits
+from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed
 from renderer.kernel.visibility import MAX_PASSED, transmittance
 
 __all__ = ["trace_whitted"]
@@ -97,7 +107,7 @@ def _is_within(scene, light, p):
 
 
 @device
-def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
+def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
     """As renderer.kernel.path.trace_path. options.max_depth counts the segments between camera and last surface."""
     radiance = _BLACK
     throughput = _WHITE
@@ -109,7 +119,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
     rays = 0
     segment = 0
     passed = 0
-    distance = _ZERO
+    point = o  # the last vertex
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
     while True:
@@ -124,36 +134,34 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
                 record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
-        distance += hit.t
-        if options.transparent and is_passed(scene, surface, options, pixel, sample, passed):
-            if row < len(log):
-                record_vertex(
-                    log, row, PASSED, 1 + surface.object, 1 + surface.material, hit.t, _ZERO, surface.point, surface.shading, d,
-                    throughput, radiance,
-                )  # fmt: skip
+        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
+        if not (surface.front or through):
+            throughput = attenuated(scene, surface.material, throughput, point, surface.point)
+        if row < len(log):
+            record_vertex(
+                log, row, PASSED if through else SURFACE, 1 + surface.object, 1 + surface.material, hit.t, _ZERO, surface.point,
+                surface.shading, d, throughput, radiance,
+            )  # fmt: skip
+        if through:
             passed += 1
             if passed == MAX_PASSED:
                 break
-            o = departure(surface, False)
+            o = departure(surface, False, d)
             continue
-        if not surface.front:
-            throughput = attenuated(scene, surface.material, throughput, distance)
-        if row < len(log):
-            record_vertex(
-                log, row, SURFACE, 1 + surface.object, 1 + surface.material, distance, _ZERO, surface.point, surface.shading, d,
-                throughput, radiance,
-            )  # fmt: skip
         wo_world = vec.neg(d)
         if surface.light >= 0:
             emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
             radiance = vec.add(radiance, vec.mul(throughput, emitted))
         s, q, n = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, (s, q, n), layers)
+        if scene.material_flags[surface.material] & DISPERSIVE != 0:
+            u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))[0]
+            material, throughput = disperse(scene, surface, material, throughput, u)
         if segment == 0:
             albedo = material.base
             first_normal = n
             position = surface.point
-            depth = distance
+            depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
             object_id = 1 + surface.object
             material_id = 1 + surface.material
         mirror = is_specular(material) or _is_polished(material)
@@ -178,13 +186,12 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
                     wi = vec.to_local(s, q, n, light.direction)
                     f, _ = eval_material(material, wo, wi)
                     if vec.maximum(f) > _ZERO:
-                        start = departure(surface, wi[2] > _ZERO)
+                        start = departure(surface, wi[2] > _ZERO, light.direction)
                         rays += 1
                         weight = transmittance(scene, stack, start, light.end, options.transparent)
                         weight /= light.pdf * np.float32(count)
                         if options.mistake != NO_MISTAKE:
-                            way = vec.sub(light.end, surface.point)
-                            weight *= mistaken(options.mistake, vec.dot(way, way))
+                            weight *= mistaken(options.mistake, surface.point, light.end)
                         arriving = vec.scale(vec.mul(f, light.radiance), weight)
                         radiance = vec.add(radiance, vec.mul(throughput, arriving))
             if row < len(log):
@@ -198,7 +205,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log):
         if vec.maximum(throughput) <= _ZERO:
             break
         d = vec.to_world(s, q, n, wi)
-        o = departure(surface, wi[2] > _ZERO)
-        distance = _ZERO
+        o = departure(surface, wi[2] > _ZERO, d)
+        point = surface.point
         segment += 1
     return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)

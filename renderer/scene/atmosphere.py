@@ -1,12 +1,15 @@
-"""Sunlight in clear air: single scattering by molecules, haze and ozone around a round earth, in 18 wavelengths.
+"""Sunlight in clear air: scattered by molecules and haze, absorbed by ozone, around a round earth, in 18 wavelengths.
 
-Nishita et al., "Display of the Earth Taking into Account Atmospheric Scattering", 1993, with the ozone layer of Bruneton
-("A Qualitative and Quantitative Evaluation of 8 Clear Sky Models", 2017) and Hillaire 2020. Lengths in metres. Irradiance is
-scaled so that the sun's luminance outside the atmosphere is pi: a white surface that faces it there has radiance 1.
+Light scattered once is integrated along each line of sight (Nishita et al., "Display of the Earth Taking into Account
+Atmospheric Scattering", 1993), with an ozone layer (Bruneton, "A Qualitative and Quantitative Evaluation of 8 Clear Sky
+Models", 2017). Light scattered more often is taken as even in all directions (Hillaire, "A Scalable and Production Ready Sky
+and Atmosphere Rendering Technique", 2020, section 5.5). Lengths in metres. Irradiance is scaled so that the sun's luminance
+outside the atmosphere is pi: a white surface that faces it there has radiance 1.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -29,6 +32,10 @@ _OZONE_SECTION = np.array(
     [0.003, 0.015, 0.055, 0.158, 0.367, 0.775, 1.48, 2.14, 3.09, 4.27, 4.40, 5.02, 3.74, 2.66, 1.85, 1.21, 0.746, 0.511]
 )
 _OZONE = _OZONE_SECTION * 1e-25 * 300 * 2.687e20 / _OZONE_HALF
+
+# The grid of heights and of the sun's elevations on which light scattered more than once is tabulated.
+_HEIGHTS = np.array([0.0, 0.5, 1, 2, 4, 6, 8, 12, 16, 20, 30, 40, 60, 80, 100]) * 1e3
+_SUNS = np.radians([-90.0, -15, -12, -10, -8, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6, 8, 10, 15, 20, 30, 45, 60, 90])
 
 
 class Air(NamedTuple):
@@ -112,31 +119,99 @@ def mie_phase(cosine: np.ndarray) -> np.ndarray:
     return scale * (1 + cosine * cosine) / (1 + g * g - 2 * g * cosine) ** 1.5
 
 
-def scattered(air: Air, sun: float, elevation: np.ndarray, azimuth: np.ndarray, steps: int = 48) -> tuple[np.ndarray, np.ndarray]:
-    """Light scattered once towards an observer on the ground, before the phase functions: by molecules and by dust.
+def scattered(
+    air: Air, ground: float, sun: float, elevation: np.ndarray, azimuth: np.ndarray, steps: int = 48
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Light towards an observer on the ground: scattered once by molecules, once by dust, and more often by either.
 
-    sun: its elevation; elevation (...), above 0, and azimuth (...) of where to look, from the sun's: radians. Each result is
-    (..., 3), linear Rec.709.
+    The first two lack their phase function. ground: its albedo; sun: its elevation; elevation (...), above 0, and azimuth (...)
+    of where to look, from the sun's: radians. Each result is (..., 3), linear Rec.709.
     """
     start = _EARTH + _EYE
-    up, level = np.sin(elevation), np.cos(elevation)
-    towards_sun = up * np.sin(sun) + level * np.cos(sun) * np.cos(azimuth)
-    length = _to_top(np.full_like(up, start), up)
+    up = np.sin(elevation)
+    towards_sun = up * np.sin(sun) + np.cos(elevation) * np.cos(sun) * np.cos(azimuth)
+    again = _scattered_again(air, ground)
+    molecules, dust, more = (np.zeros((*up.shape, 18)) for _ in range(3))
+    for at in _along(np.full_like(up, start), up, np.sin(sun), towards_sun, _to_top(np.full_like(up, start), up), steps):
+        seen = np.exp(-_thickness(air, at.passed)) * at.step[..., None]
+        sunlight = seen * _sunlight(air, at.radius, at.cosine)
+        molecules += sunlight * at.density[..., 0, None]
+        dust += sunlight * at.density[..., 1, None]
+        more += seen * _scattering(air, at.density) * _looked_up(again, at.radius - _EARTH, np.arcsin(np.clip(at.cosine, -1, 1)))
+    return molecules @ (_RAYLEIGH[:, None] * air.molecules * _RGB), dust @ (_MIE_SCATTERING * air.dust * _RGB), more @ _RGB
+
+
+class _Step(NamedTuple):
+    """A piece of a ray through the air, at its middle."""
+
+    radius: np.ndarray  # from the earth's centre
+    cosine: np.ndarray  # of the sun's zenith angle
+    density: np.ndarray  # (..., 3)
+    passed: np.ndarray  # (..., 3) densities integrated so far
+    step: np.ndarray  # its length
+
+
+def _along(
+    start: np.ndarray, up: np.ndarray, sun_up: np.ndarray, towards_sun: np.ndarray, length: np.ndarray, steps: int
+) -> Iterator[_Step]:
+    """A ray in steps that grow. Cosines: of the ray's and of the sun's zenith angle at its start, and between the two."""
     edge = np.linspace(0, 1, steps + 1) ** 2
-    passed = np.zeros((*up.shape, 3))
-    molecules, dust = np.zeros((*up.shape, 18)), np.zeros((*up.shape, 18))
+    passed = np.zeros((*length.shape, 3))
     for near, far in pairwise(edge):
         t = length * (near + far) / 2
         step = length * (far - near)
         radius = np.sqrt(start**2 + t * t + 2 * start * t * up)
-        cosine = (start * np.sin(sun) + t * towards_sun) / radius  # of the sun's zenith angle there
         density = _densities(np.maximum(radius - _EARTH, 0))
         half = density * (step / 2)[..., None]
-        passed += half
-        horizon = -np.sqrt(np.maximum(1 - (_EARTH / radius) ** 2, 0))
-        risen = np.clip(0.5 + (np.arcsin(np.clip(cosine, -1, 1)) - np.arcsin(horizon)) / (2 * _SUN_RADIUS), 0, 1)
-        sunlight = np.exp(-_thickness(air, passed + _column(radius, np.maximum(cosine, horizon)))) * (risen * step)[..., None]
-        molecules += sunlight * density[..., 0, None]
-        dust += sunlight * density[..., 1, None]
-        passed += half
-    return molecules @ (_RAYLEIGH[:, None] * air.molecules * _RGB), dust @ (_MIE_SCATTERING * air.dust * _RGB)
+        passed = passed + half
+        yield _Step(radius, (start * sun_up + t * towards_sun) / radius, density, passed, step)
+        passed = passed + half
+
+
+def _sunlight(air: Air, radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """The share of each wavelength that arrives straight from the sun, (..., 18): none in the earth's shadow."""
+    horizon = -np.sqrt(np.maximum(1 - (_EARTH / radius) ** 2, 0))
+    risen = np.clip(0.5 + (np.arcsin(np.clip(cosine, -1, 1)) - np.arcsin(horizon)) / (2 * _SUN_RADIUS), 0, 1)
+    return np.asarray(np.exp(-_thickness(air, _column(radius, np.maximum(cosine, horizon)))) * risen[..., None])
+
+
+def _scattering(air: Air, density: np.ndarray) -> np.ndarray:
+    """Per metre, at each wavelength."""
+    return np.asarray(density[..., 0, None] * (air.molecules * _RAYLEIGH) + density[..., 1, None] * (air.dust * _MIE_SCATTERING))
+
+
+def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
+    """The radiance, alike from all sides, that light scattered before has at a height and under a sun: (heights, suns, 18).
+
+    What arrives after one scattering, by a uniform phase function, times 1 / (1 - f), the sum of all further ones.
+    """
+    cosines, weights = np.polynomial.legendre.leggauss(8)
+    azimuth = (np.arange(4) + 0.5) * np.pi / 4
+    radius, sun, up, turn = np.broadcast_arrays(
+        (_EARTH + np.maximum(_HEIGHTS, 1.0))[:, None, None, None], _SUNS[:, None, None], cosines[:, None], azimuth
+    )
+    towards_sun = up * np.sin(sun) + np.sqrt(1 - up * up) * np.cos(sun) * np.cos(turn)
+    below = radius * radius * (up * up - 1) + _EARTH**2
+    lands = (up < 0) & (below > 0)
+    length = np.where(lands, -radius * up - np.sqrt(np.maximum(below, 0)), _to_top(radius, up))
+    second, again = np.zeros((*up.shape, 18)), np.zeros((*up.shape, 18))
+    for at in _along(radius, up, np.sin(sun), towards_sun, length, steps):
+        scattering = np.exp(-_thickness(air, at.passed)) * _scattering(air, at.density) * at.step[..., None]
+        second += scattering * _sunlight(air, at.radius, at.cosine) / (4 * np.pi)
+        again += scattering
+    landed = (radius * np.sin(sun) + length * towards_sun) / _EARTH
+    lit = ground / np.pi * np.maximum(landed, 0) * lands
+    on_ground = _sunlight(air, np.full_like(radius, _EARTH + 1.0), landed) * lit[..., None]
+    second += np.exp(-_thickness(air, at.passed + at.density * (at.step / 2)[..., None])) * on_ground
+    share = (weights / 2)[:, None, None] / len(azimuth)
+    return np.asarray((second * share).sum(axis=(2, 3)) / (1 - (again * share).sum(axis=(2, 3))))
+
+
+def _looked_up(table: np.ndarray, height: np.ndarray, sun: np.ndarray) -> np.ndarray:
+    """`_scattered_again` between its heights and suns, bilinear."""
+    y = np.interp(height, _HEIGHTS, np.arange(len(_HEIGHTS)))
+    x = np.interp(sun, _SUNS, np.arange(len(_SUNS)))
+    i, j = np.minimum(y.astype(int), len(_HEIGHTS) - 2), np.minimum(x.astype(int), len(_SUNS) - 2)
+    t, s = (y - i)[..., None], (x - j)[..., None]
+    low = table[i, j] * (1 - s) + table[i, j + 1] * s
+    return np.asarray(low * (1 - t) + (table[i + 1, j] * (1 - s) + table[i + 1, j + 1] * s) * t)

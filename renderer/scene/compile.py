@@ -50,7 +50,8 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     emitted = emitted_by_triangles(packed, geometry)
     lights = list_lights(packed.emitted, emitted, double_sided, geometry, sphere, sphere_material, punctual)
-    if description.studio_for_accents and description.environment is None and are_accents(lights.power, bounds):
+    lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
+    if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, bounds):
         light_studio(description)
         description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
     environment = tabulate_environment(description)

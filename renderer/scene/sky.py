@@ -10,6 +10,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.atmosphere import Air, mie_phase, rayleigh_phase, scattered, transmitted
 from renderer.scene.description import F32, Environment, Sky
+from renderer.scene.lights import luminance
 
 __all__ = ["PREFIX", "Sun", "image_of_sky", "parse_sky", "sun_of_sky"]
 
@@ -72,7 +73,8 @@ def image_of_sky(sky: Sky) -> F32:
     sun = math.radians(sky.sun_elevation)
     grid_elevation = math.pi / 2 * np.linspace(0, 1, _ELEVATIONS) ** 2  # finest at the horizon
     grid_azimuth = np.linspace(0, math.pi, _AZIMUTHS)
-    molecules, dust = scattered(_air(sky), sun, *np.meshgrid(grid_elevation, grid_azimuth, indexing="ij"))
+    albedo = float(luminance(np.array(sky.ground_albedo)))
+    molecules, dust, more = scattered(_air(sky), albedo, sun, *np.meshgrid(grid_elevation, grid_azimuth, indexing="ij"))
 
     rows = _HEIGHT // 2
     elevation = math.pi / 2 - (np.arange(rows) + 0.5) * math.pi / _HEIGHT
@@ -83,6 +85,7 @@ def image_of_sky(sky: Sky) -> F32:
     above = (
         _interpolated(molecules, *place) * rayleigh_phase(cosine)[..., None]
         + _interpolated(dust, *place) * mie_phase(cosine)[..., None]
+        + _interpolated(more, *place)
     )
     above = np.maximum(above, 0)
     solid_angle = np.cos(elevation) * math.pi / _HEIGHT * math.pi / _HEIGHT

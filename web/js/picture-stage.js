@@ -58,7 +58,6 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     "div",
     { class: "stage-box" },
     made instanceof FilmView ? made.element : insteadOfFilm(made),
-    divider.element,
     tags,
   );
   divider.element.hidden = true;
@@ -74,6 +73,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   /** @type {[Part | null, Part | null]} */
   const parts = [null, null];
   if (view) {
+    view.element.append(divider.element); // within the stage: the wheel zooms over it too
     const remember = rememberPlace(view.viewport);
     moved = () => {
       zoom.show(view.viewport.scale);

@@ -9,7 +9,7 @@ import { CannotShow, FilmCanvas } from "./film-canvas.js";
 import { icon } from "./icons.js";
 import { alongSight, dolly, orbit, pan } from "./orbit.js";
 import { Preview } from "./preview.js";
-import { announce, showError } from "./tray.js";
+import { showError } from "./tray.js";
 import { Viewport } from "./viewport.js";
 
 /** @typedef {import("./types.js").View} View */
@@ -142,7 +142,8 @@ export function viewTurner(form, aspect, meanwhile, done) {
       form.focus(distance);
       setPicking(false);
       refresh();
-      announce(`Focus distance ${distance.toPrecision(4)}`);
+      const told = `Sharp at a distance of ${distance.toPrecision(4)}.`;
+      setText(said, form.view().aperture ? told : `${told} Give the lens an aperture to see it.`);
     } catch (error) {
       showError("The focus was not set", error);
     }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.film import COLOR, mean
-from renderer.kernel.path import power_heuristic
+from renderer.kernel.strategy import power_heuristic
 from renderer.render import render_frame
 from renderer.scene.description import Material, Sphere
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square

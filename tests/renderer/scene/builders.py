@@ -8,7 +8,7 @@ import numpy as np
 
 TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 
-_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 
 
@@ -118,6 +118,13 @@ def full_gltf(png):
     spot = {"type": "spot", "intensity": 3, "spot": {"innerConeAngle": 0.2}}
     g.root["extensions"] = {"KHR_lights_punctual": {"lights": [spot]}}
     g.node(camera=1, extensions={"KHR_lights_punctual": {"light": 0}})
+    bones = {"JOINTS_0": np.zeros((4, 4), np.uint8), "WEIGHTS_0": np.ones((4, 4), np.float32)}
+    g.mesh(points, None, 5, 0, **bones)["skin"] = 0
+    g.root["skins"] = [
+        {"joints": [1, 2], "inverseBindMatrices": g.array(np.tile(np.eye(4, dtype=np.float32).reshape(16), (2, 1)))}
+    ]
+    g.root["meshes"][1] |= {"weights": [0.5]}
+    g.root["meshes"][1]["primitives"][0]["targets"] = [{"POSITION": g.array(points)}]
     copies = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": g.array(points)}}}
     g.node(mesh=0, extensions=copies)
     return g

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 
 
@@ -76,6 +77,8 @@ def test_punctual_lights_in_watts_along_minus_z(scene):
     np.testing.assert_allclose((beam.inner_cone, beam.outer_cone), (20, 30))
     np.testing.assert_allclose(beam.direction, (0, -1, 0), atol=1e-12)
     assert beam.position == (1, 2, 3)
+    compile_scene(description)
+    assert description.environment is None  # whoever places lights means the dark between them
     assert description.warnings == []
 
 

@@ -48,6 +48,15 @@ def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
     assert 0.6 < (diffuse + direct) / (math.pi * math.sin(math.radians(60))) < 0.95
 
 
+def test_the_ground_lights_the_air_above_it_and_light_is_never_made():
+    """Snow brightens the sky; all that leaves the air downwards stays below what the sun sends in."""
+    for height in (5, 30, 60, 90):
+        dark, snow = (onto_ground(image_of_sky(Sky(height, ground_albedo=gray(a)))) for a in (0.0, 1.0))
+        assert (snow > dark).all()
+        incoming = np.sin(math.radians(height)) * facing(sun_of_sky(Sky(90, air=0, dust=0, ozone=0)))
+        assert (dark + facing(sun_of_sky(Sky(height))) * math.sin(math.radians(height)) < incoming).all()
+
+
 def test_light_fades_as_the_sun_sinks():
     heights = [90, 60, 45, 30, 20, 10, 5, 2, 0, -1, -2, -4, -6, -10]
     sky = [luminance(onto_ground(image_of_sky(Sky(h)))) for h in heights]

@@ -17,7 +17,7 @@ MAX_ELEMENTS = 1 << 26
 MAX_VALUES = 1 << 29  # of all arrays together: an accessor without data costs a hostile file nothing
 
 _COMPONENT = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
-_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 def as_floats(values: npt.NDArray[Any], normalized: bool) -> npt.NDArray[np.float32]:

@@ -83,6 +83,13 @@ class Json:
             raise self.wrong(key, f"is not a list of {len(default)} numbers")
         return tuple(float(v) for v in values)
 
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """The list of finite numbers under a key; empty if not there."""
+        values = self.value.get(key, [])
+        if not isinstance(values, list) or not all(isinstance(v, int | float) and math.isfinite(v) for v in values):
+            raise self.wrong(key, "is not a list of numbers")
+        return tuple(float(v) for v in values)
+
     def text(self, key: str, default: str) -> str:
         """The string under a key."""
         value = self.value.get(key, default)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.scene.closed import is_closed
 from renderer.scene.description import Mesh
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.deform import morphed, skinned
 from renderer.scene.readers.gltf.materials import Materials
-from renderer.scene.readers.gltf.primitives import read_primitive
+from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
+from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Meshes"]
+
+MAX_VERTICES = 1 << 26
 
 
 class Meshes:
@@ -21,27 +26,60 @@ class Meshes:
     def __init__(self, root: Json, accessors: Accessors, materials: Materials, shelf: TextureShelf, meshes: list[Mesh]) -> None:
         self.sources = root.objects("meshes")
         self._accessors, self._materials, self._shelf, self._meshes = accessors, materials, shelf, meshes
-        self._read: dict[int, list[int]] = {}
+        self._file, self._vertices = root.file, 0
+        self._sources: dict[int, list[tuple[Primitive, int | None]]] = {}
+        self._shaped: dict[tuple[int, tuple[float, ...]], list[int]] = {}
 
     def name(self, index: int) -> str:
         """What the file calls a mesh."""
         return self.sources[index].text("name", "") or f"mesh {index}"
 
-    def of(self, index: int) -> list[int]:
-        """The description's numbers of a mesh's primitives."""
-        if index not in self._read:
-            primitives: list[tuple[Mesh, int | None]] = []
+    def of(self, index: int, node: Json) -> list[int]:
+        """The description's numbers of a mesh's primitives, as a node's morph weights shape them."""
+        weights = self._weights(index, node)
+        if (index, weights) not in self._shaped:
+            self._shaped[index, weights] = self._add([(self._morphed(p, weights), m) for p, m in self._primitives(index)])
+        return self._shaped[index, weights]
+
+    def skinned(self, index: int, node: Json, matrices: Matrix) -> list[int]:
+        """The same with the joints of a skin in place, in the world; each node has meshes of its own."""
+        weights = self._weights(index, node)
+        placed = []
+        for primitive, material in self._primitives(index):
+            mesh, bones = self._morphed(primitive, weights), primitive.bones
+            if bones is not None:
+                if bones.joints.max(initial=0) >= len(matrices):
+                    raise node.wrong("skin", f"has {len(matrices)} joints where the mesh names {int(bones.joints.max()) + 1}")
+                mesh = skinned(mesh, bones, matrices)
+            placed.append((mesh, material))
+        return self._add(placed)
+
+    def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:
+        if index not in self._sources:
+            self._sources[index] = []
             for source in self.sources[index].objects("primitives"):
                 material = source.index("material", self._materials.sources)
-                mesh = read_primitive(source, self.name(index), self._accessors, self._shelf)
-                if mesh is not None:
-                    mesh.material = self._materials.number(material)
-                    primitives.append((mesh, material))
-            self._refract(primitives)
-            first = len(self._meshes)
-            self._meshes += [mesh for mesh, _ in primitives]
-            self._read[index] = list(range(first, len(self._meshes)))
-        return self._read[index]
+                primitive = read_primitive(source, self.name(index), self._accessors, self._shelf)
+                if primitive is not None:
+                    self._sources[index].append((primitive, material))
+        return self._sources[index]
+
+    def _weights(self, index: int, node: Json) -> tuple[float, ...]:
+        return (node if "weights" in node else self.sources[index]).numbers("weights")
+
+    def _morphed(self, primitive: Primitive, weights: tuple[float, ...]) -> Mesh:
+        return morphed(primitive.mesh, primitive.targets, weights, self._accessors)
+
+    def _add(self, primitives: list[tuple[Mesh, int | None]]) -> list[int]:
+        for mesh, material in primitives:
+            mesh.material = self._materials.number(material)
+        self._refract(primitives)
+        self._vertices += sum(len(mesh.positions) for mesh, _ in primitives)
+        if self._vertices > MAX_VERTICES:
+            raise SceneError(f"{self._file}: its meshes have more than {MAX_VERTICES} vertices, each shape of a skin by itself")
+        first = len(self._meshes)
+        self._meshes += [mesh for mesh, _ in primitives]
+        return list(range(first, len(self._meshes)))
 
     def _refract(self, primitives: list[tuple[Mesh, int | None]]) -> None:
         """Makes panes of what light goes through and has no inside, by itself or with the mesh's other primitives."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +12,25 @@ from renderer.scene.description import F32, I32, Mesh
 from renderer.scene.readers.gltf import draco
 from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.deform import Bones
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["read_primitive"]
+__all__ = ["Primitive", "read_primitive"]
 
 _LIST, _STRIP, _FAN = 4, 5, 6
+_BONE_SETS = 4  # of four joints each
 
 
-def read_primitive(source: Json, name: str, accessors: Accessors, shelf: TextureShelf) -> Mesh | None:
-    """The mesh of a primitive, its material not yet set; None, with a warning, for points and lines."""
+class Primitive(NamedTuple):
+    """A primitive as its file has it."""
+
+    mesh: Mesh  # its material not yet set
+    targets: list[Json]
+    bones: Bones | None
+
+
+def read_primitive(source: Json, name: str, accessors: Accessors, shelf: TextureShelf) -> Primitive | None:
+    """The primitive; None, with a warning, for points and lines."""
     mode = source.integer("mode", _LIST, high=7)
     if mode < _LIST:
         shelf.warn(f"Mesh {name}: its points or lines have no surface and are left out.")
@@ -30,8 +40,6 @@ def read_primitive(source: Json, name: str, accessors: Accessors, shelf: Texture
     if positions is None:
         shelf.warn(f"Mesh {name}: has no positions and is left out.")
         return None
-    if "targets" in source:
-        shelf.warn(f"Mesh {name}: its morph targets are not applied; it has its base shape.")
     indices = attributes.indices
     if indices is None:
         at = source.index("indices", accessors.accessors)
@@ -50,7 +58,7 @@ def read_primitive(source: Json, name: str, accessors: Accessors, shelf: Texture
     for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.tangents, mesh.colors):
         if values is not None and len(values) != len(positions):
             raise source.wrong("attributes", f"has {len(values)} of an attribute and {len(positions)} of POSITION")
-    return mesh
+    return Primitive(mesh, source.objects("targets"), _bones(attributes, source, len(positions)))
 
 
 class _Attributes:
@@ -77,6 +85,19 @@ class _Attributes:
         if values.shape[1] not in widths or not np.isfinite(values).all():
             raise self._source.wrong("attributes", f"has a damaged {key}")
         return values
+
+
+def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
+    joints, weights = [], []
+    for k in range(_BONE_SETS):
+        of, by = attributes.get(f"JOINTS_{k}", (4,)), attributes.get(f"WEIGHTS_{k}", (4,))
+        if of is None or by is None:
+            break
+        if len(of) != count or len(by) != count or of.min(initial=0) < 0:
+            raise source.wrong("attributes", f"has {len(of)} of JOINTS_{k}, {len(by)} of WEIGHTS_{k} and {count} of POSITION")
+        joints.append(of.astype(np.int64))
+        weights.append(np.maximum(by, 0))
+    return Bones(np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)) if joints else None
 
 
 def _with_alpha(colors: F32 | None) -> F32 | None:

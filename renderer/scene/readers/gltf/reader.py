@@ -11,6 +11,7 @@ from renderer.scene.readers.gltf import draco, instancing, lights, materials, te
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json, parse
+from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
@@ -77,30 +78,33 @@ class _Nodes:
         self._cameras = root.objects("cameras")
         punctual = root.extension(lights.EXTENSION)
         self._lights = punctual.objects("lights") if punctual else []
+        self._skins = root.objects("skins")
         self._names: dict[str, int] = {}
+        self._worlds: dict[int, Matrix] = {}  # of the scene's nodes
 
     def walk(self) -> None:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
-        seen: set[int] = set()
+        shown_nodes: list[int] = []
         stack = [(i, np.eye(4), 0, True) for i in reversed(self._top())]
         while stack:
             index, parent, depth, shown = stack.pop()
             node = self._nodes[index]
-            if index in seen or depth > MAX_DEPTH:
+            if index in self._worlds or depth > MAX_DEPTH:
                 raise SceneError(
                     f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
                 )
-            seen.add(index)
             world = parent @ local(node)
             if not np.isfinite(world).all():
                 raise SceneError(f"{self._root.file}: {node.where} has a transform that is not finite; export the file again")
+            self._worlds[index] = world
             visibility = node.extension(_VISIBILITY)
             shown = shown and (visibility is None or visibility.value.get("visible") is not False)
-            if shown:
-                self._place(node, index, world)
+            shown_nodes += [index] if shown else []
             self._add_camera(node, world)
             stack += [(child, world, depth + 1, shown) for child in reversed(node.indices("children", self._nodes))]
+        for index in shown_nodes:  # when all joints are in their places
+            self._place(self._nodes[index], self._worlds[index])
 
     def _top(self) -> list[int]:
         scenes = self._root.objects("scenes")
@@ -111,28 +115,40 @@ class _Nodes:
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
         return [i for i in range(len(self._nodes)) if i not in children]
 
-    def _place(self, node: Json, index: int, world: Matrix) -> None:
+    def _place(self, node: Json, world: Matrix) -> None:
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is not None:
-            if "skin" in node:
-                self._shelf.warn(f"Node {node.text('name', '') or index}: its skin is not applied; it stands in its rest pose.")
             name = self._unique(node.text("name", "") or self._meshes.name(mesh))
             copies = node.extension(instancing.EXTENSION)
+            skin = node.index("skin", self._skins)
             if copies:
                 left = MAX_INSTANCES - len(self._description.instances)
                 places = world @ instancing.instance_transforms(copies, self._accessors, left)
                 for i, place in enumerate(places):
-                    self._show(mesh, place, f"{name} [{i}]")
+                    self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]")
+            elif skin is not None:
+                self._show(self._meshes.skinned(mesh, node, self._joints(self._skins[skin])), np.eye(4), name)
             else:
-                self._show(mesh, world, name)
+                self._show(self._meshes.of(mesh, node), world, name)
         light = node.extension(lights.EXTENSION)
         if light:
             source = self._lights[light.integer("light", high=len(self._lights))]
             name = node.text("name", "") or source.text("name", "") or f"light {len(self._description.lights)}"
             self._description.lights.append(lights.read_light(source, name, world))
 
-    def _show(self, mesh: int, place: Matrix, name: str) -> None:
-        self._description.instances += [Instance(m, place, name=name) for m in self._meshes.of(mesh)]
+    def _show(self, meshes: list[int], place: Matrix, name: str) -> None:
+        self._description.instances += [Instance(m, place, name=name) for m in meshes]
+
+    def _joints(self, skin: Json) -> Matrix:
+        """(J, 4, 4): from a mesh's space to the world by each joint of a skin. The node's own place counts for nothing."""
+        joints = skin.indices("joints", self._nodes)
+        if not joints or not all(j in self._worlds for j in joints):
+            raise skin.wrong("joints", "has none, or one outside of the scene")
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrices = np.stack([self._worlds[j] for j in joints]) @ bind_matrices(skin, len(joints), self._accessors)
+        if not np.isfinite(matrices).all():
+            raise skin.wrong("inverseBindMatrices", "and the joints' places give no finite numbers")
+        return matrices
 
     def _unique(self, name: str) -> str:
         """The name, numbered where an earlier node has it: names tell objects apart."""
