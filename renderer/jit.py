@@ -130,7 +130,12 @@ def local_floats(typingctx: Any, count: Any) -> Any:
     return array(count), codegen
 
 
-def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:
+def _takes_scene(function: Function) -> bool:
+    code = function.__code__
+    return "scene" in code.co_varnames[: code.co_argcount]
+
+
+def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool = True) -> Function:
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
     options: Any = {
         "cache": True,
@@ -139,6 +144,9 @@ def _compiled(function: Function, *, heap: bool, inline: bool) -> Function:
         "error_model": "numpy",
         "_nrt": heap,
         "forceinline": inline,
+        # To unpack a scene's forty arrays for a caller in Python takes a quarter of the compiler's time (measured).
+        "no_cpython_wrapper": not from_python,
+        "no_cfunc_wrapper": True,
     }
     return njit(**options)(function)
 
@@ -161,11 +169,12 @@ def device(function: Function) -> Function:
     """A function for kernels to call, always merged into its caller.
 
     Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Kept on disk
-    too, so that every further kernel finds it typed and optimised.
+    too, so that every further kernel finds it typed and optimised. One that takes a `scene` has no door to Python: a call from
+    there would crash; tests call an `entry` that calls it.
     """
-    return _compiled(function, heap=False, inline=True)
+    return _compiled(function, heap=False, inline=True, from_python=not _takes_scene(function))
 
 
 def subroutine(function: Function) -> Function:
     """A device function that stays one, if it is large: for code that is seldom run, or called in many places."""
-    return _compiled(function, heap=False, inline=False)
+    return _compiled(function, heap=False, inline=False, from_python=not _takes_scene(function))

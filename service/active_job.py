@@ -24,6 +24,7 @@ SMOOTHING = 0.3
 class Trouble:
     """What happened to a batch that did not succeed."""
 
+    since: float = field(default_factory=time.monotonic)
     losses: int = 0
     workers: list[str] = field(default_factory=list)  # on which it failed, one entry a failure
     error: str = ""
@@ -49,6 +50,7 @@ class ActiveJob:
         self.seconds = row.seconds
         self.active_s = row.active_s
         self.started = row.started is not None
+        self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frame = 0
         self.plan = FramePlan(film.tiles, row.spp, row.noise, self._coverage, self._tile_noise)
         self.bad_samples = film.bad_samples(self.frame)[0]

@@ -92,9 +92,10 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 
 
-def worker_out(report: WorkerReport) -> WorkerOut:
-    """A worker."""
-    return WorkerOut(**asdict(report))
+def worker_out(report: WorkerReport, engine: Engine) -> WorkerOut:
+    """A worker. One that is told to pause counts as paused, though it may still finish what it has in hand."""
+    why = engine.workers.orders.get(report.name)
+    return WorkerOut(**{**asdict(report), "state": report.state if why is None else "paused"}, message=why)
 
 
 def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
@@ -106,7 +107,7 @@ def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, 
         scene = session.get(Scene, id)
         return scene_out(scene, engine).model_dump() if scene else None
     report = engine.workers.reports.get(id)
-    return worker_out(report).model_dump() if report else None
+    return worker_out(report, engine).model_dump() if report else None
 
 
 def _message(job: Job, session: Session, engine: Engine) -> str | None:
@@ -121,8 +122,12 @@ def _message(job: Job, session: Session, engine: Engine) -> str | None:
     if job.kind is not None and not workers.slots(job.kind) and workers.ready():
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
     if not workers.ready():
-        return "Waits for the workers to load their kernels." if workers.reports else "Waits for a worker: none is connected."
+        if not workers.reports:
+            return "Waits for a worker: none is connected."
+        if all(report.state == "paused" or name in workers.orders for name, report in workers.reports.items()):
+            return "Waits: all workers are paused."
+        return "Waits for the workers to load their kernels."
     live = engine.scheduler.jobs.get(job.id)
     if live is not None and (ahead := engine.scheduler.ahead_of(live)):
-        return f"Waits for {ahead} other job{'s'[: ahead > 1]} to finish; with a higher priority it goes first."
+        return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
     return None

@@ -97,6 +97,15 @@ class Engine:
         self._changes.put((what, id))
         self._results.wake()
 
+    def order(self, worker: str, why: str | None) -> None:
+        """Pause a worker, for a reason; or let it go on (None). Raises redis.RedisError."""
+        if why is None:
+            self.workers.resume(worker)
+            self.scheduler.suspicion.forgive(worker)
+        else:
+            self.workers.pause(worker, why)
+        self._results.wake()
+
     def denoise(self, job: str, frame: int, film: Film) -> Future[Denoised]:
         """The frame as it is now, denoised by a worker. Raises Problem where none can."""
         answer = self.denoising.want(job, frame, film.version(frame), film.width, film.height)
@@ -151,7 +160,7 @@ class Engine:
         for id, error in broken.items():
             self.lifecycle.fail(self.scheduler.jobs[id], f"The film of this job cannot be written ({error}). Make a new job.")
         for merged in arrived:
-            self.scheduler.came_back(merged.job, merged.lease, merged.batch, merged.seconds)
+            self.scheduler.came_back(merged.job, merged.lease, merged.batch, merged.seconds, merged.worker)
             self.counts["merged" if merged.taken else "dropped"] += 1
             if merged.taken:
                 merged.job.bad_samples += merged.part.bad_count

@@ -29,6 +29,7 @@ class Merged:
     lease: str
     batch: Range
     seconds: float
+    worker: str
     part: Part
     taken: bool
 
@@ -39,7 +40,7 @@ def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> tuple[list[Merged
     Also returns the jobs whose film is broken, each with its fault. What may pass (a full disk, a lock) is raised instead,
     as sqlite3.OperationalError: the entries are still in the stream, and are taken in later.
     """
-    groups: dict[str, list[tuple[str, Range, float, Part]]] = {}
+    groups: dict[str, list[tuple[str, Range, float, str, Part]]] = {}
     for entry in entries:
         if entry.result is None or entry.result.event["type"] != "batch" or entry.result.sums is None:
             continue
@@ -62,8 +63,8 @@ def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> tuple[list[Merged
         except sqlite3.DatabaseError as error:
             broken[id] = str(error)
             continue
-        for (lease, batch, seconds, part), is_new in zip(group, taken, strict=True):
-            merged.append(Merged(job, lease, batch, seconds, part, is_new))
+        for (lease, batch, seconds, worker, part), is_new in zip(group, taken, strict=True):
+            merged.append(Merged(job, lease, batch, seconds, worker, part, is_new))
     return merged, broken
 
 
@@ -73,10 +74,10 @@ def batch_of(event: dict[str, Any], job: ActiveJob) -> Range | None:
     return None if tile is None else Range(tile, int(event["first"]), int(event["count"]))
 
 
-def _read(event: dict[str, Any], sums: bytes, job: ActiveJob) -> tuple[str, Range, float, Part] | None:
+def _read(event: dict[str, Any], sums: bytes, job: ActiveJob) -> tuple[str, Range, float, str, Part] | None:
     batch = batch_of(event, job)
     if batch is None or int(event["frame"]) != job.frame or not job.plan.wants(batch):
         return None
     bad = [BadSample(*(min(max(int(value), 0), LARGE) for value in sample)) for sample in event.get("bad", [])]
     part = Part(job.frame, *batch, sums, bad, min(max(int(event.get("bad_count", 0)), 0), LARGE))
-    return str(event["batch"]), batch, min(max(float(event["seconds"]), 0.0), 86400.0), part
+    return str(event["batch"]), batch, min(max(float(event["seconds"]), 0.0), 86400.0), str(event.get("worker", "")), part

@@ -1,10 +1,14 @@
-"""Hands out batches: a short window ahead of the workers, by priority, and again where they do not come back."""
+"""Hands out batches: a short window ahead of the workers, by priority and in fair shares, and again where they do not come
+back."""
 
 from __future__ import annotations
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable
+from heapq import heapify, heappop, heappush
+from itertools import count, groupby
 from typing import Any
 
 import redis
@@ -15,6 +19,7 @@ from service.dispatch import Dispatcher
 from service.leases import Lease, Leases
 from service.plan import Range
 from service.settings import Settings
+from service.suspicion import Suspicion
 from service.workers import Workers
 from worker.contract import RenderBatch, render_queue
 
@@ -22,6 +27,7 @@ __all__ = ["Scheduler"]
 
 UNSEEN_ALLOWED = 3  # looks, one a second
 STRAGGLER_S = 3.0
+PATIENCE_WITH_FEW_S = 5.0
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +45,8 @@ class Scheduler:
         self._on_start = on_start
         self.leases = Leases()
         self.jobs: dict[str, ActiveJob] = {}
+        self.suspicion = Suspicion()
+        self._turn = count(1)
         self.lost = 0  # batches that were handed out again
 
     def fill(self) -> None:
@@ -46,19 +54,42 @@ class Scheduler:
         for kind in sorted({report.kind for report in self._workers.ready()}):
             slots = self._workers.slots(kind)
             room = slots * self._settings.window_per_slot - self.leases.batches(kind)
-            for job in self._in_turn(kind):
+            for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
+                room -= self._share(list(equals), kind, slots, room)
                 if room <= 0:
                     break
-                if not self._on_start(job, kind):
-                    continue
-                while room > 0 and (batch := job.next(self._settings.batch_seconds, slots)) is not None:
-                    self._hand_out(job, batch, kind)
-                    room -= 1
 
-    def came_back(self, job: ActiveJob, lease: str, batch: Range, seconds: float) -> None:
+    def _share(self, jobs: list[ActiveJob], kind: str, slots: int, room: int) -> int:
+        """Hand out up to `room` batches of jobs of one priority; returns how many.
+
+        Always of the job that has the fewest in hand, and of these of the one that has waited longest: batches take about the
+        same time, so the jobs get about the same share of the workers.
+        """
+        in_hand = Counter(lease.owner for lease in self.leases)
+        queue = [(in_hand[job.id], job.served, i, job) for i, job in enumerate(jobs)]
+        heapify(queue)
+        handed_out = 0
+        while queue and handed_out < room:
+            held, _, i, job = heappop(queue)
+            if not self._on_start(job, kind):
+                continue
+            batch = job.next(self._settings.batch_seconds, slots)
+            if batch is None:
+                continue
+            self._hand_out(job, batch, kind)
+            handed_out += 1
+            job.served = next(self._turn)
+            heappush(queue, (held + 1, job.served, i, job))
+        return handed_out
+
+    def came_back(self, job: ActiveJob, lease: str, batch: Range, seconds: float, worker: str) -> None:
         """A batch's sums were taken by the film, or dropped by it as known."""
         self.leases.end(lease)
-        job.trouble.pop(batch, None)
+        trouble = job.trouble.pop(batch, None)
+        failed_on = trouble.workers if trouble else []
+        self.suspicion.succeeded(worker, failed_on)
+        for other in set(failed_on):
+            self._set_aside_if_alone(other)
         job.learn(batch, seconds)
         job.plan.settle(batch)
 
@@ -69,11 +100,15 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
-        others = sum(1 for report in self._workers.ready() if report.kind == job.kind)
-        enough_workers = len(set(trouble.workers)) >= min(FAILURES_ALLOWED, others)
-        if len(trouble.workers) >= (FAILURES_ALLOWED if enough_workers else 2 * FAILURES_ALLOWED):
+        able = {report.name for report in self._workers.ready() if report.kind == job.kind}
+        enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
+        # A worker that fails at once may have it again and again before another gets it.
+        is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
+        if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
             return trouble
         job.plan.lose(batch)
+        self.suspicion.failed(worker, (job.id, batch))
+        self._set_aside_if_alone(worker)
         return None
 
     def withdraw(self, job: ActiveJob) -> None:
@@ -119,6 +154,18 @@ class Scheduler:
                 job.plan.lose(lease.batch)
         return hopeless
 
+    def _set_aside_if_alone(self, worker: str) -> None:
+        """Pause a worker whose batches fail while others render theirs, unless nobody else is left. Raises redis.RedisError."""
+        kinds = {report.name: report.kind for report in self._workers.ready()}
+        others = [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
+        failures = self.suspicion.of(worker, others)
+        if worker in kinds and others and failures >= FAILURES_ALLOWED:
+            log.warning("%s is set aside after %d failures", worker, failures)
+            why = (
+                f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
+            )
+            self._workers.pause(worker, why)
+
     def _lost(self, job: ActiveJob, lease: Lease, blame: bool) -> str | None:
         assert lease.batch is not None
         self.leases.end(lease.id)
@@ -142,10 +189,10 @@ class Scheduler:
         return late and idle and not lease.doubled
 
     def ahead_of(self, job: ActiveJob) -> int:
-        """How many jobs are rendered before this one."""
+        """How many jobs of a higher priority are rendered before this one."""
         kind = job.kind or self._workers.best_kind()
         order = self._in_turn(kind) if kind is not None else []
-        return order.index(job) if job in order else 0
+        return sum(1 for other in order if other.priority > job.priority) if job in order else 0
 
     def _kinds(self) -> set[str]:
         return {lease.kind for lease in self.leases}

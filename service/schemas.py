@@ -35,6 +35,7 @@ __all__ = [
     "SkyIn",
     "ViewModel",
     "WorkerOut",
+    "WorkerPatch",
 ]
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
@@ -244,6 +245,12 @@ class JobOut(BaseModel):
     frames: list[FrameOut]
 
 
+class WorkerPatch(Strict):
+    """What can change in a worker."""
+
+    state: Literal["running", "paused"]
+
+
 class WorkerOut(BaseModel):
     """A worker, by its own report."""
 
@@ -253,7 +260,8 @@ class WorkerOut(BaseModel):
     slots: int
     cpu: str
     kind: str
-    state: Literal["starting", "ready"]
+    state: Literal["starting", "ready", "paused"]
+    message: str | None = Field(description="why it is paused")
     started: float
     samples_per_s: float = Field(description="of one slot")
     current: list[dict[str, Any]]

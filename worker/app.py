@@ -9,9 +9,8 @@ from typing import Any
 from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 
-from renderer import denoise
 from worker import context, tasks
-from worker.contract import celery_config, denoise_queue, prepare_queue, render_queue
+from worker.contract import celery_config
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import die_with_parent
 
@@ -47,14 +46,11 @@ def run(worker: context.WorkerContext) -> int:
     context.set_current(worker)
     signals.worker_process_init.connect(_child_starts)
     signals.worker_shutting_down.connect(_shutting_down)
-    queues = [render_queue(worker.kind), prepare_queue(worker.kind)]
-    if denoise.is_available():
-        queues.append(denoise_queue(worker.kind))
     celery = make_app(worker).Worker(
         hostname=f"{worker.name}@{worker.host}",
         pool="prefork",
         concurrency=worker.slots,
-        queues=queues,
+        queues=worker.queues,
         optimization="fair",
         without_gossip=True,
         without_mingle=True,

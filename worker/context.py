@@ -11,7 +11,7 @@ from pathlib import Path
 
 from renderer import denoise
 from worker.cache import BlobCache
-from worker.contract import WorkerReport
+from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
 from worker.link import Link
 from worker.results import ResultStream
 from worker.status import SlotBoard
@@ -36,14 +36,20 @@ class WorkerContext:
     _results: ResultStream | None = None
 
     @property
+    def queues(self) -> list[str]:
+        """What this worker takes tasks from."""
+        queues = [render_queue(self.kind), prepare_queue(self.kind)]
+        return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
+
+    @property
     def results(self) -> ResultStream:
         """The stream of results; a connection of this process."""
         if self._results is None:
             self._results = ResultStream(self.redis_url)
         return self._results
 
-    def report(self) -> WorkerReport:
-        """The worker of itself, ready and with what its slots do now."""
+    def report(self, is_paused: bool = False) -> WorkerReport:
+        """The worker of itself, ready or paused, and with what its slots do now."""
         doing, speed = self.board.read()
         return WorkerReport(
             name=self.name,
@@ -52,7 +58,7 @@ class WorkerContext:
             slots=self.slots,
             cpu=cpu_name(),
             kind=self.kind,
-            state="ready",
+            state="paused" if is_paused else "ready",
             started=self.started,
             samples_per_s=speed,
             current=doing,

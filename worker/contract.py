@@ -5,6 +5,7 @@
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
+    service --- key order_key(name) ------> worker     why it is to take no more tasks; no key: it takes them
     worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
 Queues carry the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code)
@@ -42,6 +43,7 @@ __all__ = [
     "WorkerReport",
     "celery_config",
     "denoise_queue",
+    "order_key",
     "pack_sums",
     "prepare_queue",
     "render_queue",
@@ -78,6 +80,11 @@ def denoise_queue(kind: str) -> str:
 def worker_key(name: str) -> str:
     """The Redis key under which a worker reports itself."""
     return f"rayfarm:worker:{name}"
+
+
+def order_key(name: str) -> str:
+    """The Redis key that pauses a worker while it is there; its value is a sentence that says why."""
+    return f"rayfarm:order:{name}"
 
 
 def celery_config(redis_url: str) -> dict[str, Any]:
@@ -208,7 +215,7 @@ class WorkerReport:
     slots: int
     cpu: str
     kind: str
-    state: Literal["starting", "ready"]  # starting: compiling or loading its kernels
+    state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
     current: list[dict[str, Any]] = field(

@@ -22,6 +22,7 @@ from worker.contract import (
     HEARTBEAT_EVERY_S,
     HEARTBEAT_TTL_S,
     WorkerReport,
+    order_key,
     prepare_queue,
     render_queue,
     worker_key,
@@ -54,6 +55,13 @@ class Reporter:
         with contextlib.suppress(redis.RedisError):
             self.redis.delete(worker_key(name))
 
+    def is_paused(self, name: str, before: bool) -> bool:
+        """Whether the service wants this worker to take no more tasks; as before where Redis does not say."""
+        try:
+            return bool(self.redis.exists(order_key(name)))
+        except redis.RedisError:
+            return before
+
     def waiting(self, kind: str) -> int:
         """How many tasks wait for workers of this kind."""
         try:
@@ -71,6 +79,8 @@ class Heartbeat(bootsteps.StartStopStep):
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
         self.reporter = Reporter(self.worker.redis_url)
+        self.consumer = consumer
+        self.is_paused = False
         self.timer: Any = None
         self.idle_since = time.monotonic()
 
@@ -88,14 +98,28 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def beat(self) -> None:
         """Report, wind the watchdog, and look whether tasks pass this worker by."""
-        report = self.worker.report()
+        self._obey()
+        report = self.worker.report(self.is_paused)
         if not self.reporter.beat(report):
             return
         signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
         now = time.monotonic()
-        if any(report.current) or not self.reporter.waiting(self.worker.kind):
+        if self.is_paused or any(report.current) or not self.reporter.waiting(self.worker.kind):
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
             log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
+
+    def _obey(self) -> None:
+        """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""
+        wanted = self.reporter.is_paused(self.worker.name, self.is_paused)
+        if wanted == self.is_paused:
+            return
+        self.is_paused = wanted
+        log.warning("paused by the service" if wanted else "taking tasks again")
+        for queue in self.worker.queues:
+            if wanted:
+                self.consumer.cancel_task_queue(queue)
+            else:
+                self.consumer.add_task_queue(queue)

@@ -8,34 +8,26 @@ first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008). Boxes are 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.fold import count_wide_nodes, fold, half_area
-from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, ROW_CHILD, ROW_PRIMITIVE, SPHERES, TRIANGLES, WIDTH, Bvh
+from renderer.bvh.instances import Instances, instance_boxes, inverted, relocate
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, ROW_CHILD, SPHERES, TRIANGLES, WIDTH, Bvh
 from renderer.bvh.simd import load, maximum, store
 from renderer.jit import builder, device
 
-__all__ = ["Instances", "build", "inverted"]
+__all__ = ["build"]
 
 _BINS = 16
 _SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
 _NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
 
-_INSTANCE_SLACK = 2.0**-20
 
 _ONE = np.float32(1.0)
 _NOTHING = np.float32(-np.inf)
-
-
-class Instances(NamedTuple):
-    """Where trees are shown. Tree g is over the triangles first[g] ... first[g + 1] - 1, in a space of its own."""
-
-    first: npt.NDArray[Any]  # (G + 1,) ends with the number of all triangles; before first[0] they are the world's own
-    tree: npt.NDArray[Any]  # (I,) which tree each instance shows
-    to_world: npt.NDArray[Any]  # (I, 3, 4) f64, invertible
 
 
 def build(
@@ -68,21 +60,15 @@ def build(
     first = [int(f) for f in instances.first]
     trees = [_tree(position, triangle[a:b], sphere[:0], 0, np.zeros((0, 2, 3))) for a, b in pairwise(first)]
     to_world = np.asarray(instances.to_world, np.float64).reshape(-1, 3, 4)
-    node, packet = _tree(position, triangle[: first[0]], sphere, len(triangle), _instance_boxes(trees, instances.tree, to_world))
+    node, packet = _tree(position, triangle[: first[0]], sphere, len(triangle), instance_boxes(trees, instances.tree, to_world))
     nodes, packets, roots = [node], [packet], []
     for (node, packet), primitive in zip(trees, first, strict=False):
         roots.append(sum(map(len, nodes)))
-        _relocate(node, packet, roots[-1], sum(map(len, packets)), primitive)
+        relocate(node, packet, roots[-1], sum(map(len, packets)), primitive)
         nodes.append(node)
         packets.append(packet)
     root = np.array(roots, np.int32)[instances.tree]
     return _sealed(Bvh(np.concatenate(nodes), np.concatenate(packets), root, inverted(to_world)), brute)
-
-
-def inverted(transform: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """The inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
-    matrix = np.linalg.inv(transform[:, :, :3])
-    return np.concatenate([matrix, -matrix @ transform[:, :, 3:]], axis=2)
 
 
 def _tree(
@@ -108,36 +94,6 @@ def _tree(
     packet = np.empty((packets, PACKET_ROWS, WIDTH), np.float32)
     fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, packet)
     return node, packet
-
-
-def _instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """(I, 2, 3) lower and upper corners in the world: of each tree's topmost eight boxes, which together fit closer than one."""
-    boxes = np.empty((len(shown), 2, 3))
-    for number, (node, _) in enumerate(trees):
-        lanes = node[0, 0] <= node[0, 1]
-        lower, upper = node[0, 0:6:2, lanes].astype(np.float64), node[0, 1:6:2, lanes].astype(np.float64)  # (lanes, 3)
-        which = np.flatnonzero(shown == number)
-        matrix, offset = to_world[which, :, :3], to_world[which, :, 3]
-        if not lanes.any():
-            boxes[which] = offset[:, None]
-            continue
-        center = (lower + upper) / 2 @ matrix.transpose(0, 2, 1) + offset[:, None]
-        extent = (upper - lower) / 2 @ np.abs(matrix).transpose(0, 2, 1)
-        boxes[which, 0] = (center - extent).min(axis=1)
-        boxes[which, 1] = (center + extent).max(axis=1)
-    # A ray is rounded once more on its way into the instance's space.
-    slack = _INSTANCE_SLACK * np.maximum(np.abs(boxes).max(axis=1), (boxes[:, 1] - boxes[:, 0]))
-    boxes[:, 0] -= slack
-    boxes[:, 1] += slack
-    return boxes
-
-
-def _relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:
-    """Makes a tree of triangles, built by itself, part of larger arrays."""
-    child = node[:, ROW_CHILD].view(np.int32)
-    child += np.where(child >= 0, first_node, -4 * first_packet).astype(np.int32)
-    number = packet[:, ROW_PRIMITIVE].view(np.int32)
-    number += np.where(np.isnan(packet[:, 0]), 0, first_primitive).astype(np.int32)
 
 
 def _sealed(bvh: Bvh, brute: bool) -> Bvh:

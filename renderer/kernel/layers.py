@@ -8,11 +8,12 @@ import numpy as np
 
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import rows
-from renderer.kernel.bsdf.layered import ALPHA_X, ALPHA_Y, COAT_NORMAL, FILM_MEAN, IS_PANE, LAYER_SLOTS, SMOOTH_GLASS, fresnels
+from renderer.kernel.bsdf.layer_balance import fresnels
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
+from renderer.kernel.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, FILM_MEAN, IS_PANE
 from renderer.kernel.texture import lookup
 
-__all__ = ["ALPHA_X", "ALPHA_Y", "COAT_NORMAL", "IS_PANE", "LAYER_SLOTS", "SMOOTH_GLASS", "resolve"]
+__all__ = ["resolve"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

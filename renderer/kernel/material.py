@@ -19,9 +19,23 @@ from renderer.kernel.bsdf.glass import sample_glass
 from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.mirror import sample_mirror
-from renderer.kernel.layers import ALPHA_X, ALPHA_Y, COAT_NORMAL, LAYER_SLOTS, SMOOTH_GLASS, resolve
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.layers import resolve
 from renderer.kernel.normal_map import coat_normal
-from renderer.kernel.rows import BLINN_PHONG, CONDUCTOR, DIFFUSE, GLASS, LAYERED, METALLIC_ROUGHNESS, MIRROR, UNLIT
+from renderer.kernel.rows import (
+    ALPHA_X,
+    ALPHA_Y,
+    BLINN_PHONG,
+    COAT_NORMAL,
+    CONDUCTOR,
+    DIFFUSE,
+    GLASS,
+    LAYER_SLOTS,
+    LAYERED,
+    METALLIC_ROUGHNESS,
+    MIRROR,
+    UNLIT,
+)
 from renderer.kernel.texture import sample_texture
 
 __all__ = [

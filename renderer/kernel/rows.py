@@ -41,6 +41,14 @@ F0 = 47  # a dielectric's reflectance at normal incidence
 MEAN_FRESNEL = 50  # a conductor's, over the cosine-weighted hemisphere
 COLUMNS = 53
 
+# What renderer/kernel/layers.py adds to a row where it looks up a material's textures.
+COAT_NORMAL = COLUMNS  # in the shading frame
+ALPHA_X = COLUMNS + 3
+ALPHA_Y = COLUMNS + 4
+IS_PANE = COLUMNS + 5  # 0 or 1: glass does not refract
+FILM_MEAN = COLUMNS + 6  # reflectance over the hemisphere with a film: metal, then dielectric
+LAYER_SLOTS = COLUMNS + 12
+
 # Slots of `material_texture`, int32: the texture's row, or -1.
 BASE_TEXTURE = 0
 EMISSION_TEXTURE = 1

@@ -7,15 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, subroutine
 from renderer.kernel import vec
+from renderer.kernel.carry import normal_to_world, point_to_world, tangent_to_world
 from renderer.kernel.polynomial import acos, atan2
 from renderer.kernel.rows import TEXTURED
+from renderer.kernel.terminator import lifted
 
 __all__ = ["Surface", "departure", "hit_material", "leave", "sphere_uv", "surface_at", "triangle_point"]
 
 _ZERO = np.float32(0.0)
 _THIRD = np.float32(1.0 / 3.0)
+_EIGHTH = np.float32(0.125)
 _QUARTER = np.float32(0.25)
 _HALF = np.float32(0.5)
 _SQRT3 = np.float32(math.sqrt(3.0))
@@ -25,14 +28,16 @@ _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
 _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
-_BLACK = (_ZERO, _ZERO, _ZERO)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _UNIT = np.float32(1e-6)
-_MOST_BEND = np.float32(math.cos(math.radians(45.0)))
 _LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
-_ERROR = np.float32(32 * 2.0**-24)
+_ERROR = np.float32(20 * 2.0**-24)
+_INWARD = np.float32(1.5)  # of that, away from the triangle's edges: enough for walls that meet under 35 degrees
+_SLIVER = np.float32(0.25 * 2.0**-24)
+_FURTHEST = np.float32(12.0)
+_TINY = np.float32(1e-30)
 _SPHERE_ERROR = np.float32(1e-14)
 
 
@@ -93,17 +98,20 @@ def triangle_point(position, triangle, number, u, v):
 
 @device
 def _inward(position, triangle, number, point, normal):
-    """From a triangle's point to its centroid, and a lower bound of the inscribed circle's radius.
+    """From a triangle's point to its centroid, a lower bound of the inscribed circle's radius, and how far rays may miss it.
 
     Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
-    leaves the room. Moved towards the centroid by its rounding error over that radius, it does not.
+    leaves the room; so may what starts off it by `error`, where the walls meet under an acute angle. Moved towards the centroid
+    by a multiple of `error` over that radius, it does not. In slivers the move is limited, so that it cannot be seen; and there
+    float32 is worse at the distance at which a ray meets the triangle: by its length squared over its width.
     """
     a = _row3(position, triangle[number, 0])
     b = _row3(position, triangle[number, 1])
     c = _row3(position, triangle[number, 2])
     center = vec.scale(vec.add(a, vec.add(b, c)), _THIRD)
     perimeter = _magnitude(vec.sub(b, a)) + _magnitude(vec.sub(c, a)) + _magnitude(vec.sub(c, b))
-    return vec.sub(center, point), math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
+    radius = math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
+    return vec.sub(center, point), radius, min(_SLIVER * perimeter * perimeter / max(radius, _TINY), _EIGHTH * radius)
 
 
 @device
@@ -140,39 +148,6 @@ def sphere_point(sphere, number, o, d, t):
 
 
 @device
-def _lift(point, corner, normal, up, side):
-    """From a facet's point up to the plane through a corner, square to the normal there; nothing where that is below it.
-
-    side: 1, or -1 where the corner's normal points to the other side than `up`, the facet's unit normal. Normals that are bent
-    further do not speak of a round surface, but of a box whose edges nobody marked as sharp.
-    """
-    height = side * vec.dot(vec.sub(point, corner), normal)
-    if height < _ZERO and side * vec.dot(normal, up) > _MOST_BEND:
-        return vec.scale(normal, -side * height)
-    return _BLACK
-
-
-@device
-def _lifted(scene, point, number, u, v, shading, up):
-    """The point moved off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
-
-    A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
-    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). up: the facet's
-    normal, of any length.
-    """
-    i, j, k = scene.triangle[number, 0], scene.triangle[number, 1], scene.triangle[number, 2]
-    square = vec.dot(up, up)
-    if not square > _ZERO:
-        return point
-    up = vec.scale(up, _ONE / math.sqrt(square))
-    side = _ONE if vec.dot(shading, up) > _ZERO else -_ONE
-    a = _lift(point, _row3(scene.position, i), _row3(scene.normal, i), up, side)
-    b = _lift(point, _row3(scene.position, j), _row3(scene.normal, j), up, side)
-    c = _lift(point, _row3(scene.position, k), _row3(scene.normal, k), up, side)
-    return vec.add(point, _mix3(a, b, c, u, v))
-
-
-@device
 def _tangent(array, i, j, k, u, v):
     """The tangent between three vertices; their signs agree (renderer/scene/tangents.py)."""
     x, y, z, sign = _mix4(_row4(array, i), _row4(array, j), _row4(array, k), u, v)
@@ -201,52 +176,6 @@ def _is_textured(scene, material):
     return scene.material_flags[material] & TEXTURED != 0
 
 
-@subroutine
-def _normal_to_world(to_local, number, n):
-    """A normal of an instance's space in the world, not of length 1. It keeps its side, mirrored or not."""
-    out_of_line()
-    m = to_local[number]
-    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
-    x, y, z = (
-        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
-        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
-        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
-    )
-    away = max(abs(x), max(abs(y), abs(z)))
-    away = 1.0 / away if away > 0.0 else 0.0
-    return np.float32(x * away), np.float32(y * away), np.float32(z * away)
-
-
-@subroutine
-def _point_to_world(to_world, number, p, w):
-    """A point (w 1) or a direction (w 0) of an instance's space in the world."""
-    out_of_line()
-    m = to_world[number]
-    x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
-    return (
-        np.float32(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3] * w),
-        np.float32(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3] * w),
-        np.float32(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3] * w),
-    )
-
-
-@device
-def _tangent_to_world(scene, number, tangent):
-    """The bitangent's sign turns where the transform mirrors, for the normal keeps its side."""
-    d = _point_to_world(scene.to_world, number, (tangent[0], tangent[1], tangent[2]), _ZERO)
-    square = vec.dot(d, d)
-    if not square > _ZERO:
-        return _NO_TANGENT
-    scale = _ONE / math.sqrt(square)
-    m = scene.to_world[number]
-    determinant = (
-        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
-        - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
-        + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
-    )
-    return d[0] * scale, d[1] * scale, d[2] * scale, tangent[3] if determinant > 0.0 else -tangent[3]
-
-
 @device
 def hit_material(scene, hit):
     """The number of the material at a Hit."""
@@ -269,10 +198,11 @@ def surface_at(scene, o, d, hit):
     if primitive < triangles:
         # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
-        inward, radius = _inward(scene.position, scene.triangle, primitive, point, normal)
+        inward, radius, miss = _inward(scene.position, scene.triangle, primitive, point, normal)
+        error = max(error, miss)
         upright = normal
         if hit.instance >= 0:
-            normal = _normal_to_world(scene.bvh.to_local, hit.instance, normal)
+            normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
         square = vec.dot(normal, normal)
         if square == _ZERO:  # so small that its area is 0 in float32
             normal = wo
@@ -287,23 +217,24 @@ def surface_at(scene, o, d, hit):
         length2 = vec.dot(shading, shading)
         shadow_point = point
         if not abs(length2 - _ONE) <= _UNIT:  # smooth, or no normal at all; flat meshes are spared the root
-            shadow_point = _lifted(scene, point, primitive, u, v, shading, upright if front else vec.neg(upright))
+            shadow_point = lifted(scene, point, primitive, u, v, shading, upright if front else vec.neg(upright))
             if hit.instance < 0:
                 shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
         number = scene.triangle_object[primitive]
         if hit.instance >= 0:
-            point = _point_to_world(scene.to_world, hit.instance, point, _ONE)
-            shadow_point = _point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
-            inward = _point_to_world(scene.to_world, hit.instance, inward, _ZERO)
-            error = scene.instance_stretch[hit.instance] * error + _ERROR * _magnitude(point)
-            radius *= scene.instance_stretch[hit.instance]
-            shading = _normal_to_world(scene.bvh.to_local, hit.instance, shading)
+            point = point_to_world(scene.to_world, hit.instance, point, _ONE)
+            shadow_point = point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
+            inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
+            error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * _magnitude(point)
+            radius *= scene.instance_stretch[hit.instance, 1]
+            shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
             if len(scene.tangent) > 0:
-                tangent = _tangent_to_world(scene, hit.instance, tangent)
+                tangent = tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
-        inward = vec.scale(inward, min(_QUARTER * error, _QUARTER * radius) / radius if radius > _ZERO else _ZERO)
+        far = max(_magnitude(inward), _TINY)
+        inward = vec.scale(inward, min(_INWARD * error / max(radius, _TINY), min(_QUARTER, _FURTHEST * error / far)))
         point, shadow_point = vec.add(point, inward), vec.add(shadow_point, inward)
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         if len(scene.uv1) > 0:

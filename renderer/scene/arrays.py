@@ -30,7 +30,7 @@ class CompiledScene(NamedTuple):
     bvh: Bvh
 
     to_world: Array  # (I, 3, 4) f64, from each instance's space: a matrix and, last column, a translation
-    instance_stretch: Array  # (I,) f32: the most that to_world makes of a length of 1
+    instance_stretch: Array  # (I, 2) f32: the most and the least that to_world makes of a length of 1
     instance_material: Array  # (I,) i32: its triangles' material, or -1 where they have their own
     instance_object: Array  # (I,) i32
 
@@ -85,7 +85,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.to_local": ("<f8", ("I", 3, 4)),
     "to_world": ("<f8", ("I", 3, 4)),
     "bvh.instance_root": ("<i4", ("I",)),
-    "instance_stretch": ("<f4", ("I",)),
+    "instance_stretch": ("<f4", ("I", 2)),
     "instance_material": ("<i4", ("I",)),
     "instance_object": ("<i4", ("I",)),
     "position": ("<f4", ("V", 3)),

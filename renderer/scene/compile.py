@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bvh.build import Instances, build
+from renderer.bvh.build import build
+from renderer.bvh.instances import Instances
 from renderer.errors import SceneError
 from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
@@ -62,7 +63,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     scene = CompiledScene(
         bvh=bvh,
         to_world=placement.to_world,
-        instance_stretch=np.linalg.norm(placement.to_world[:, :, :3], ord=2, axis=(1, 2)),
+        instance_stretch=np.linalg.svd(placement.to_world[:, :, :3], compute_uv=False)[:, ::2],
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,

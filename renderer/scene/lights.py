@@ -14,7 +14,7 @@ from renderer.scene.punctual import Punctual
 
 __all__ = ["TREE_FROM", "LightList", "choose_by_power", "choose_uniformly", "cumulative", "list_lights", "luminance"]
 
-TREE_FROM = 3  # lights: of two, the walk costs more than it saves (docs/performance.md)
+TREE_FROM = 3  # lights; of the two triangles that most lamps are, the walk costs more than it saves (docs/performance.md)
 _SPREAD = 0.01  # of the choices by power fall on all lights evenly
 
 
@@ -65,7 +65,7 @@ def list_lights(
     power = np.concatenate([np.pi * area * radiance, punctual.power])
     area = np.concatenate([area, np.zeros(len(rest))])
     node, child = np.zeros((0, 12), np.float32), np.zeros((0, 3), np.int32)
-    if len(primitive) >= TREE_FROM:
+    if len(primitive) >= TREE_FROM or (len(primitive) == 2 and len(triangles) < 2):
         both = double_sided[geometry.triangle_material[triangles]]
         bounds = (
             _triangle_bounds(corners, cross, triangle_area * radiance[: len(triangles)], both),

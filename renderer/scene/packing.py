@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernel import rows
-from renderer.kernel.layers import SMOOTH_GLASS
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.lights import luminance
 from renderer.scene.texels import Texels

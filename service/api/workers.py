@@ -1,12 +1,14 @@
-"""GET /api/workers: who renders."""
+"""/api/workers: who renders, and who is to pause."""
 
 from __future__ import annotations
 
+import redis
 from fastapi import APIRouter
 
 from service.describe import worker_out
 from service.farm import FarmDependency
-from service.schemas import WorkerOut
+from service.problem import Problem
+from service.schemas import WorkerOut, WorkerPatch
 
 __all__ = ["router"]
 
@@ -17,4 +19,17 @@ router = APIRouter(prefix="/api/workers", tags=["workers"])
 def list_workers(farm: FarmDependency) -> list[WorkerOut]:
     """The workers that are connected, by name: slots, processor, speed, and what each slot does now."""
     reports = farm.engine.workers.reports
-    return [worker_out(reports[name]) for name in sorted(reports)]
+    return [worker_out(reports[name], farm.engine) for name in sorted(reports)]
+
+
+@router.patch("/{name}", response_model=WorkerOut)
+def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
+    """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside."""
+    report = farm.engine.workers.reports.get(name)
+    if report is None:
+        raise Problem(404, f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")
+    try:
+        farm.engine.order(name, None if change.state == "running" else "Paused by a person.")
+    except redis.RedisError as error:
+        raise Problem(503, f"Redis does not answer ({error}). Try again when it does.") from None
+    return worker_out(report, farm.engine)

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bvh.build import Instances, build
+from renderer.bvh.build import build
+from renderer.bvh.instances import Instances
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
 from renderer.jit import entry

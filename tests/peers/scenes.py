@@ -207,6 +207,28 @@ def normal_map() -> Case:
 
 
 @_case
+def alpha_blend() -> Case:
+    codes = np.random.default_rng(6).integers(0, 256, (4, 4, 4)).astype(np.uint8)
+    codes[:2, :2, 3] = 0
+    pane = square((0, 1.2, 1.0), (1.2, 0, 0), (0, 1.0, 0), 2)
+    pane.uvs = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
+    description = _scene(
+        [
+            WHITE,
+            emitter(6.0),
+            Material(base_color=gray(0.9), base_color_texture=0, alpha_mode="blend"),
+            Material(base_color=(0.6, 0.1, 0.1)),
+        ],
+        [FLOOR, _ceiling(1, 1.0), pane, box(3, 0.5, (0.3, 0.5, -0.8))],
+        textures=[Texture(0, "clamp", "clamp")],
+        images=[Image("holes", codes)],
+        environment=Environment(color=gray(0.2)),
+    )
+    # Mitsuba counts the passage through a pane as a bounce: deep enough that neither's end is seen.
+    return description, _settings(_view(), 24)
+
+
+@_case
 def instances() -> Case:
     meshes = [FLOOR, _ceiling(1, 1.2), icosphere(2, 2, 0.45), box(3, 0.3)]
     description = SceneDescription(

@@ -109,6 +109,34 @@ def test_glass_slab():
     assert_mean(sums, 0.923077, slack=1e-4)
 
 
+def test_lossless_rough_glass_is_invisible_in_constant_light():
+    """As rough as scattering once describes it: what rough glass scatters more than once is lost."""
+    frosted = Material(kind="glass", base_color=gray(1.0), roughness=0.2)
+    glass = scene([frosted], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
+    sums = render_frame(glass, settings((0, 0, 3), (0, 0, 0), 30, max_depth=200), 256)
+    assert_mean(sums, 1.0, slack=0.01)
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.5])
+def test_absorbing_slab(ior):
+    """exp(-sigma d) of what enters, at normal incidence; and all the reflections between its sides."""
+    thickness, left = 0.2, 0.4  # of white, after one unit
+    slab = tuple(square((0, 0, z), (s * 9, 0, 0), (0, 9, 0), 0) for z, s in ((thickness / 2, 1), (-thickness / 2, -1)))
+    behind = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
+    tinted = Material(kind="glass", base_color=gray(1.0), ior=ior, attenuation_color=gray(left), attenuation_distance=1.0)
+    sums = render_frame(scene([tinted, emitter(1.0)], (*slab, behind)), settings((0, 0, 3), (0, 0, 0), 0.5, max_depth=64), 256)
+    passed = left**thickness
+    reflected = ((ior - 1) / (ior + 1)) ** 2
+    assert_mean(sums, (1 - reflected) ** 2 * passed / (1 - (reflected * passed) ** 2), slack=1e-4)
+
+
+def test_white_that_is_let_through_or_back_is_invisible_in_constant_light():
+    """A shell of which half the light is sent back and half let through loses none."""
+    shell = Material(kind="metallic_roughness", base_color=gray(1.0), specular=0.0, diffuse_transmission=0.5)
+    lit = scene([shell], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
+    assert_mean(render_frame(lit, settings((0, 0, 3), (0, 0, 0), 30, max_depth=200), 64), 1.0, slack=0.01)
+
+
 @pytest.mark.parametrize("roughness", [0.1, 0.5, 0.7, 1.0])
 @pytest.mark.parametrize("kind", ["metal", "plastic"])
 def test_white_in_a_white_furnace_is_invisible(kind, roughness):

@@ -7,6 +7,7 @@ cpu/integrators_test.cpp. Paths without end see 1/2 + 1/4 + 1/8 + ... = 1.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -14,7 +15,7 @@ from renderer.render import render_frame
 from renderer.scene.description import Light, Sphere
 from renderer.settings import FILTERS, SAMPLERS, SAMPLINGS, RenderSettings, View
 from tests.renderer.builders import emitter, gray, scene
-from tests.renderer.judge import assert_mean
+from tests.renderer.judge import assert_mean, mean_and_error
 
 EYE, TARGET = (0.3, 0.2, 0.1), (0.9, -0.1, 0.3)
 CAMERAS = {
@@ -27,9 +28,9 @@ ALBEDO = 0.5
 GLOWING = scene([emitter(0.5, ALBEDO, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
 LAMP = Light("point", gray(math.pi), position=(0.0, 0.0, 0.0))
 LIT = scene([emitter(0.0, ALBEDO)], spheres=(Sphere((0, 0, 0), 1.0),), lights=(LAMP,))
-# Direct light ends at the first surface; it emits 1/2 itself, and half of what comes in goes on.
-GLOW = {"path": 1.0, "direct": 0.75}
-LAMPLIGHT = {"path": 1.0, "direct": 0.5}
+# Whitted's rays and direct light end at the first diffuse surface; it emits 1/2 itself, and half of what comes in goes on.
+GLOW = {"path": 1.0, "direct": 0.75, "whitted": 0.75}
+LAMPLIGHT = {"path": 1.0, "direct": 0.5, "whitted": 0.5}
 
 
 def _settings(camera: str, sampler: str, integrator: str, **more: object) -> RenderSettings:
@@ -52,6 +53,15 @@ def test_a_point_light_in_the_middle(integrator, sampler, camera):
     assert_mean(sums, LAMPLIGHT[integrator], slack=1e-4, tests=len(LAMPLIGHT) * len(CAMERAS) * len(SAMPLERS))
 
 
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_ambient_occlusion(sampler, camera):
+    """The chord at an angle a to the normal is 2 cos a long: as much as is shorter than D, (D / 2)^2, is occluded."""
+    settings = _settings(camera, sampler, "ao", ao_distance=1.2)
+    assert_mean(render_frame(LIT, settings, 256), 1 - 0.6**2, slack=1e-4, tests=len(CAMERAS) * len(SAMPLERS))
+    assert mean_and_error(render_frame(LIT, replace(settings, ao_distance=0.0), 4))[0] == 0.0
+
+
 @pytest.mark.parametrize("name", FILTERS)
 def test_every_filter(name):
     assert_mean(render_frame(GLOWING, _settings("perspective", "sobol", "path", filter=name), 64), 1.0, slack=1e-4, tests=3)
@@ -66,8 +76,10 @@ def test_every_strategy_of_finding_lights(sampling, sampler):
 
 @pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
 def test_roulette_of_any_probability(survival):
+    """A reflectance of 0.3: with 0.5, paths that go on with probability 0.2 have no finite variance (0.2 (0.5 / 0.2)^2 > 1)."""
+    darker = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     settings = _settings("perspective", "independent", "path", roulette=survival)
-    assert_mean(render_frame(GLOWING, settings, 512), 1.0, slack=1e-4, tests=3)
+    assert_mean(render_frame(darker, settings, 512), 1.0, slack=1e-4, tests=3)
 
 
 @pytest.mark.parametrize("integrator", GLOW)

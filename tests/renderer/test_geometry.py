@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from renderer.film import ALBEDO, COLOR, MATERIAL, NORMAL, OBJECT, mean
+from renderer.film import ALBEDO, COLOR, MATERIAL, NORMAL, OBJECT, SAMPLES, mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, emitter, gray, icosphere, square
 from tests.renderer.judge import limit, mean_and_error
@@ -82,6 +82,27 @@ def test_a_thousandth_and_a_thousand_times_the_size_are_the_same_picture(kept, s
     one, other = (mean_and_error(render_frame(compile_scene(room(s)), view(s, seed), 64)) for seed, s in enumerate((1.0, scale)))
     assert abs(one[0] - other[0]) < limit(2) * np.hypot(one[1], other[1])
     assert other[1] < 0.01 * other[0]
+
+
+def test_a_coarse_smooth_ball_is_lit_as_a_sphere_to_its_terminator():
+    """No facet's outline between light and shadow: a ball of 320 triangles and a sphere differ by their silhouettes alone."""
+    ball = icosphere(2)
+    ball.normals = ball.positions
+    films = []
+    for shape in ({"meshes": [ball], "instances": [Instance(0)]}, {"spheres": [Sphere((0, 0, 0), 1.0)]}):
+        light = Light("point", intensity=gray(100.0), position=(9.0, 3.0, 1.0))
+        description = SceneDescription(materials=[Material(base_color=gray(0.8))], lights=[light], **shape)
+        settings = RenderSettings(48, 48, View((0.5, 0.5, 4.0), (0, 0, 0), fov=30), max_depth=2)
+        films.append(render_frame(compile_scene(description), settings, 8))
+    ours, true = (mean(sums, 24)[..., 0] for sums in films)
+    within = (films[0][SAMPLES] == 8) & (films[0][MATERIAL] > 0) & (films[1][MATERIAL] > 0)
+    dark = within & (true == 0)
+    dim = within & (true > 0) & (true < 0.1 * true.max())
+    assert dim.sum() > 40
+    assert dark.sum() > 200
+    assert (ours[dim] > 0).mean() > 0.9  # pixels beside the terminator are lit,
+    assert (ours[dark] < 0.02 * true.max()).mean() > 0.99  # those beyond it are not,
+    assert np.median(np.abs(ours - true)[within]) < 0.01 * true.max()
 
 
 def test_without_a_bvh_the_picture_is_the_same(kept):

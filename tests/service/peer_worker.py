@@ -31,6 +31,7 @@ from worker.contract import (
     SceneInfo,
     WorkerReport,
     denoise_queue,
+    order_key,
     pack_sums,
     prepare_queue,
     render_queue,
@@ -145,6 +146,9 @@ class PeerWorker:
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
+                if self.redis.exists(order_key(self.name)):
+                    time.sleep(0.05)
+                    continue
                 queues = [denoise_queue(self.kind)] * self.denoises + [prepare_queue(self.kind), render_queue(self.kind)]
                 found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:

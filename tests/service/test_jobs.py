@@ -95,8 +95,8 @@ def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> N
     scene = service.ready_scene()
     slow = service.submit(scene, spp=100)
     until(lambda: len(worker.batches) > 2, "the first job is under way")
-    late = service.submit(scene)
-    until(lambda: "1 other job to" in (service.job(late)["message"] or ""), "the later job says what it waits for")
+    late = service.submit(scene, priority=-1)
+    until(lambda: "1 job of a higher" in (service.job(late)["message"] or ""), "the later job says what it waits for")
     service.patch(late, state="cancelled")
     urgent = service.submit(scene, priority=5)
     service.wait_for(urgent, "finished")
@@ -104,6 +104,20 @@ def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> N
     jobs = [b.job for b in worker.batches]
     first, last = jobs.index(urgent), len(jobs) - jobs[::-1].index(urgent)
     assert jobs[first:last].count(slow) <= 4, "no more than what was in the window"
+
+
+def test_jobs_of_one_priority_share_the_workers(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    scene = service.ready_scene()
+    jobs = [service.submit(scene, spp=200, seed=seed) for seed in range(3)]
+    until(lambda: {batch.job for batch in worker.batches} == set(jobs), "all of them have begun")
+    begun = len(worker.batches)
+    until(lambda: len(worker.batches) >= begun + 36, "they go on")
+    taken = [batch.job for batch in worker.batches[begun : begun + 36]]
+    assert all(9 <= taken.count(job) <= 15 for job in jobs), taken
+    assert all(service.job(job)["message"] is None for job in jobs)
+    for job in jobs:
+        service.patch(job, state="cancelled")
 
 
 def test_a_time_limit_ends_a_job_with_a_whole_picture(service: Service, worker: PeerWorker) -> None:

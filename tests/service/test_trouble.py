@@ -75,6 +75,36 @@ def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_the
     assert "--sampler=independent" in bad[0]["reproduce"]
 
 
+def test_a_worker_that_fails_where_others_do_not_is_set_aside_until_a_person_lets_it_go_on(service: Service) -> None:
+    with service.worker(name="good") as good, service.worker(name="bad") as bad:
+
+        def fail(batch: RenderBatch) -> None:
+            raise ValueError("the disk is full")
+
+        bad.on_batch = fail
+        good.on_batch = lambda batch: time.sleep(0.05)
+        until(lambda: len(service.http.get("/api/workers").json()) == 2, "both are seen")
+        job = service.submit(service.ready_scene(), spp=40)
+
+        def state_of(name: str) -> dict[str, str]:
+            return next(w for w in service.http.get("/api/workers").json() if w["name"] == name)
+
+        until(lambda: state_of("bad")["state"] == "paused", "it is set aside")
+        assert "while others rendered theirs" in state_of("bad")["message"]
+        assert (state_of("good")["state"], state_of("good")["message"]) == ("ready", None)
+        service.wait_for(job, "finished")
+        assert service.digest(job) == expected_digest(spp=40)
+        tried = len(bad.batches)
+        again = service.submit(service.ready_scene(), seed=1)
+        service.wait_for(again, "finished")
+        assert len(bad.batches) == tried, "it is given nothing"
+        bad.on_batch = lambda batch: None
+        good.on_batch = lambda batch: time.sleep(0.2)
+        assert service.http.patch("/api/workers/bad", json={"state": "running"}).json()["state"] == "ready"
+        service.wait_for(service.submit(service.ready_scene(), seed=2), "finished")
+        assert len(bad.batches) > tried
+
+
 def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, worker: PeerWorker) -> None:
     lost: list[RenderBatch] = []
 

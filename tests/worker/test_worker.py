@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -41,6 +42,7 @@ from worker.contract import (
     WorkerReport,
     celery_config,
     denoise_queue,
+    order_key,
     prepare_queue,
     render_queue,
     unpack_sums,
@@ -175,7 +177,7 @@ def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
             report = made.report()
             return report is not None and report.state == "ready"
 
-        wait_until(ready, 120, "the worker is ready")
+        wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
         yield made
         process.terminate()
         try:
@@ -288,6 +290,19 @@ def test_a_frame_that_cannot_be_denoised_says_why(bench: Bench) -> None:
     bench.service.films["/api/farm/films/short/0"] = b"\0" * 400
     event = denoised(bench, DenoiseFrame("short", "short", 0, 60, 40))
     assert "The picture" in event["error"]
+
+
+def test_a_worker_that_is_told_to_pause_takes_nothing_until_it_may(bench: Bench, info: SceneInfo) -> None:
+    name = bench.report().name  # type: ignore[union-attr]
+    bench.store.set(order_key(name), "Paused by a test.")
+    wait_until(lambda: bench.report().state == "paused", 10, "it pauses")  # type: ignore[union-attr]
+    bench.render(batch_of(info, "later", 0, 1))
+    queue = render_queue(bench.report().kind)  # type: ignore[union-attr]
+    time.sleep(1.5)
+    assert bench.store.llen(queue) == 1
+    bench.store.delete(order_key(name))
+    assert bench.next("batch").event["batch"] == "later"
+    assert bench.report().state == "ready"  # type: ignore[union-attr]
 
 
 def busy_with(bench: Bench, count: int) -> bool:

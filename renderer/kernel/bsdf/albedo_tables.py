@@ -13,9 +13,13 @@ import numpy.typing as npt
 
 __all__ = [
     "CHARLIE_LAMBDA",
+    "GLASS_SIZE",
+    "MOST_BEND",
     "SIZE",
     "ggx_albedo",
     "ggx_table",
+    "glass_albedo",
+    "glass_table",
     "main",
     "mean_over_hemisphere",
     "sheen_albedo",
@@ -26,6 +30,8 @@ __all__ = [
 F64 = npt.NDArray[np.float64]
 SIZE = 32  # nodes of roughness (sqrt alpha) and of the square root of the cosine, both even from 0 to 1
 _SMALLEST = 1e-4
+GLASS_SIZE = 16  # nodes likewise, and of (eta - 1) / (eta + 1), even from -MOST_BEND to MOST_BEND
+MOST_BEND = 0.45  # eta from 0.38 to 2.64
 # a, b, c, d, e of log Lambda, for alpha 0 and alpha 1 (Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF", 2017).
 CHARLIE_LAMBDA = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82987, 0.19823, -1.97760, -4.32054)
 
@@ -36,15 +42,7 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
     The mean of G2 / G1 times Schlick's two parts over visible normals, by midpoints in the square that those are sampled from.
     """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-    u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps // 2) + 0.5) / steps, indexing="ij")
-    stretched = wo * (alpha, alpha, 1)
-    stretched /= np.linalg.norm(stretched)
-    z = (1 - u) * (1 + stretched[2]) - stretched[2]
-    radius = np.sqrt(np.clip(1 - z * z, 0, 1))
-    x = radius * np.cos(2 * np.pi * v) + stretched[0]
-    y = radius * np.sin(2 * np.pi * v)  # the other half of the circle is its mirror image
-    h = np.stack([x * alpha, y * alpha, z + stretched[2]], -1)
-    h /= np.linalg.norm(h, axis=-1, keepdims=True)
+    h = _visible_normals(wo, alpha, steps)
     cosine_h = np.clip(h @ wo, 0, 1)
     wi_z = 2 * cosine_h * h[..., 2] - cosine
     up = wi_z > 1e-9
@@ -55,8 +53,55 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
     return float((shadowing * (1 - schlick)).mean()), float((shadowing * schlick).mean())
 
 
+def _visible_normals(wo: F64, alpha: float, steps: int) -> F64:
+    """(steps, steps / 2, 3) microfacet normals by the area that wo sees of them, on the half of the circle where y > 0."""
+    u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps // 2) + 0.5) / steps, indexing="ij")
+    stretched = wo * (alpha, alpha, 1)
+    stretched /= np.linalg.norm(stretched)
+    z = (1 - u) * (1 + stretched[2]) - stretched[2]
+    radius = np.sqrt(np.clip(1 - z * z, 0, 1))
+    x = radius * np.cos(2 * np.pi * v) + stretched[0]
+    y = radius * np.sin(2 * np.pi * v)
+    h = np.stack([x * alpha, y * alpha, z + stretched[2]], -1)
+    return np.asarray(h / np.linalg.norm(h, axis=-1, keepdims=True))
+
+
 def _smith_lambda(cosine: float | F64, alpha: float) -> F64:
     return (np.sqrt(1 + alpha**2 * (1 / np.square(cosine) - 1)) - 1) / 2
+
+
+def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128) -> float:
+    """What a rough boundary reflects and transmits of light from this direction, once. eta: index beyond over index here."""
+    wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+    h = _visible_normals(wo, alpha, steps)
+    cosine_h = np.clip(h @ wo, 0, 1)
+    inside2 = 1 - (1 - cosine_h**2) / eta**2
+    inside = np.sqrt(np.clip(inside2, 0, None))
+    s = (cosine_h - eta * inside) / (cosine_h + eta * inside)
+    p = (eta * cosine_h - inside) / (eta * cosine_h + inside)
+    reflectance = np.where(inside2 > 0, (s * s + p * p) / 2, 1.0)
+    lambda_o = _smith_lambda(cosine, alpha)
+    total = np.zeros_like(cosine_h)
+    up = 2 * cosine_h * h[..., 2] - cosine
+    down = cosine / eta - (cosine_h / eta - inside) * h[..., 2]
+    for share, z in ((reflectance, up), (1 - reflectance, down)):
+        lambda_i = _smith_lambda(np.where(z > 1e-9, z, 1.0), alpha)
+        total += np.where(z > 1e-9, share * (1 + lambda_o) / (1 + lambda_o + lambda_i), 0.0)
+    return float(total.mean())
+
+
+def glass_table() -> F64:
+    """(GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE): by bend, roughness, cosine; the middle axis' last row holds the means."""
+    node = np.arange(GLASS_SIZE) / (GLASS_SIZE - 1)
+    bend = (2 * node - 1) * MOST_BEND
+    table = np.array(
+        [
+            [[glass_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST), (1 + b) / (1 - b)) for t in node] for r in node]
+            for b in bend
+        ]
+    )
+    mean = np.array([[mean_over_hemisphere(row) for row in plane] for plane in table])
+    return np.concatenate([table, mean[:, None]], axis=1)
 
 
 def sheen_albedo(cosine: float, alpha: float, steps: int = 256) -> float:
@@ -115,6 +160,7 @@ def table_path(name: str) -> Path:
 def main() -> None:
     """Writes the tables."""
     np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
+    np.save(table_path("glass_albedo"), glass_table().astype(np.float32))
     np.save(table_path("sheen_albedo"), sheen_table().astype(np.float32))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.jit import device
 
-__all__ = ["fresnel_conductor", "fresnel_dielectric", "schlick", "schlick_weight"]
+__all__ = ["fresnel_conductor", "fresnel_dielectric", "mean_fresnel_dielectric", "schlick", "schlick_weight"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -27,6 +27,14 @@ def fresnel_dielectric(cosine, eta):
     parallel = (eta * cosine - refracted) / (eta * cosine + refracted)
     perpendicular = (cosine - eta * refracted) / (cosine + eta * refracted)
     return _HALF * (parallel * parallel + perpendicular * perpendicular), refracted
+
+
+@device
+def mean_fresnel_dielectric(eta):
+    """Reflectance over the cosine-weighted hemisphere (d'Eon & Irving's fit, as Kulla & Conty 2017 have it; good to 1e-3)."""
+    dense = max(eta, _ONE / eta)
+    outside = (dense - _ONE) / (np.float32(4.08567) + np.float32(1.00071) * dense)
+    return outside if eta >= _ONE else _ONE - (_ONE - outside) * eta * eta
 
 
 @device

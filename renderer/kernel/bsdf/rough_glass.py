@@ -1,8 +1,8 @@
 """A rough boundary between two dielectrics, and a rough thin pane.
 
 Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007), with visible normals. eta is the index beyond
-over the index on the viewer's side. What the microfacets scatter more than once is lost: of white glass at ior 1.5 seen at
-45 degrees, about 1 % at alpha 0.1, 7 % at 0.5. (The pane gets it back.)
+over the index on the viewer's side. What the microfacets scatter more than once leaves without a direction of its own, on
+both sides (glass_energy.py).
 """
 
 from __future__ import annotations
@@ -13,24 +13,56 @@ import numpy as np
 
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
-from renderer.kernel.bsdf.fresnel import fresnel_dielectric, schlick_weight
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric, mean_fresnel_dielectric, schlick_weight
+from renderer.kernel.bsdf.glass_energy import glass_albedo, glass_mean_albedo
 from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, sample_visible_normal, smith_lambda
+from renderer.kernel.warp import square_to_cosine_hemisphere
 
-__all__ = ["eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
+__all__ = ["SMOOTH_GLASS", "eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
+
+SMOOTH_GLASS = np.float32(0.03)  # roughness below which glass and metal are taken for smooth
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
+_INV_PI = np.float32(1.0 / math.pi)
+_LEAST_LOSS = np.float32(1e-3)
 _TINY = np.float32(1e-12)
 
 
 @subroutine
-def eval_and_pdf_rough_glass(eta, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf) of white glass, above and below; radiance is squeezed by 1 / eta**2 on its way in."""
+def eval_and_pdf_rough_glass(eta, roughness, alpha_x, alpha_y, wo, wi):
+    """(f |cos|, pdf) of white glass, above and below; radiance is squeezed by 1 / eta**2 on its way in.
+
+    roughness: the isotropic twin's, for the energy."""
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
+    once, density = _scattered_once(eta, alpha_x, alpha_y, wo, wi)
+    albedo = glass_albedo(wo[2], roughness, eta)
+    lost, back = _lost(eta, roughness)
+    cosine = abs(wi[2]) * _INV_PI
+    if wi[2] > _ZERO:
+        again = back * (_ONE - albedo) * (_ONE - glass_albedo(wi[2], roughness, eta)) / lost * cosine
+        return once + again, albedo * density + (_ONE - albedo) * back * cosine
+    inside = _ONE / eta
+    lost_inside, _ = _lost(inside, roughness)
+    again = (_ONE - back) * (_ONE - albedo) * (_ONE - glass_albedo(-wi[2], roughness, inside)) / lost_inside * cosine
+    return once + again * inside * inside, albedo * density + (_ONE - albedo) * (_ONE - back) * cosine
+
+
+@device
+def _lost(eta, roughness):
+    """(what is scattered more than once, over the hemisphere; which part of it is reflected in the end)."""
+    lost = max(_ONE - glass_mean_albedo(roughness, eta), _LEAST_LOSS)
+    beyond = max(_ONE - glass_mean_albedo(roughness, _ONE / eta), _LEAST_LOSS)
+    # Reciprocal for any two sides, since (1 - mean Fresnel) over eta**2 is the same from both.
+    return lost, _ONE - (_ONE - mean_fresnel_dielectric(eta)) * min(beyond / lost, _ONE)
+
+
+@device
+def _scattered_once(eta, alpha_x, alpha_y, wo, wi):
     lambda_o = smith_lambda(wo, alpha_x, alpha_y)
     lambda_i = smith_lambda(wi, alpha_x, alpha_y)
     shadowing = (_ONE + lambda_o) / (_ONE + lambda_o + lambda_i)
@@ -57,8 +89,14 @@ def eval_and_pdf_rough_glass(eta, alpha_x, alpha_y, wo, wi):
 
 
 @subroutine
-def sample_rough_glass(eta, alpha_x, alpha_y, wo, choose, u):
-    """A direction, above or below; zero where light meets the surface again."""
+def sample_rough_glass(eta, roughness, alpha_x, alpha_y, wo, choose, u):
+    """A direction, above or below; zero where a microfacet sends light into the surface."""
+    albedo = glass_albedo(wo[2], roughness, eta)
+    if choose >= albedo:
+        w = square_to_cosine_hemisphere(u)
+        _, back = _lost(eta, roughness)
+        return w if choose - albedo < (_ONE - albedo) * back else (w[0], w[1], -w[2])
+    choose /= albedo
     h = sample_visible_normal(wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)
     reflectance, refracted = fresnel_dielectric(cosine, eta)

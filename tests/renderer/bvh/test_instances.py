@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from renderer.bvh.build import Instances, build, inverted
+from renderer.bvh.build import build
+from renderer.bvh.instances import Instances, inverted
 from renderer.bvh.layout import ROW_CHILD
 from tests.renderer.builders import icosphere
 from tests.renderer.bvh.rays import NO_SPHERES, trace, triangles_by_numpy

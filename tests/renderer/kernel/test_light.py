@@ -11,6 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
 from renderer.kernel.surface import surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
+from renderer.scene.lights import choose_by_power
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.bvh.rays import trace
 from tests.renderer.judge import assert_uniform, direction_test, limit
@@ -18,13 +19,14 @@ from tests.renderer.judge import assert_uniform, direction_test, limit
 N = 300_000
 TESTS = 13
 P = (0.1, -0.2, 0.3)
-NO_NORMAL = (np.float32(0.0), np.float32(0.0), np.float32(0.0))
+NO_NORMAL = (0.0, 0.0, 0.0)  # lit from all sides
+NORMAL = (0.6, 0.48, 0.64)
 
 
 @entry
-def _sample(made, p, u, direction, end, radiance, pdf):
+def _sample(made, p, n, u, direction, end, radiance, pdf):
     for i in range(len(u)):
-        light = sample_light(made, (p[0], p[1], p[2]), NO_NORMAL, u[i, 0], (u[i, 1], u[i, 2]))
+        light = sample_light(made, (p[0], p[1], p[2]), (n[0], n[1], n[2]), u[i, 0], (u[i, 1], u[i, 2]))
         pdf[i] = light.pdf
         for k in range(3):
             direction[i, k] = light.direction[k]
@@ -33,7 +35,7 @@ def _sample(made, p, u, direction, end, radiance, pdf):
 
 
 @entry
-def _density(made, stack, p, direction, pdf):
+def _density(made, stack, p, n, direction, pdf):
     """What MIS weighs with: the environment's density, and that of the first light a ray meets."""
     o = (p[0], p[1], p[2])
     for i in range(len(direction)):
@@ -44,22 +46,22 @@ def _density(made, stack, p, direction, pdf):
             surface = surface_at(made, o, d, hit)
             if surface.light >= 0:
                 cosine = -vec.dot(surface.geometric, d)
-                pdf[i] += primitive_light_pdf(made, surface.light, o, NO_NORMAL, surface.point, cosine)
+                pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine)
 
 
-def sample(made, p=P, n=N, seed=0):
+def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):
     """(direction, end, radiance, pdf)."""
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     vectors = [np.zeros((n, 3), np.float32) for _ in range(3)]
     pdf = np.zeros(n, np.float32)
-    _sample(made, np.array(p, np.float32), u, *vectors, pdf)
+    _sample(made, np.array(p, np.float32), np.array(normal, np.float32), u, *vectors, pdf)
     return *vectors, pdf
 
 
-def density(made, p=P):
+def density(made, p=P, normal=NO_NORMAL):
     def values(w):
         out = np.zeros(len(w), np.float32)
-        _density(made, new_stack(), np.array(p, np.float32), np.ascontiguousarray(w), out)
+        _density(made, new_stack(), np.array(p, np.float32), np.array(normal, np.float32), np.ascontiguousarray(w), out)
         return out
 
     return values
@@ -99,12 +101,13 @@ def test_directions_follow_the_density_that_mis_is_told(name):
     direction_test(kept, density(made), TESTS, (48, 48), 24, name)
 
 
+@pytest.mark.parametrize("normal", [NO_NORMAL, NORMAL])
 @pytest.mark.parametrize("name", SCENES)
-def test_both_sides_of_mis_know_the_same_density(name):
+def test_both_sides_of_mis_know_the_same_density(name, normal):
     """What `sample_light` says of its sample is what a BSDF's ray that meets the same point is weighed with."""
     made = SCENES[name]()
-    direction, _, radiance, pdf = sample(made, n=20_000)
-    again = density(made)(direction)
+    direction, _, radiance, pdf = sample(made, n=20_000, normal=normal)
+    again = density(made, normal=normal)(direction)
     good = pdf > 0
     close = np.isclose(again[good], pdf[good], rtol=2e-3)
     if name == "all of them":  # there the sky's density adds to that of a light in front of it
@@ -116,7 +119,7 @@ def test_both_sides_of_mis_know_the_same_density(name):
 def test_a_light_is_chosen_by_its_power():
     """Two spheres, one with thrice the radiance and half the radius, and a sky of a set chance."""
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
-    direction, _, radiance, _ = sample(made)
+    direction, _, radiance, _ = sample(choose_by_power(made))
     chance = float(made.environment_frame[3])
     from_sky = np.isclose(radiance[:, 0], 0.01)
     assert abs(from_sky.mean() - chance) < limit(2) * math.sqrt(chance * (1 - chance) / N)

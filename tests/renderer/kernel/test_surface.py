@@ -162,16 +162,29 @@ def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch)
     np.testing.assert_array_equal(b["number"][same, 3], 0)
 
 
+def tetrahedron():
+    """Its faces meet under 70 degrees."""
+    corners = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], np.float32)
+    return Mesh("tetrahedron", corners, np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)], np.int32))
+
+
+def slab():
+    """A box 6 long and 0.04 thin: its narrow sides are slivers, whose distance float32 knows badly."""
+    mesh = box(0)
+    mesh.positions = mesh.positions * np.float32([1, 0.02, 3])
+    return mesh
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("away", [0.0, 300.0])
 def test_no_path_leaves_a_closed_room(sharing, scale, away):
     """Even where walls of 2 stand 300 units from the origin, and coordinates are good to 1.5e-5 there."""
     rng = np.random.default_rng(3)
     places = [turned(rng, scale, at=np.array((1, 0.7, -0.6)) * away * scale), turned(rng, scale, at=(0, 0, 9000 * scale))]
-    for mesh in (box(0), icosphere(1)):
+    for mesh in (box(0), icosphere(1), tetrahedron(), slab()):
         made = compile_scene(description_of(mesh, places, [Material()]))
         assert (len(made.to_world) > 0) == (sharing == "kept once")
-        assert (wander(made, places[0][:3, 3], 20_000, 20) == 20).all()
+        assert (wander(made, places[0][:3, 3], 15_000, 20) == 20).all()
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])

@@ -126,6 +126,16 @@ def test_every_field_of_an_extension(scene, png, name, fields, expected):
     assert [w for w in description.warnings if "no light" not in w] == []
 
 
+def test_unlit_leaves_all_but_colour_and_alpha_aside(scene):
+    g = Gltf()
+    color = {"baseColorFactor": [0.5, 0.25, 0.125, 0.75]}
+    g.material(pbrMetallicRoughness=color, emissiveFactor=[1, 1, 1], alphaMode="BLEND", extensions={"KHR_materials_unlit": {}})
+    g.mesh(material=0)
+    material = scene("a.glb", g.glb()).materials[0]
+    assert (material.kind, material.base_color, material.opacity) == ("unlit", (0.5, 0.25, 0.125), 0.75)
+    assert (material.alpha_mode, material.emission) == ("blend", (0, 0, 0))
+
+
 @pytest.mark.parametrize("volume", [None, {"thicknessFactor": 0}, {"thicknessFactor": 0.1}])
 @pytest.mark.parametrize("shape", ["closed", "open", "closed by another"])
 def test_light_refracts_in_what_is_filled_or_closed(scene, volume, shape):

@@ -103,6 +103,7 @@ def _diffuse_transmission(source: Json, material: Material, textures: Textures) 
 
 def _unlit(source: Json, material: Material, textures: Textures) -> None:
     material.kind = "unlit"
+    material.emission, material.emission_texture, material.normal_texture = (0.0, 0.0, 0.0), None, None
 
 
 READERS: dict[str, Reader] = {

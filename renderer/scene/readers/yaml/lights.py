@@ -46,12 +46,8 @@ def read_light(source: dict[str, Any], index: int, document: Yaml, path: Path) -
 
 def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:
     if ("direction" in source) == ("target" in source):
-        raise document.error(
-            path,
-            f"a {source['type']} light has one of direction and target"
-            if source["type"] == "spot"
-            else "a directional light has a direction",
-        )
+        what = "one of direction and target" if source["type"] == "spot" else "a direction"
+        raise document.error(path, f"a {source['type']} light has {what}")
     direction = np.array(source["direction"] if "direction" in source else np.subtract(source["target"], position), np.float64)
     length = float(np.linalg.norm(direction))
     if length < 1e-12:

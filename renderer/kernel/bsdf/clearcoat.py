@@ -1,0 +1,70 @@
+"""A varnish of index 1.5 over a material: KHR_materials_clearcoat. GGX about a normal of its own, given in the base's frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device, subroutine
+from renderer.kernel import vec
+from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo
+from renderer.kernel.bsdf.fresnel import schlick_weight
+from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, sample_visible_normal, smith_lambda
+
+__all__ = ["clearcoat_albedo", "clearcoat_mean_albedo", "eval_and_pdf_clearcoat", "sample_clearcoat"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+_F0 = np.float32(0.04)
+_LEAST_COSINE = np.float32(0.01)
+
+
+@subroutine
+def clearcoat_albedo(roughness, cosine):
+    """What it reflects of light from one direction."""
+    a, b = ggx_albedo(cosine, roughness)
+    return _F0 * a + b
+
+
+@subroutine
+def clearcoat_mean_albedo(roughness):
+    """The same over the cosine-weighted hemisphere."""
+    a, b = ggx_mean_albedo(roughness)
+    return _F0 * a + b
+
+
+@device
+def _frame(n, wo):
+    """The frame of the normal n; where wo would see it from below, the base's."""
+    if vec.dot(n, wo) < _LEAST_COSINE:
+        n = (_ZERO, _ZERO, _ONE)
+    s, t = vec.basis(n)
+    return s, t, n
+
+
+@subroutine
+def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
+    """(f |cos|, pdf) of one channel."""
+    s, t, n = _frame(normal, wo)
+    o = vec.to_local(s, t, n, wo)
+    i = vec.to_local(s, t, n, wi)
+    if i[2] <= _ZERO or o[2] <= _ZERO:
+        return _ZERO, _ZERO
+    alpha = max(roughness * roughness, MIN_ALPHA)
+    h = vec.normalize(vec.add(o, i))
+    lambda_o = smith_lambda(o, alpha, alpha)
+    lambda_i = smith_lambda(i, alpha, alpha)
+    density = ggx_density(h, alpha, alpha) / (_FOUR * o[2])
+    reflectance = _F0 + (_ONE - _F0) * schlick_weight(vec.dot(o, h))
+    return reflectance * density / (_ONE + lambda_o + lambda_i), density / (_ONE + lambda_o)
+
+
+@subroutine
+def sample_clearcoat(roughness, normal, wo, u):
+    """A direction; below the base's horizon, light meets the base."""
+    s, t, n = _frame(normal, wo)
+    o = vec.to_local(s, t, n, wo)
+    alpha = max(roughness * roughness, MIN_ALPHA)
+    h = sample_visible_normal(o, alpha, alpha, u)
+    return vec.to_world(s, t, n, vec.sub(vec.scale(h, _TWO * vec.dot(o, h)), o))

@@ -1,0 +1,163 @@
+"""What each layer of the glTF surface takes of light, and what it leaves to those below.
+
+m is a layered material's row (renderer/kernel/rows.py) with its textures looked up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device, subroutine
+from renderer.kernel import rows, vec
+from renderer.kernel.bsdf.clearcoat import clearcoat_albedo, clearcoat_mean_albedo
+from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_scattering, schlick_mean
+from renderer.kernel.bsdf.fresnel import schlick
+from renderer.kernel.bsdf.iridescence import film_reflectance
+from renderer.kernel.bsdf.sheen import sheen_albedo, sheen_mean_albedo
+from renderer.kernel.polynomial import power
+from renderer.kernel.rows import FILM_MEAN
+
+__all__ = ["base_view", "coat_passing", "dielectric_f0", "fresnels", "mean_cosine", "mean_passing", "rgb", "sheen_passing"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_FIFTH = np.float32(0.2)
+_LEAST = np.float32(1e-6)
+_LEAST_LOSS = np.float32(1e-3)
+# Two layers that both take more light at grazing angles leave more together than the product of their means. For two by
+# Schlick, the covariance of what they take is this times the products of (mean - facing): 21**2 (1 / 66 - 1 / 441).
+_COVARIANCE = np.float32(21.0**2 * (1.0 / 66.0 - 1.0 / 441.0))
+
+
+@device
+def rgb(m, column):
+    """Three columns from `column` on."""
+    return m[column], m[column + 1], m[column + 2]
+
+
+@device
+def _mix(a, b, t):
+    return vec.add(vec.scale(a, _ONE - t), vec.scale(b, t))
+
+
+@device
+def dielectric_f0(m):
+    """Its reflectance facing, specular factor included."""
+    return vec.scale(rgb(m, rows.F0), m[rows.SPECULAR])
+
+
+@device
+def _schlick_mean_rgb(f0, f90):
+    return schlick_mean(f0[0], f90), schlick_mean(f0[1], f90), schlick_mean(f0[2], f90)
+
+
+@device
+def _scattered_again(mean_fresnel, mean_albedo):
+    return (
+        multiple_scattering(mean_fresnel[0], mean_albedo),
+        multiple_scattering(mean_fresnel[1], mean_albedo),
+        multiple_scattering(mean_fresnel[2], mean_albedo),
+    )
+
+
+@subroutine
+def fresnels(m, cosine):
+    """Reflectance of (metal, dielectric) at a microfacet."""
+    base = rgb(m, rows.BASE)
+    f0 = dielectric_f0(m)
+    metal = schlick(base, _ONE, cosine)
+    dielectric = schlick(f0, m[rows.SPECULAR], cosine)
+    film = m[rows.IRIDESCENCE]
+    if film > _ZERO:
+        metal = _mix(metal, film_reflectance(base, m[rows.IRIDESCENCE_IOR], m[rows.THICKNESS], cosine), film)
+        dielectric = _mix(dielectric, film_reflectance(f0, m[rows.IRIDESCENCE_IOR], m[rows.THICKNESS], cosine), film)
+    return metal, dielectric
+
+
+@device
+def mean_cosine(a, b):
+    """The cosine at which Schlick's term is what the microfacets show of it: those that are seen do not all lie flat."""
+    return _ONE - power(b / max(a + b, _LEAST), _FIFTH)
+
+
+@subroutine
+def _dielectric_albedo(m, cosine, a, b, again, loss):
+    """What the dielectric's microfacets take of light from one direction, all told: of the channel that they take most of."""
+    film = m[rows.IRIDESCENCE]
+    bare = vec.maximum(dielectric_f0(m)) * a + m[rows.SPECULAR] * b
+    if film > _ZERO:
+        _, reflected = fresnels(m, mean_cosine(a, b))  # the film's share is in there
+        bare = vec.maximum(reflected) * (a + b)
+    return min(bare + again * loss, _ONE)
+
+
+@subroutine
+def coat_passing(m, cosine):
+    """What the clearcoat leaves of light from one direction."""
+    return _ONE - m[rows.CLEARCOAT] * clearcoat_albedo(m[rows.CLEARCOAT_ROUGHNESS], cosine)
+
+
+@subroutine
+def sheen_passing(m, cosine):
+    """What the sheen leaves."""
+    color = vec.maximum(rgb(m, rows.SHEEN_COLOR))
+    return _ONE - color * sheen_albedo(cosine, m[rows.SHEEN_ROUGHNESS]) if color > _ZERO else _ONE
+
+
+@device
+def base_view(m, cosine):
+    """The base towards one direction: (a, b, loss, mean loss, scattered again by metal, by dielectric, what passes into the
+    dielectric, what is left by coat, by sheen)."""
+    rough = m[rows.ROUGHNESS]
+    a, b = ggx_albedo(cosine, rough)
+    mean_a, mean_b = ggx_mean_albedo(rough)
+    mean = mean_a + mean_b
+    loss = max(_ONE - a - b, _ZERO)
+    base = rgb(m, rows.BASE)
+    f0 = dielectric_f0(m)
+    if m[rows.IRIDESCENCE] > _ZERO:
+        metal_mean, dielectric_mean = rgb(m, FILM_MEAN), rgb(m, FILM_MEAN + 3)
+    else:
+        metal_mean, dielectric_mean = _schlick_mean_rgb(base, _ONE), _schlick_mean_rgb(f0, m[rows.SPECULAR])
+    again_metal = _scattered_again(metal_mean, mean)
+    again = multiple_scattering(vec.maximum(dielectric_mean), mean)
+    passing = _ONE - _dielectric_albedo(m, cosine, a, b, again, loss)
+    return (
+        a,
+        b,
+        loss,
+        max(_ONE - mean, _LEAST_LOSS),
+        again_metal,
+        again,
+        passing,
+        coat_passing(m, cosine),
+        sheen_passing(m, cosine),
+    )
+
+
+@subroutine
+def mean_passing(m):
+    """What all layers together leave of light from all directions, for the diffuse base: their means, and covariances."""
+    rough = m[rows.ROUGHNESS]
+    mean_a, mean_b = ggx_mean_albedo(rough)
+    mean = mean_a + mean_b
+    a, b = ggx_albedo(_ONE, rough)
+    if m[rows.IRIDESCENCE] > _ZERO:
+        again = multiple_scattering(vec.maximum(rgb(m, FILM_MEAN + 3)), mean)
+        taken = vec.maximum(rgb(m, FILM_MEAN + 3)) * mean + again * (_ONE - mean)
+        _, reflected = fresnels(m, mean_cosine(a, b))
+        facing = vec.maximum(reflected) * (a + b) + again * (_ONE - a - b)
+    else:
+        f0 = vec.maximum(dielectric_f0(m))
+        again = multiple_scattering(schlick_mean(f0, m[rows.SPECULAR]), mean)
+        taken = f0 * mean_a + m[rows.SPECULAR] * mean_b + again * (_ONE - mean)
+        facing = f0 * a + m[rows.SPECULAR] * b + again * (_ONE - a - b)
+    coat = _ONE - m[rows.CLEARCOAT] * clearcoat_mean_albedo(m[rows.CLEARCOAT_ROUGHNESS])
+    color = vec.maximum(rgb(m, rows.SHEEN_COLOR))
+    sheen = _ONE - color * sheen_mean_albedo(m[rows.SHEEN_ROUGHNESS])
+    rise = max(taken - facing, _ZERO)
+    coat_rise = max(coat_passing(m, _ONE) - coat, _ZERO)
+    sheen_rise = max(sheen_passing(m, _ONE) - sheen, _ZERO)
+    base = _ONE - taken
+    together = rise * coat_rise * sheen + rise * sheen_rise * coat + coat_rise * sheen_rise * base
+    return max(base * coat * sheen + _COVARIANCE * together, _LEAST)

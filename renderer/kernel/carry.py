@@ -1,0 +1,62 @@
+"""From an instance's space to the world, in double precision, rounded once."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+
+__all__ = ["normal_to_world", "point_to_world", "tangent_to_world"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
+
+
+@subroutine
+def normal_to_world(to_local, number, n):
+    """A normal of an instance's space in the world, not of length 1. It keeps its side, mirrored or not."""
+    out_of_line()
+    m = to_local[number]
+    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
+    x, y, z = (
+        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
+        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
+        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
+    )
+    away = max(abs(x), max(abs(y), abs(z)))
+    away = 1.0 / away if away > 0.0 else 0.0
+    return np.float32(x * away), np.float32(y * away), np.float32(z * away)
+
+
+@subroutine
+def point_to_world(to_world, number, p, w):
+    """A point (w 1) or a direction (w 0) of an instance's space in the world."""
+    out_of_line()
+    m = to_world[number]
+    x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
+    return (
+        np.float32(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3] * w),
+        np.float32(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3] * w),
+        np.float32(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3] * w),
+    )
+
+
+@device
+def tangent_to_world(scene, number, tangent):
+    """The bitangent's sign turns where the transform mirrors, for the normal keeps its side."""
+    d = point_to_world(scene.to_world, number, (tangent[0], tangent[1], tangent[2]), _ZERO)
+    square = vec.dot(d, d)
+    if not square > _ZERO:
+        return _NO_TANGENT
+    scale = _ONE / math.sqrt(square)
+    m = scene.to_world[number]
+    determinant = (
+        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
+        - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
+        + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
+    )
+    return d[0] * scale, d[1] * scale, d[2] * scale, tangent[3] if determinant > 0.0 else -tangent[3]

@@ -1,0 +1,88 @@
+"""The GGX distribution against values in double precision, and the tables of its albedo against what makes them."""
+
+import numpy as np
+import pytest
+
+from renderer.jit import entry
+from renderer.kernel.bsdf import energy, sheen
+from renderer.kernel.bsdf.albedo_tables import SIZE, ggx_albedo, ggx_table, mean_over_hemisphere, sheen_albedo, table_path
+from renderer.kernel.bsdf.fresnel import fresnel_conductor
+from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, smith_lambda
+
+DEGREES = (0, 45, 60, 80, 85)
+
+
+@entry
+def _values(alpha, angles, out):
+    """D of a normal tilted by each angle, G1 of a direction tilted so, and the density with which that sees the normal z."""
+    for i in range(len(angles)):
+        w = (np.float32(np.sin(angles[i])), np.float32(0), np.float32(np.cos(angles[i])))
+        up = (np.float32(0), np.float32(0), np.float32(1))
+        out[i, 0] = ggx_density(w, alpha, alpha)
+        out[i, 1] = np.float32(1) / (np.float32(1) + smith_lambda(w, alpha, alpha))
+        out[i, 2] = pdf_visible_normal(w, up, alpha, alpha)
+
+
+@entry
+def _albedos(cosine, roughness, out):
+    for i in range(len(cosine)):
+        out[i, 0], out[i, 1] = energy.ggx_albedo(cosine[i], roughness[i])
+        out[i, 2] = sheen.sheen_albedo(cosine[i], roughness[i])
+
+
+def test_distribution_and_masking_at_alpha_0_1():
+    """By the tangents that Walter et al. 2007 write them with (equations 33 and 34)."""
+    found = np.empty((len(DEGREES), 3), np.float32)
+    _values(np.float32(0.1), np.radians(DEGREES), found)
+    for row, degrees in zip(found, DEGREES, strict=True):
+        theta, alpha = np.radians(degrees), 0.1
+        density = alpha**2 / (np.pi * np.cos(theta) ** 4 * (alpha**2 + np.tan(theta) ** 2) ** 2)
+        masking = 2 / (1 + np.sqrt(1 + alpha**2 * np.tan(theta) ** 2))
+        np.testing.assert_allclose(row, (density, masking, masking / (np.pi * alpha**2)), rtol=2e-4)
+    # The same, worked out by hand.
+    np.testing.assert_allclose(found[[0, 1], 0], (31.830989, 0.012481), rtol=1e-4)
+    np.testing.assert_allclose(found[[1, 3, 4], 1], (0.997512, 0.930395, 0.794059), rtol=1e-4)
+
+
+def test_a_white_microfacet_mirror_scatters_once_what_is_known():
+    for alpha, albedo in ((0.25, 0.916), (0.5, 0.688), (0.75, 0.464), (1.0, 1 - np.log(2))):
+        assert sum(ggx_albedo(1.0, alpha)) == pytest.approx(albedo, abs=4e-4)
+
+
+def test_the_tables_are_what_makes_them():
+    """Every node of the microfacets', some of the sheen's, and both tables' last row."""
+    np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
+    table = np.load(table_path("sheen_albedo"))
+    for i, j in np.random.default_rng(3).integers(6, SIZE, (60, 2)):
+        assert table[i, j] == pytest.approx(sheen_albedo((j / (SIZE - 1)) ** 2, (i / (SIZE - 1)) ** 2), abs=2e-6)
+    np.testing.assert_allclose(table[SIZE], [mean_over_hemisphere(row) for row in table[:SIZE].astype(float)], atol=2e-6)
+
+
+def test_lookups_between_the_nodes_are_good():
+    rng = np.random.default_rng(1)
+    cosine, roughness = rng.uniform(0.05, 1, 200).astype(np.float32), rng.uniform(0.1, 1, 200).astype(np.float32)
+    found = np.empty((200, 3), np.float32)
+    _albedos(cosine, roughness, found)
+    expected = np.array([ggx_albedo(c, r * r) for c, r in zip(cosine.astype(float), roughness.astype(float), strict=True)])
+    np.testing.assert_allclose(found[:, :2], expected, atol=3e-3)
+
+
+def test_means_are_means():
+    table = np.load(table_path("ggx_albedo")).astype(float)
+    steps = (np.arange(20_000) + 0.5) / 20_000
+    node = np.linspace(0, 1, SIZE)
+    for row in (3, 15, 31):
+        mean = np.mean(2 * steps * np.interp(np.sqrt(steps), node, table[row, :, 0]))
+        assert mean == pytest.approx(table[SIZE, row, 0], abs=1e-4)
+        assert mean == pytest.approx(mean_over_hemisphere(table[row, :, 0]), abs=1e-4)
+
+
+@pytest.mark.parametrize("index", [0.2 + 3.9j, 1.4 + 7.6j, 3.0 + 0.0j])
+def test_conductors_reflect_as_complex_snell_says(index):
+    for cosine in (1.0, 0.7, 0.3, 0.05):
+        inside = np.sqrt(1 - (1 - cosine**2) / index**2)
+        s = (cosine - index * inside) / (cosine + index * inside)
+        p = (index * cosine - inside) / (index * cosine + inside)
+        expected = 0.5 * (abs(s) ** 2 + abs(p) ** 2)
+        arguments = (np.float32(cosine), np.float32(index.real), np.float32(index.imag))
+        assert fresnel_conductor.py_func(*arguments) == pytest.approx(expected, abs=2e-5)
