@@ -87,6 +87,10 @@ class Picture:
     ] = None
     env_strength: Annotated[float, _light("Factor on it.", min=0.0, max=1e6)] = 1.0
 
+    env_rotation: Annotated[
+        float, _light("Degrees by which it is turned, counter-clockwise seen from above.", metavar="DEG", min=-360.0, max=360.0)
+    ] = 0.0
+
     integrator: Annotated[
         str | None,
         _transport(
@@ -175,13 +179,18 @@ class Picture:
             view=self.view(cameras),
             environment=self.environment().color,
             environment_strength=self.env_strength,
+            environment_rotation=self.env_rotation,
             **chosen(self.asked(), defaults),
         )
 
     def request(self, cameras: list[dict[str, Any]]) -> dict[str, Any]:
         """What POST /api/jobs takes."""
         width, height = options.parse_size(self.size) if self.size else (None, None)
-        environment: dict[str, Any] = {"color": self.environment().color, "strength": self.env_strength}
+        environment: dict[str, Any] = {
+            "color": self.environment().color,
+            "strength": self.env_strength,
+            "rotation": self.env_rotation,
+        }
         if (sky := self.environment().sky) is not None:
             environment["sky"] = {"elevation": sky[0], "azimuth": sky[1]}
         asked: dict[str, Any] = {

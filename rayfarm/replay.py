@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
-
-from rich.table import Table
 
 from rayfarm.console import out
 
@@ -15,6 +14,14 @@ if TYPE_CHECKING:
     from renderer.settings import RenderSettings
 
 __all__ = ["show_path"]
+
+# A vertex has more numbers than a line has room: its fields stand below each other, by what they are about.
+GROUPS = {
+    "MET": ("kind", "object", "material"),
+    "WHERE": ("point", "normal", "direction"),
+    "LIGHT": ("throughput", "emitted", "direct"),
+    "RAY": ("distance", "pdf"),
+}
 
 
 def show_path(
@@ -25,22 +32,14 @@ def show_path(
 
     path = replay(compiled, settings, x, y, sample)
     vertices = [_named(vertex._asdict(), summary) for vertex in path.vertices]
-    value = None if path.value is None else list(path.value)
     if as_json:
-        found = {"pixel": [x, y], "sample": sample, "value": value, "vertices": vertices}
+        found = {"pixel": [x, y], "sample": sample, "value": path.value, "vertices": vertices}
         print(json.dumps(_plain(found), indent=1))
         return
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("#", justify="right")
-    for title in vertices[0] if vertices else ():
-        table.add_column(title, overflow="fold")
-    for number, vertex in enumerate(vertices):
-        table.add_row(str(number), *(_text(field) for field in vertex.values()))
-    out.print(table)
-    if value is None:
-        out.print(f"Sample {sample} of pixel {x},{y} is not finite, and so left out of the film.", markup=False)
-    else:
-        out.print(f"Sample {sample} of pixel {x},{y}: {_text(value)}", markup=False)
+    for line in _table(vertices):
+        out.print(line, markup=False, soft_wrap=True)
+    value = "not finite, and so left out of the film" if path.value is None else _text(path.value)
+    out.print(f"Sample {sample} of pixel {x},{y}: {value}", markup=False)
 
 
 def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
@@ -52,11 +51,28 @@ def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
     return vertex
 
 
+def _table(vertices: list[dict[str, Any]]) -> list[str]:
+    """Lines with a column for each group, never cut off: half a number is worse than a line that wraps."""
+    rows = [["#", *GROUPS]]
+    for number, vertex in enumerate(vertices):
+        cells = [_cell(vertex, names) for names in GROUPS.values()]
+        rows += [[str(number) if i == 0 else "", *line] for i, line in enumerate(zip_longest(*cells, fillvalue=""))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _cell(vertex: dict[str, Any], names: tuple[str, ...]) -> list[str]:
+    if "kind" in names:
+        return [_text(vertex[name]) for name in names]
+    width = max(map(len, names))
+    return [f"{name:<{width}} {_text(vertex[name])}" for name in names]
+
+
 def _text(value: Any) -> str:
     if isinstance(value, (tuple, list)):
         return " ".join(_text(part) for part in value)
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.3g}"
     return "" if value is None else str(value)
 
 

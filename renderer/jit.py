@@ -18,7 +18,18 @@ from typing import Any
 
 from renderer import __version__
 
-__all__ = ["TARGET", "builder", "cache_folder", "device", "entry", "kind", "local_floats", "out_of_line", "subroutine"]
+__all__ = [
+    "TARGET",
+    "builder",
+    "cache_folder",
+    "device",
+    "entry",
+    "kind",
+    "local_floats",
+    "out_of_line",
+    "subroutine",
+    "template",
+]
 
 _X86 = ("x86_64", "amd64")
 _ARM = ("aarch64", "arm64")
@@ -173,6 +184,15 @@ def device(function: Function) -> Function:
     there would crash; tests call an `entry` that calls it.
     """
     return _compiled(function, heap=False, inline=True, from_python=not _takes_scene(function))
+
+
+def template(function: Function) -> Function:
+    """A device function that is written into each caller before anything is compiled.
+
+    For the largest: nothing of them is compiled twice, arguments may be kernels, and what depends on an argument that is
+    None is left out where it is.
+    """
+    return njit(inline="always")(function)
 
 
 def subroutine(function: Function) -> Function:

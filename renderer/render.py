@@ -46,7 +46,7 @@ class RenderStats:
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """The scene in the settings' environment, its light tables fit for the settings' way of finding lights."""
-    scene = relit(scene, settings.environment, settings.environment_strength)
+    scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     return sampled_alone(scene) if settings.sampling == "light" or settings.integrator == "whitted" else scene
 
 

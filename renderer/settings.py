@@ -120,6 +120,7 @@ class RenderSettings:
     1/d^2 < 0.001, though all samples are divided by), attenuation (radiance falls by 1/d^2 once more). "": none.
     environment: linear RGB radiance that replaces the scene's own environment, or None to keep it.
     environment_strength: factor on the scene's (or the replaced) environment.
+    environment_rotation: degrees by which it is turned about +Y, counter-clockwise seen from above.
     film_exponent: the film's quantum is 2**-film_exponent (see renderer/film.py).
     """
 
@@ -140,6 +141,7 @@ class RenderSettings:
     mistake: str = ""
     environment: Vec3 | None = None
     environment_strength: float = 1.0
+    environment_rotation: float = 0.0
     film_exponent: int = 24
 
     def __post_init__(self) -> None:
@@ -175,6 +177,8 @@ class RenderSettings:
             raise SettingsError(f"environment is {self.environment}; its radiances lie between 0 and 1e9")
         if not 0 <= self.film_exponent <= MAX_FILM_EXPONENT:
             raise SettingsError(f"film_exponent is {self.film_exponent}; it lies between 0 and {MAX_FILM_EXPONENT}")
+        if not -360.0 <= self.environment_rotation <= 360.0:
+            raise SettingsError(f"environment_rotation is {self.environment_rotation:g}; it lies between -360 and 360 degrees")
         if not 0.0 <= self.environment_strength <= 1e6:
             raise SettingsError(f"environment_strength is {self.environment_strength:g}; it lies between 0 and 1e6")
 

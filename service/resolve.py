@@ -40,6 +40,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         view=_view(request, info.get("cameras") or []),
         environment=tuple(environment["color"]) if environment.get("color") is not None else None,
         environment_strength=environment.get("strength", 1.0),
+        environment_rotation=environment.get("rotation", 0.0),
         **chosen(request, defaults),
     )
     if job.spp is None:

@@ -87,11 +87,12 @@ class SkyIn(Strict):
 
 
 class EnvironmentIn(Strict):
-    """Light from all around in place of the scene's: a linear RGB radiance, or a sky; and a factor."""
+    """Light from all around in place of the scene's: a linear RGB radiance, or a sky; a factor, and a further turn."""
 
     color: tuple[Radiance, Radiance, Radiance] | None = None
     sky: SkyIn | None = Field(None, description="prepares the scene anew under that sky: the job's `scene` is then that one")
     strength: Radiance = 1.0
+    rotation: float = Field(0.0, ge=-360.0, le=360.0, description="degrees about +Y, counter-clockwise seen from above")
 
     @model_validator(mode="after")
     def _one(self) -> EnvironmentIn:

@@ -40,6 +40,8 @@ def _options(settings: RenderSettings) -> list[str]:
         words.append(f"--env={_text(settings.environment)}")
     if settings.environment_strength != 1.0:
         words.append(f"--env-strength={settings.environment_strength!r}")
+    if settings.environment_rotation != 0.0:
+        words.append(f"--env-rotation={settings.environment_rotation!r}")
     return words
 
 

@@ -19,7 +19,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
 )
-from renderer.jit import device, entry
+from renderer.jit import device, entry, template
 from renderer.kernel import vec
 from renderer.kernel.ao import trace_ao
 from renderer.kernel.camera import camera_ray
@@ -75,7 +75,7 @@ def in_half(sample):
     return second == 0 and sample != 1
 
 
-@device
+@template
 def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
     """Adds `count` samples a pixel to sums (CHANNELS, h, w) int64. Returns (bad samples, rays).
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
-from renderer.jit import device, local_floats
+from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.normal_map import shading_frame
@@ -26,7 +26,7 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 
 
-@device
+@template
 def trace_ao(scene, stack, o, d, options, pixel, sample, log, special):
     """As renderer.kernel.path.trace_path: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 

@@ -16,7 +16,7 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.kernel.light_tree import choose_from_tree, tree_chance
-from renderer.kernel.material import emission
+from renderer.kernel.material import emission, opacity
 from renderer.kernel.punctual import sample_punctual
 from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
 from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
@@ -58,6 +58,18 @@ def _nothing():
 
 
 @device
+def _vertex_alpha(scene, number, b, c):
+    i, j, k = scene.triangle[number, 0], scene.triangle[number, 1], scene.triangle[number, 2]
+    return (_ONE - b - c) * scene.color[i, 3] + b * scene.color[j, 3] + c * scene.color[k, 3]
+
+
+@device
+def _emitted(scene, material, uv, uv1, vertex_alpha, front):
+    """What rays that meet the light there receive on average: those that its alpha lets pass receive nothing of it."""
+    return vec.scale(emission(scene, material, uv, uv1, front), opacity(scene, material, uv, uv1, vertex_alpha))
+
+
+@device
 def _sample_triangle(scene, number, area, p, u):
     """A point of a triangle, uniformly: a LightSample, its pdf without the choice of the light."""
     b, c = square_to_triangle(u)
@@ -70,7 +82,8 @@ def _sample_triangle(scene, number, area, p, u):
         return _nothing()
     uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
     uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
-    radiance = emission(scene, scene.triangle_material[number], uv, uv1, projected > _ZERO)
+    alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else _ONE
+    radiance = _emitted(scene, scene.triangle_material[number], uv, uv1, alpha, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
 
@@ -119,7 +132,7 @@ def _sample_sphere(scene, number, p, u):
             return _nothing()
         pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
     uv = sphere_uv(normal)
-    radiance = emission(scene, scene.sphere_material[number], uv, uv, cone or cosine > _ZERO)
+    radiance = _emitted(scene, scene.sphere_material[number], uv, uv, _ONE, cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, False)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
-from renderer.jit import device, local_floats
+from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
@@ -42,7 +42,7 @@ _INDIRECT = 3  # segments from which on light counts as indirect
 _MOST_SURVIVAL = np.float32(0.95)
 
 
-@device
+@template
 def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
     """The path of one sample of one pixel, from the ray o + t d on, d unit: a PathResult.
 
@@ -83,7 +83,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                 record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
-        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
+        through = options.transparent and is_passed(scene, surface, options, pixel, sample, row)
         if not (surface.front or through):
             throughput = attenuated(scene, surface.material, throughput, point, surface.point)
         if row < len(log):

@@ -36,11 +36,13 @@ class PathResult(NamedTuple):
 
 
 @device
-def is_passed(scene, surface, options, pixel, sample, passed):
-    """Whether the path goes through the surface as if it were not there, which its alpha gives the chance of."""
+def is_passed(scene, surface, options, pixel, sample, row):
+    """Whether the path goes through the surface as if it were not there, which its alpha gives the chance of.
+
+    row: how many surfaces the path has met before, passed or not: each has a chance of its own."""
     if not is_transparent(scene, surface.material):
         return False
-    u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(PASSING_BLOCK + passed))[0]
+    u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(PASSING_BLOCK + row))[0]
     return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
-from renderer.jit import device, local_floats
+from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import LightSample, choose_light, sample_light, sample_one_light
@@ -106,7 +106,7 @@ def _is_within(scene, light, p):
     return vec.dot(d, d) < scene.sphere[number, 3] * scene.sphere[number, 3]
 
 
-@device
+@template
 def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
     """As renderer.kernel.path.trace_path. options.max_depth counts the segments between camera and last surface."""
     radiance = _BLACK
@@ -134,7 +134,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
                 record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
-        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
+        through = options.transparent and is_passed(scene, surface, options, pixel, sample, row)
         if not (surface.front or through):
             throughput = attenuated(scene, surface.material, throughput, point, surface.point)
         if row < len(log):

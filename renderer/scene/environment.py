@@ -13,7 +13,6 @@ from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
 
 __all__ = ["EnvironmentTables", "are_accents", "choose_environment", "relit", "sampled_alone", "tabulate_environment"]
 
-_REST = 0.05  # of the luminance
 _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
@@ -39,8 +38,8 @@ def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
 
     (1, 1, 3) where it is constant, of zeros where there is none. A texel's weight is what its luminance exceeds the mean by:
     light below that BSDF sampling finds well by itself, and the two together have half the variance (measured on the
-    studio). A little is left to all texels that are not black, so that light sampling alone finds everything, too. Source:
-    Karlik et al., MIS Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError where a sky's numbers mean nothing.
+    studio). Source: Karlik et al., MIS Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError where a
+    sky's numbers mean nothing.
     """
     source = description.environment
     no_sun = np.zeros(8)
@@ -55,19 +54,12 @@ def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
     mean = float((bright.mean(axis=1) * solid_angle).sum() / 2)
     mean_square = float((np.square(bright).mean(axis=1) * solid_angle).sum() / 2)
     contrast = max(1 - mean * mean / mean_square, 0.0) if mean_square > 0 else 0.0
-    weight = np.maximum(bright - mean, 0) + _REST * _around(bright)
+    weight = np.maximum(bright - mean, 0)
     rows = weight.mean(axis=1) * solid_angle
     rotation = float(np.radians(source.rotation))
     sun = sun_of_sky(source.sky) if source.sky is not None else None
     tables = EnvironmentTables(radiance, cumulative(rows), cumulative(weight), rotation, mean, contrast, no_sun)
     return tables if sun is None else _with_sun(tables, sun, color)
-
-
-def _around(bright: np.ndarray) -> np.ndarray:
-    """Each texel's mean with its eight neighbours, whose light bilinear lookups spill into it."""
-    rows = np.pad(bright, ((1, 1), (0, 0)), mode="edge")
-    three = (rows[:-2] + rows[1:-1] + rows[2:]) / 3
-    return np.asarray((np.roll(three, 1, axis=1) + three + np.roll(three, -1, axis=1)) / 3)
 
 
 def _radiance(description: SceneDescription, source: Environment, color: np.ndarray) -> F32:
@@ -99,10 +91,14 @@ def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> Environ
     return tables._replace(mean=mean, contrast=contrast, sun=np.array([*direction, one_minus_cos, *radiance, share]))
 
 
-def relit(scene: CompiledScene, color: tuple[float, float, float] | None, strength: float) -> CompiledScene:
-    """The scene in an environment of that colour (None: its own) and strength. Its file stays as it is: only small arrays
-    are new."""
-    if color is None and strength == 1:
+def relit(
+    scene: CompiledScene, color: tuple[float, float, float] | None, strength: float, rotation: float = 0.0
+) -> CompiledScene:
+    """The scene in an environment of that colour (None: its own) and strength, turned by so many degrees more.
+
+    Its file stays as it is: only small arrays are new.
+    """
+    if color is None and strength == 1 and rotation == 0:
         return scene
     factor = np.float32(strength)
     frame = scene.environment_frame.copy()
@@ -111,6 +107,9 @@ def relit(scene: CompiledScene, color: tuple[float, float, float] | None, streng
         marginal, conditional = scene.environment_marginal, scene.environment_conditional
         frame[2] *= factor
         frame[8:11] *= factor
+        cosine, sine = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
+        frame[0], frame[1] = frame[0] * cosine - frame[1] * sine, frame[1] * cosine + frame[0] * sine
+        frame[4], frame[6] = frame[4] * cosine + frame[6] * sine, frame[6] * cosine - frame[4] * sine
     else:
         environment = np.array(color, np.float32).reshape(1, 1, 3) * factor
         marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)

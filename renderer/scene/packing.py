@@ -167,6 +167,11 @@ def _fill(row: F32, m: Material, emission: np.ndarray) -> None:
         put(rows.TRANSMISSION, 1.0)
         put(rows.SPECULAR, 1.0)
         put(rows.SPECULAR_COLOR, 1.0, 1.0, 1.0)
+    if m.kind == "blinn_phong":
+        most = max(d + s for d, s in zip(m.base_color, m.specular_color, strict=True))
+        share = 1 / max(most, 1.0)  # no surface reflects more than arrives
+        put(rows.BASE, *(c * share for c in m.base_color))
+        put(rows.SPECULAR_COLOR, *(c * share for c in m.specular_color))
     if m.kind == "conductor":
         put(rows.MEAN_FRESNEL, *_mean_reflectance(m))
 

@@ -35,9 +35,6 @@ def as_gltf_says(material: bpy.types.Material) -> None:
                 along = across + (1 - across) * strength**2
                 node.inputs["Roughness"].default_value = (along * across) ** 0.25
                 node.inputs["Anisotropic"].default_value = (1 - across / along) / 0.9
-            if node.inputs["Transmission Weight"].default_value > 0:
-                # What rough glass scatters more than once is put back by theirs, and lost by ours.
-                node.distribution = "GGX"
 
 
 def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: list[float]) -> None:

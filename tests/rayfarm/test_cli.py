@@ -132,6 +132,23 @@ def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
     assert "Take a smaller --size" in rayfarm("bench", "bvh", "--patience=0.0001", "--scene", CORNELL).stderr
 
 
+def test_one_path_is_followed_again_and_gives_what_the_film_has(tmp_path: Path) -> None:
+    common = ["render", str(CORNELL), "--size=16x16"]
+    done = rayfarm(*common, "-o", tmp_path / "one.exr", "--tile=5,9,1,1", "--first=3", "--spp=1")
+    assert done.returncode == 0, done.stderr
+    pixels, _ = read(tmp_path / "one.exr")
+    found = json.loads(rayfarm(*common, "--pixel=5,9", "--sample=3", "--json").stdout)
+    assert (found["pixel"], found["sample"]) == ([5, 9], 3)
+    np.testing.assert_allclose(found["value"], pixels[9, 5, :3], rtol=1e-5, atol=2.0**-23)
+    assert len(found["vertices"]) >= 2
+    shown = rayfarm(*common, "--pixel=5,9", "--sample=3", COLUMNS="240")
+    assert shown.returncode == 0, shown.stderr
+    assert "Sample 3 of pixel 5,9:" in shown.stdout
+    assert str(found["vertices"][0]["material"]) in shown.stdout
+    assert "counted from 0" in rayfarm(*common, "--pixel=16,0").stderr
+    assert "--pixel X,Y" in rayfarm(*common, "-o", "x.png", "--sample=3").stderr
+
+
 def test_info_is_for_people_and_programs() -> None:
     done = rayfarm("info", CORNELL)
     assert done.returncode == 0, done.stderr

@@ -105,6 +105,7 @@ def any_settings(draw: Any) -> RenderSettings:
         ao_distance=draw(st.floats(0, 10)),
         environment=draw(st.none() | st.tuples(*[st.floats(0, 10)] * 3)),
         environment_strength=draw(st.floats(0, 10)),
+        environment_rotation=draw(st.floats(-360, 360)),
     )
 
 

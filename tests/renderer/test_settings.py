@@ -9,7 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from renderer.errors import SettingsError
-from renderer.settings import MAX_DEPTH, MAX_SIZE, RenderSettings, Tile, View, tiles_of
+from renderer.settings import (
+    FILTERS,
+    INTEGRATORS,
+    MAX_DEPTH,
+    MAX_LIGHT_SAMPLES,
+    MAX_SIZE,
+    MISTAKES,
+    SAMPLERS,
+    SAMPLINGS,
+    RenderSettings,
+    Tile,
+    View,
+    tiles_of,
+)
 
 VIEW = View((0, 1, 5), (0, 1, 0))
 
@@ -25,10 +38,26 @@ VIEW = View((0, 1, 5), (0, 1, 0))
         ("seed", 1 << 32),
         ("integrator", "magic"),
         ("environment_strength", -1.0),
+        ("environment_rotation", 361.0),
         ("environment_strength", math.nan),
         ("environment", (0.0, -1.0, 0.0)),
         ("environment", (0.0, math.nan, 0.0)),
         ("environment", (0.0, math.inf, 0.0)),
+        ("sampler", "halton"),
+        ("filter", "gauss"),
+        ("sampling", "luck"),
+        ("mistake", "all of them"),
+        ("clamp_indirect", -1.0),
+        ("clamp_indirect", math.nan),
+        ("roulette", 0.0),
+        ("roulette", 1.1),
+        ("roulette", math.nan),
+        ("light_samples", 0),
+        ("light_samples", MAX_LIGHT_SAMPLES + 1),
+        ("ao_distance", -1.0),
+        ("ao_distance", math.inf),
+        ("ambient", (0.0, -1.0, 0.0)),
+        ("ambient", (0.0, math.nan, 0.0)),
         ("film_exponent", 25),
         ("film_exponent", -1),
     ],
@@ -51,6 +80,13 @@ def test_a_setting_out_of_range_is_named(field, value):
         ({"target": (math.inf, 0, 3)}, "^target is"),
         ({"up": (math.nan, 0, 3)}, "^up is"),
         ({"eye": (1e300, 0, 3)}, "^eye is"),
+        ({"projection": "fisheye"}, "^projection is"),
+        ({"aperture": -0.1}, "^aperture is"),
+        ({"aperture": math.nan}, "^aperture is"),
+        ({"focus": 0.0}, "^focus is"),
+        ({"height": 0.0}, "^height is"),
+        ({"near": -1.0}, "^near is"),
+        ({"near": math.nan}, "^near is"),
     ],
 )
 def test_a_view_that_sees_nothing_is_refused(changes, sentence):
@@ -63,14 +99,29 @@ def test_a_view_that_sees_nothing_is_refused(changes, sentence):
         RenderSettings,
         width=st.integers(1, MAX_SIZE),
         height=st.integers(1, MAX_SIZE),
-        view=st.just(VIEW),
+        view=st.just(VIEW)
+        | st.builds(
+            View,
+            eye=st.just((0, 1, 5)),
+            target=st.just((0, 1, 0)),
+            aperture=st.floats(0, 9),
+            focus=st.none() | st.floats(0.1, 9),
+            near=st.floats(0, 9),
+        ),
         seed=st.integers(0, 2**32 - 1),
+        integrator=st.sampled_from(INTEGRATORS),
+        sampler=st.sampled_from(SAMPLERS),
+        filter=st.sampled_from(FILTERS),
+        sampling=st.sampled_from(SAMPLINGS),
+        mistake=st.sampled_from(MISTAKES),
+        roulette=st.none() | st.floats(0.05, 1),
+        ambient=st.tuples(*[st.floats(0, 1e9)] * 3),
         environment=st.none() | st.tuples(*[st.floats(0, 1e9)] * 3),
         environment_strength=st.floats(0, 1e6),
+        environment_rotation=st.floats(-360, 360),
     )
 )
 def test_json_gives_the_same_settings_to_the_bit(settings):
-
     assert RenderSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
 
 
@@ -83,3 +134,7 @@ def test_tiles_cover_every_pixel_once(width, height, size):
         assert 1 <= tile.h <= size
         covered[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += 1
     assert (covered == 1).all()
+
+
+def test_a_colour_may_be_a_list_as_json_has_them():
+    assert RenderSettings(8, 8, VIEW, ambient=[0.1, 0.2, 0.3]).ambient == (0.1, 0.2, 0.3)

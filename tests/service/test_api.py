@@ -91,6 +91,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"seed": -1}, "seed", "greater"),
         ({"environment": {"sky": {"elevation": 91}}}, "environment.sky.elevation", "less"),
         ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "either color or sky"),
+        ({"environment": {"rotation": 361}}, "environment.rotation", "less"),
         ({"environment": {"color": [1, 2]}}, "environment.color[2]", "required"),
         ({"priority": 1000}, "priority", "less"),
         ({"tile_size": 1}, "tile_size", "greater"),

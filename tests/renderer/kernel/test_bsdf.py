@@ -142,7 +142,22 @@ def test_scattering_is_reciprocal(name):
 
 
 unit = st.floats(0, 1)
-anything = st.builds(
+metals = st.builds(
+    Material,
+    kind=st.just("conductor"),
+    roughness=st.floats(0.1, 1),
+    anisotropy=st.one_of(st.just(0.0), st.floats(0, 0.75)),
+    eta=st.tuples(*[st.floats(0.05, 4)] * 3),
+    k=st.tuples(*[st.floats(0, 8)] * 3),
+)
+phong = st.builds(
+    Material,
+    kind=st.just("blinn_phong"),
+    base_color=st.tuples(unit, unit, unit),
+    specular_color=st.tuples(unit, unit, unit),
+    shininess=st.floats(0, 200),
+)
+surfaces = st.builds(
     principled,
     base_color=st.tuples(unit, unit, unit),
     metallic=unit,
@@ -164,6 +179,9 @@ anything = st.builds(
     iridescence_ior=st.floats(1, 2),
     iridescence_thickness=st.tuples(st.just(100.0), st.floats(0, 800)),
 )
+
+
+anything = st.one_of(surfaces, surfaces, surfaces, metals, phong)
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)

@@ -13,11 +13,12 @@ from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import sample_light
-from renderer.kernel.material import emission
+from renderer.kernel.material import emission, opacity
 from renderer.kernel.surface import surface_at
 from renderer.kernel.warp import square_to_sphere
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sky, Sphere, Texture
+from renderer.scene.environment import sampled_alone
 from tests.renderer.builders import disk, gray, icosphere, square
 from tests.renderer.judge import limit
 
@@ -49,7 +50,8 @@ def _by_chance(made, stack, p, n, u, out):
                 radiance = environment_radiance(made.environment, made.environment_frame, d)
             else:
                 surface = surface_at(made, o, d, hit)
-                radiance = emission(made, surface.material, surface.uv, surface.uv1, surface.front)
+                alpha = opacity(made, surface.material, surface.uv, surface.uv1, surface.color[3])
+                radiance = vec.scale(emission(made, surface.material, surface.uv, surface.uv1, surface.front), alpha)
             out[i] = vec.luminance(radiance) * cosine * _FOUR_PI
 
 
@@ -60,11 +62,13 @@ def _uvs(mesh):
     return mesh
 
 
-def lit_by(*meshes, spheres=(), environment=None, double_sided=False):
+def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.0):
     """Emitters of material 0 with a texture of random 8 x 8 texels; material 1 is black and stands in the way."""
     codes = np.random.default_rng(5).integers(0, 256, (8, 8, 4)).astype(np.uint8)
     shining = Material(base_color=gray(0), emission=(3.0, 2.0, 1.0), emission_texture=0, double_sided=double_sided)
-    return compile_scene(
+    if opacity < 1:
+        shining.opacity, shining.alpha_mode = opacity, "blend"
+    made = compile_scene(
         SceneDescription(
             meshes=[_uvs(mesh) for mesh in meshes],
             instances=[Instance(i) for i in range(len(meshes))],
@@ -75,6 +79,14 @@ def lit_by(*meshes, spheres=(), environment=None, double_sided=False):
             environment=environment,
         )
     )
+    return sampled_alone(made)
+
+
+def _faded(mesh):
+    """Ever more transparent from vertex to vertex."""
+    mesh.colors = np.ones((len(mesh.positions), 4), np.float32)
+    mesh.colors[:, 3] = np.linspace(1, 0, len(mesh.positions))
+    return mesh
 
 
 BLOCKER = ((0.3, 0.5, 0.0), (0.3, 0, 0), (0, 0, 0.3))
@@ -84,6 +96,7 @@ SCENES = {
     "disk": lambda: lit_by(disk(0.9, 1.2, 24, 0), square(*BLOCKER, 1)),
     "sphere": lambda: lit_by(square(*BLOCKER, 1), spheres=(Sphere((0.4, 1.1, 0.2), 0.6, 0),)),
     "sphere cut by the horizon": lambda: lit_by(spheres=(Sphere((1.4, 0.2, 0.2), 0.6, 0),)),
+    "veil of light": lambda: lit_by(_faded(square((0.2, 1, 0), (0.8, 0, 0), (0, 0, 0.5), 0)), opacity=0.4),
     "inside a sphere": lambda: lit_by(spheres=(Sphere((0.3, 0.1, 0.2), 1.6, 0),), double_sided=True),
     "mesh": lambda: lit_by(icosphere(2, 0, 0.7, (-0.5, 1.0, 0.3)), square(*BLOCKER, 1)),
     "all": lambda: lit_by(

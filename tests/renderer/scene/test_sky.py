@@ -166,6 +166,13 @@ def test_strength_and_replacement_reach_the_sun():
     assert mean(render_frame(relit(made, None, 0.0), view, 1), 24).max() == 0
 
 
+@pytest.mark.parametrize("turn", [35.0, -170.0])
+def test_turning_it_later_is_turning_it_in_the_file(turn):
+    later, before = relit(lit(Sky(35, 40), rotation=20.0), None, 1.0, turn), lit(Sky(35, 40), rotation=20.0 + turn)
+    np.testing.assert_allclose(later.environment_frame, before.environment_frame, rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(later.environment, before.environment)
+
+
 def test_strings():
     sky = parse_sky("sky:30.5,120").sky
     assert (sky.sun_elevation, sky.sun_azimuth) == (30.5, 120)
