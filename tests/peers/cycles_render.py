@@ -18,7 +18,7 @@ import bpy
 
 
 def as_gltf_says(material: bpy.types.Material) -> None:
-    """Corrects the importer's three liberties."""
+    """Corrects the importer's liberties."""
     nodes = material.node_tree.nodes if material.use_nodes else []
     for node in nodes:
         if node.type == "VOLUME_ABSORPTION":
@@ -27,6 +27,12 @@ def as_gltf_says(material: bpy.types.Material) -> None:
             depth = [-math.log(max(c, 1e-6)) for c in node.inputs["Color"].default_value[:3]]
             node.inputs["Density"].default_value = density * max(depth)
             node.inputs["Color"].default_value = (*(1 - d / max(*depth, 1e-6) for d in depth), 1)
+        if node.type == "LIGHT_PATH":
+            # Unlit: they let only the camera see it, and all other rays pass through.
+            links = material.node_tree.links
+            emission = next(n for n in nodes if n.type == "EMISSION")
+            output = next(n for n in nodes if n.type == "OUTPUT_MATERIAL")
+            links.new(emission.outputs["Emission"], output.inputs["Surface"])
         if node.type == "BSDF_PRINCIPLED":
             roughness, strength = node.inputs["Roughness"].default_value, node.inputs["Anisotropic"].default_value
             if strength > 0:

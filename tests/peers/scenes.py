@@ -203,7 +203,8 @@ def normal_map() -> Case:
         textures=[Texture(0)],
         images=[Image("bumps", codes, srgb=False)],
     )
-    return description, _settings(_view(), 3)
+    # One bounce: a ray that a bent normal sends into the facet is lost there in Mitsuba, and here meets the facet again.
+    return description, _settings(_view(), 2)
 
 
 @_case
