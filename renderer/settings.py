@@ -35,7 +35,7 @@ __all__ = [
 INTEGRATORS = ("path", "direct", "whitted", "ao")
 SAMPLERS = ("sobol", "independent")
 FILTERS = ("blackman-harris", "tent", "box")
-SAMPLINGS = ("mis", "light", "bsdf", "uniform")
+SAMPLINGS = ("mis", "light", "bsdf", "uniform", "mixture")
 MISTAKES = ("", "light-cutoff", "attenuation")
 PROJECTIONS = ("perspective", "orthographic", "panorama")
 MAX_SIZE = 16384
@@ -108,7 +108,8 @@ class RenderSettings:
     max_depth: path segments, the camera's included (1 = only what the camera sees emit).
     sampler: where a path's numbers come from (renderer/kernel/sampler.py).
     filter: the pixel filter, sampled by its own shape, so that a sample belongs to one pixel alone.
-    sampling: how the path tracer finds lights: mis, or one strategy alone (light, bsdf, uniform), to compare them.
+    sampling: how the path tracer finds lights: mis, or one strategy alone (light, bsdf, uniform), to compare them; mixture aims
+    at lights and marked things without shadow rays (renderer/kernel/mixture.py).
     clamp_indirect: the most that light of more than one bounce may add to a channel at each vertex of a path, its hue kept;
     0: no limit, no bias.
     roulette: the constant probability with which paths go on after each bounce; None: by their throughput, after three.

@@ -9,12 +9,12 @@ Catmull-Rom splines; the colours of metals are the linear Rec.709 reflectances a
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from text import text_of
 
 HERE = Path(__file__).parent
 
@@ -260,26 +260,13 @@ def still_life() -> dict[str, Any]:
     }
 
 
-def text_of(scene: dict[str, Any], comment: str) -> str:
-    """The scene as YAML, a line for every entry: JSON's flow style is YAML too, and short."""
-    lines = [f"# {comment}", "# Written by scenes/make.py, which says where its numbers come from: edit that, not this."]
-    for key, value in scene.items():
-        if isinstance(value, list):
-            lines += [f"{key}:", *(f"  - {json.dumps(item)}" for item in value)]
-        elif isinstance(value, dict) and all(isinstance(v, dict) for v in value.values()):
-            lines += [f"{key}:", *(f"  {name}: {json.dumps(item)}" for name, item in value.items())]
-        else:
-            lines.append(f"{key}: {json.dumps(value)}")
-    return "\n".join(lines) + "\n"
-
-
 def main() -> None:
     """Writes the files beside this script."""
     for name, scene, comment in (
         ("spheres.yaml", spheres(), "One ball of every kind of surface, under a lamp and a soft sky."),
         ("still-life.yaml", still_life(), "Vessels and fruit on a chequered cloth, by the light of a window."),
     ):
-        (HERE / name).write_text(text_of(scene, comment))
+        (HERE / name).write_text(text_of(scene, comment, Path(__file__).name))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ __all__ = [
     "LIGHT",
     "LIGHT_CUTOFF",
     "MIS",
+    "MIXTURE",
     "NO_MISTAKE",
     "UNIFORM",
     "Options",
@@ -23,7 +24,7 @@ __all__ = [
     "kernel_options",
 ]
 
-MIS, LIGHT, BSDF, UNIFORM = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform"))
+MIS, LIGHT, BSDF, UNIFORM, MIXTURE = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform", "mixture"))
 NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name in ("", "light-cutoff", "attenuation"))
 
 

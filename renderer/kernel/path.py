@@ -19,8 +19,9 @@ from renderer.kernel.material import (
     sample_material,
     transmits,
 )
+from renderer.kernel.mixture import mixture_bounce
 from renderer.kernel.normal_map import shading_frame
-from renderer.kernel.options import BSDF, NO_MISTAKE, UNIFORM
+from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
 from renderer.kernel.rows import DISPERSIVE, UNLIT
 from renderer.kernel.sampler import uniform4
@@ -63,7 +64,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
     pdf = _ZERO  # and the density with which its BSDF gave d; 0 after the camera and after specular bounces
     unscaled = _ONE  # eta**2 of the medium the path is in
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
-    if special is not None and (options.sampling == BSDF or options.sampling == UNIFORM):
+    if special is not None and options.sampling != MIS and options.sampling != LIGHT:
         lit = len(scene.punctual_kind) > 0
     layers = local_floats(LAYER_SLOTS)  # the rarer materials' textures, looked up
     while True:
@@ -161,6 +162,8 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
         r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
         if special is None:
             wi, weight, pdf, thinned = sample_material(material, wo, r[2], (r[0], r[1]))
+        elif options.sampling == MIXTURE and not specular:
+            wi, weight, pdf, thinned = mixture_bounce(scene, surface.point, frame, material, wo, r[2], (r[0], r[1]))
         else:
             wi, weight, pdf, thinned = special_bounce(material, options.sampling, wo, r[2], (r[0], r[1]))
         throughput = vec.mul(throughput, weight)

@@ -63,6 +63,7 @@ class CompiledScene(NamedTuple):
     light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
     light_child: Array  # (Y, 3) i32
     light_area: Array  # (L,) f32, 0 for punctual lights
+    guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
     punctual_kind: Array  # (K,) i32: renderer.kernel.punctual's POINT, SPOT, DIRECTIONAL
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
 
@@ -112,6 +113,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_node": ("<f4", ("Y", 12)),
     "light_child": ("<i4", ("Y", 3)),
     "light_area": ("<f4", ("L",)),
+    "guide": ("<i4", ("G",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
     "environment": ("<f4", ("H", "W", 3)),
@@ -174,6 +176,7 @@ def check(arrays: dict[str, Array]) -> None:
         ("triangle_light", -1, lengths["L"]),
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
+        ("guide", 0, primitives),
         ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
     ):

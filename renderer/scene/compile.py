@@ -17,6 +17,7 @@ from renderer.scene.emitters import emitted_by_triangles
 from renderer.scene.environment import are_accents, choose_environment, tabulate_environment
 from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, place
+from renderer.scene.guides import list_guides
 from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
@@ -91,6 +92,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         light_node=lights.node,
         light_child=lights.child,
         light_area=lights.area,
+        guide=list_guides([s.guide for s in description.spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,

@@ -166,6 +166,7 @@ class Sphere:
     radius: float
     material: int = 0
     name: str = "sphere"
+    guide: bool = False  # whether `sampling: mixture` aims at it, as at a light
 
 
 @dataclass

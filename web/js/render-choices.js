@@ -45,6 +45,7 @@ export const SAMPLINGS = [
   { name: "light", label: "Lights only", hint: "Good for small lights; mirrors do not see them." },
   { name: "bsdf", label: "Surfaces only", hint: "Lights are found by chance: good for large ones and for mirrors." },
   { name: "uniform", label: "Uniform", hint: "All directions alike: the most noise, for comparison." },
+  { name: "mixture", label: "Mixture", hint: "Half by the surface, half aimed at lights and marked balls: for caustics." },
 ];
 
 /** @type {Choice[]} */

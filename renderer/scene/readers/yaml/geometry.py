@@ -104,7 +104,8 @@ class Shapes:
                 raise self._document.error(path, "a sphere is scaled alike in all directions; a transform here is not so")
             center = place @ np.array([*source.get("center", (0, 0, 0)), 1.0])
             number = self._plain_material() if material is None else material
-            self._description.spheres.append(Sphere(vec3(center[:3]), float(source.get("radius", 1)) * scale, number, name))
+            radius = float(source.get("radius", 1)) * scale
+            self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False)))
 
     def _mesh_file(self, source: dict[str, Any], material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
         from renderer.scene.load import read_into  # which imports this reader in turn

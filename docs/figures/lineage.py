@@ -1,0 +1,232 @@
+"""Renders the pictures and measures the numbers of docs/lineage.md.
+
+    python docs/figures/lineage.py [name ...]
+
+Without names, all of them: about twenty minutes on two cores. Pictures and plots go to docs/pictures/lineage/, numbers are
+printed as the tables that the page shows. A frame of the farm has the same bits as these, whichever way it is rendered.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import numpy as np
+from matplotlib import pyplot
+from PIL import Image, ImageDraw, ImageFont
+
+from renderer.film import mean
+from renderer.image.tonemap import apply
+from renderer.render import render_frame
+from renderer.scene.arrays import CompiledScene
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings
+
+HERE = Path(__file__).parent
+SCENES = HERE.parents[1] / "scenes"
+OUT = HERE.parent / "pictures" / "lineage"
+
+Picture = np.ndarray
+
+
+class Example:
+    """A scene of scenes/, its settings, and its pictures."""
+
+    def __init__(self, name: str, width: int) -> None:
+        description = read(SCENES, f"{name}.yaml")
+        self.scene: CompiledScene = compile_scene(description)
+        own = dict(description.defaults)
+        self.spp = int(own.pop("spp"))
+        height = round(width * own.pop("height") / own.pop("width"))
+        own = {key: tuple(value) if isinstance(value, list) else value for key, value in own.items()}
+        self.settings = RenderSettings(width, height, description.cameras[0].view, **own)
+
+    def sums(self, spp: int | None = None, **changed: Any) -> Picture:
+        """The film's sums."""
+        return render_frame(self.scene, replace(self.settings, **changed), spp or self.spp)
+
+    def picture(self, spp: int | None = None, **changed: Any) -> Picture:
+        """Linear radiance (h, w, 3)."""
+        return mean(self.sums(spp, **changed), self.settings.film_exponent)
+
+
+def strip(name: str, pictures: dict[str, Picture], columns: int, exposure: float = 0.0, curve: str = "srgb") -> None:
+    """Pictures side by side, each under its label, as one JPEG."""
+    font = ImageFont.load_default(size=15)
+    height, width = next(iter(pictures.values())).shape[:2]
+    rows = -(-len(pictures) // columns)
+    gap, label = 6, 26
+    sheet = Image.new("RGB", (columns * (width + gap) - gap, rows * (height + label + gap) - gap), "white")
+    draw = ImageDraw.Draw(sheet)
+    for i, (text, picture) in enumerate(pictures.items()):
+        x, y = i % columns * (width + gap), i // columns * (height + label + gap)
+        draw.text((x + 2, y + 4), text, fill=(30, 30, 30), font=font)
+        sheet.paste(Image.fromarray(apply(picture, exposure, curve)), (x, y + label))
+    OUT.mkdir(parents=True, exist_ok=True)
+    quality = 88
+    while True:
+        sheet.save(OUT / f"{name}.jpg", quality=quality, optimize=True, progressive=True)
+        if (OUT / f"{name}.jpg").stat().st_size < 250_000 or quality <= 60:
+            return
+        quality -= 6
+
+
+def table(title: str, rows: dict[str, float]) -> None:
+    """A table in Markdown: each mean, and its ratio to the first."""
+    first = next(iter(rows.values()))
+    print(f"\n{title}\n\n| | mean | of the first |\n|---|---|---|")
+    for label, value in rows.items():
+        print(f"| {label} | {value:.4f} | {value / first:.3f} |")
+
+
+def smallpt() -> None:
+    """The box as it is known, and four samples of it."""
+    box = Example("smallpt", 480)
+    strip("smallpt", {"8 samples": box.picture(8), "1024 samples": box.picture(1024)}, 2)
+
+
+def course_project() -> None:
+    """Noise, depth, Whitted beside path tracing, and what really darkens a picture."""
+    box = Example("course-project", 400)
+    pictures = {
+        "path, 1 sample, depth 3": box.picture(1, max_depth=3),
+        "path, 70 samples, depth 12": box.picture(70, max_depth=12),
+        "Whitted, 70 samples": box.picture(70, integrator="whitted"),
+        "path, 1000 samples, depth 12": box.picture(1000, max_depth=12),
+    }
+    strip("course-project", pictures, 2)
+    wrong = {
+        "path, depth 64": box.picture(512, max_depth=64),
+        "depth 12": box.picture(512, max_depth=12),
+        "cut at depth 3": box.picture(512, max_depth=3),
+        "far light samples dropped": box.picture(512, max_depth=64, mistake="light-cutoff"),
+    }
+    strip("what-darkens", wrong, 2)
+    table("What darkens, and what does not (course-project.yaml, 512 samples)", {
+        **{label: float(p.mean()) for label, p in wrong.items()},
+        "Russian roulette at 0.5": float(box.picture(2048, max_depth=64, roulette=0.5).mean()),
+        "uniform directions in place of the cosine's": float(box.picture(4096, max_depth=64, sampling="uniform").mean()),
+        "Whitted, ambient 0": float(box.picture(512, integrator="whitted", ambient=(0.0, 0.0, 0.0)).mean()),
+    })  # fmt: skip
+
+
+def games101() -> None:
+    """1, 20 and 200 samples at 784 x 784, as the assignment asks; shown at half the size."""
+    box = Example("games101-7", 784)
+
+    def half(picture: Picture) -> Picture:
+        return picture.reshape(392, 2, 392, 2, 3).mean((1, 3))
+
+    strip("games101-7", {f"{spp} samples" if spp > 1 else "1 sample": half(box.picture(spp)) for spp in (1, 20, 200)}, 3)
+    corner = {f"{spp} samples" if spp > 1 else "1 sample": box.picture(spp)[430:690, 200:460] for spp in (1, 20, 200)}
+    strip("games101-7-detail", corner, 3)
+
+
+STRATEGIES = ("uniform", "bsdf", "light", "mis")
+
+
+def strategies() -> None:
+    """The four ways to find light at equal samples, and how their variance falls."""
+    box = Example("games101-7", 300)
+    plain = replace(box.settings, sampler="independent", roulette=None, max_depth=6)
+    box.settings = plain
+    strip("strategies", {f"{s}, 16 samples": box.picture(16, sampling=s) for s in STRATEGIES}, 4)
+    box.settings = replace(plain, width=96, height=96)
+    counts = [2**k for k in range(2, 10)]
+    figure, axes = pyplot.subplots(figsize=(6.4, 4.4), layout="constrained")
+    lines = {s: {"sampling": s} for s in STRATEGIES} | {"mis, Sobol'": {"sampling": "mis", "sampler": "sobol"}}
+    print("\nVariance of a pixel (games101-7.yaml, 96 x 96, depth 6)\n\n| samples | " + " | ".join(lines) + " |")
+    print("|---" * (len(lines) + 1) + "|")
+    found = {name: [_variance(box, n, changed) for n in counts] for name, changed in lines.items()}
+    for i, n in enumerate(counts):
+        print(f"| {n} | " + " | ".join(f"{found[name][i]:.3g}" for name in lines) + " |")
+    for name in lines:
+        axes.loglog(counts, found[name], marker="o", markersize=4, label=name, base=2)
+    axes.loglog(counts, [found["mis"][0] * counts[0] / n for n in counts], "k--", linewidth=0.8, label="1/n", base=2)
+    axes.set_xlabel("samples per pixel")
+    axes.set_ylabel("variance of a pixel")
+    axes.grid(visible=True, alpha=0.3)
+    axes.legend()
+    OUT.mkdir(parents=True, exist_ok=True)
+    figure.savefig(OUT / "variance.png", dpi=110)
+    pyplot.close(figure)
+
+
+def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
+    pictures = np.array([example.picture(spp, seed=seed, **changed) for seed in range(4)], np.float64)
+    return float(pictures.var(0, ddof=1).mean())
+
+
+def attenuation() -> None:
+    """Radiance divided by the square of the distance once more, and the picture as it is."""
+    box = Example("games101-7", 300)
+    right, wrong = (
+        box.picture(128, roulette=None, max_depth=8),
+        box.picture(128, roulette=None, max_depth=8, mistake="attenuation"),
+    )
+    brightened = wrong * (right.mean() / wrong.mean())
+    pictures = {"as it is": right, "radiance / d^2, as it comes": wrong, "radiance / d^2, brightened": brightened}
+    strip("attenuation", pictures, 3)
+    table("Attenuation on top of radiance", {"as it is": float(right.mean()), "radiance / d^2": float(wrong.mean())})
+
+
+def roulette() -> None:
+    """Russian roulette with a constant chance against a cut: means and variances."""
+    box = Example("games101-7", 128)
+    box.settings = replace(box.settings, sampler="independent")
+    rows = {
+        "by throughput": {"roulette": None, "max_depth": 64},
+        "constant 0.8": {"roulette": 0.8, "max_depth": 64},
+        "constant 0.5": {"roulette": 0.5, "max_depth": 64},
+        "constant 0.2": {"roulette": 0.2, "max_depth": 64},
+        "cut at 3 segments": {"roulette": 1.0, "max_depth": 3},
+        "cut at 5 segments": {"roulette": 1.0, "max_depth": 5},
+    }
+    print(
+        "\nRussian roulette and cuts (games101-7.yaml, 128 x 128, 256 samples)\n\n| | mean | variance of a pixel |\n|---|---|---|"
+    )
+    for label, changed in rows.items():
+        pictures = np.array([box.picture(256, seed=seed, **changed) for seed in range(4)], np.float64)
+        print(f"| {label} | {pictures.mean():.4f} | {pictures.var(0, ddof=1).mean():.3g} |")
+
+
+def christmas() -> None:
+    """The evening, and how its brightest pixels are shown."""
+    scene = Example("christmas", 960)
+    picture = scene.picture(512)
+    strip("christmas", {"512 samples": picture}, 1, exposure=0.6, curve="agx")
+    detail = picture[60:300, 130:450]
+    strip("overflow", {"each channel clipped (srgb)": detail, "scaled by the greatest channel (hue)": detail}, 2)
+
+
+def rest_of_your_life() -> None:
+    """Mixture densities with and without the glass among the targets, beside light sampling by MIS."""
+    box = Example("rest-of-your-life", 360)
+    strip("rest-of-your-life", {
+        "bsdf alone, 64 samples": box.picture(64, sampling="bsdf"),
+        "mixture: light and glass, 64 samples": box.picture(64),
+        "mis, 64 samples": box.picture(64, sampling="mis"),
+        "mixture, 1000 samples": box.picture(1000),
+    }, 2)  # fmt: skip
+
+
+FIGURES = (smallpt, course_project, games101, strategies, attenuation, roulette, christmas, rest_of_your_life)
+
+
+def main() -> None:
+    """Makes the figures named on the command line, or all."""
+    wanted = sys.argv[1:]
+    for figure in FIGURES:
+        if not wanted or figure.__name__ in wanted:
+            figure()
+
+
+if __name__ == "__main__":
+    main()

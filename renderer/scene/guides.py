@@ -1,0 +1,23 @@
+"""What directions are aimed at by `sampling: mixture`: lights, and spheres that the scene marks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.description import F32, I32
+
+__all__ = ["MAX_GUIDES", "list_guides"]
+
+MAX_GUIDES = 64  # each is asked for its density at each bounce
+
+
+def list_guides(marked: list[bool], light_primitive: I32, light_cdf: F32, triangles: int) -> I32:
+    """(G,) i32, primitives: the marked spheres, then the strongest emitting primitives; MAX_GUIDES at most.
+
+    marked: for each sphere; light_primitive, light_cdf: as in CompiledScene. Lights without a body are no targets.
+    """
+    spheres = triangles + np.flatnonzero(marked).astype(np.int32)
+    bodies = light_primitive < triangles + len(marked)
+    strongest = np.argsort(-np.diff(light_cdf)[bodies], kind="stable")
+    lights = light_primitive[bodies][strongest]
+    return np.concatenate([spheres, lights[~np.isin(lights, spheres)]])[:MAX_GUIDES].astype(np.int32)

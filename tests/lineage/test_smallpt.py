@@ -1,0 +1,56 @@
+"""scenes/smallpt.yaml against the plain numpy evaluation of the same scene, pixel by pixel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from renderer.film import mean
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings, View
+from tests.lineage import smallpt_reference
+from tests.renderer.judge import ALPHA, sidak
+
+SCENES = Path(__file__).parents[2] / "scenes"
+WIDTH, HEIGHT = 32, 24
+REFERENCE_SPP = 1500
+OUR_SPP, SEEDS = 96, 12
+
+
+def ours() -> tuple[np.ndarray, np.ndarray]:
+    """(mean, variance of the mean) of independent renders."""
+    description = read(SCENES, "smallpt.yaml")
+    scene = compile_scene(description)
+    plain = RenderSettings(WIDTH, HEIGHT, description.cameras[0].view, max_depth=200, filter="box", sampler="independent")
+    pictures = np.array(
+        [mean(render_frame(scene, replace(plain, seed=seed), OUR_SPP), plain.film_exponent) for seed in range(SEEDS)], np.float64
+    )
+    return pictures.mean(0), pictures.var(0, ddof=1) / SEEDS
+
+
+def test_every_pixel_agrees_with_the_plain_evaluation():
+    """Mitsuba's test: 99.75 % of all pixels pass a Z-test at alpha 0.01 with Sidak's correction; and the means agree."""
+    expected, their_variance = smallpt_reference.render(WIDTH, HEIGHT, REFERENCE_SPP)
+    actual, our_variance = ours()
+    error = np.sqrt(their_variance + our_variance).mean(-1) + 1e-9
+    z = np.abs(actual.mean(-1) - expected.mean(-1)) / error
+    far = scipy.stats.norm.isf(sidak(ALPHA, z.size) / 2)
+    assert (z < far).mean() >= 0.9975
+    total = np.sqrt((their_variance + our_variance).mean(-1).sum()) / z.size
+    assert abs(actual.mean() - expected.mean()) < 3 * total
+
+
+@pytest.mark.parametrize("target", [(1, 40, 110), (99, 45, 120), (50, 0, 130), (50, 45, 0)])
+def test_huge_walls_do_not_shadow_themselves(target):
+    """Seen from a wall and no farther than 15 units, nothing is in the way: rings of false shadow would be."""
+    description = read(SCENES, "smallpt.yaml")
+    view = View((50.0, 40.0, 100.0), target, fov=8.0, up=(0.0, 0.3, 1.0))
+    settings = RenderSettings(32, 32, view, integrator="ao", ao_distance=15.0)
+    picture = mean(render_frame(compile_scene(description), settings, 64), settings.film_exponent)
+    assert (picture == 1.0).all()

@@ -1,0 +1,117 @@
+"""Four ways to find light, Russian roulette, and Whitted beside path tracing: the same means, and who is least noisy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.film import COLOR, mean
+from renderer.render import render_frame
+from renderer.scene.arrays import CompiledScene
+from renderer.scene.description import Material, Sphere
+from renderer.settings import RenderSettings
+from tests.renderer.builders import emitter, gray, scene, settings, square
+from tests.renderer.judge import limit
+
+STRATEGIES = ["uniform", "bsdf", "light", "mis"]
+SEEDS = 8
+
+
+@pytest.fixture(scope="module")
+def room() -> CompiledScene:
+    """A floor and a wall under a square light and a bright ball, with a ball of rough metal: all four strategies find it all."""
+    materials = [
+        Material(base_color=gray(0.7)),
+        emitter(5.0),
+        emitter(3.0, double_sided=True),
+        Material(kind="metallic_roughness", base_color=gray(0.8), metallic=1.0, roughness=0.6),
+    ]
+    meshes = (
+        square((0, 0, 0), (2, 0, 0), (0, 0, -2), 0),
+        square((0, 1.5, -1.5), (2, 0, 0), (0, 1.5, 0), 0),
+        square((0, 2, 0), (0.6, 0, 0), (0, 0, 0.6), 1),
+    )
+    spheres = (Sphere((-0.9, 0.4, 0.2), 0.3, 2), Sphere((0.7, 0.5, 0.0), 0.5, 3))
+    return scene(materials, meshes, spheres)
+
+
+def look(**more: object) -> RenderSettings:
+    return settings((0, 1.2, 4.5), (0, 0.7, 0), fov=35, size=24, max_depth=5, sampler="independent", **more)
+
+
+def means(made: CompiledScene, how: RenderSettings, spp: int, seeds: int = SEEDS) -> np.ndarray:
+    """The frame's mean at `seeds` seeds."""
+    return np.array([render_frame(made, replace(how, seed=s), spp)[COLOR].mean() / spp * 2.0**-24 for s in range(seeds)])
+
+
+def variance(made: CompiledScene, how: RenderSettings, spp: int) -> float:
+    """The mean variance of a pixel, from pairs of seeds."""
+    pictures = np.array([mean(render_frame(made, replace(how, seed=s), spp), 24) for s in range(4)], np.float64)
+    return float(pictures.var(0, ddof=1).mean())
+
+
+def assert_same(samples: dict[str, np.ndarray]) -> None:
+    """All means agree with the least noisy one within three standard errors, corrected for their number."""
+    best = min(samples, key=lambda name: samples[name].std())
+    for name, values in samples.items():
+        if name == best:
+            continue
+        error = np.sqrt((values.var(ddof=1) + samples[best].var(ddof=1)) / len(values))
+        assert error < 0.02 * samples[best].mean(), f"{name} is too noisy to judge"
+        assert abs(values.mean() - samples[best].mean()) < limit(len(samples)) * error, name
+
+
+def test_all_strategies_have_the_same_mean(room):
+    spp = {"uniform": 96, "bsdf": 64, "light": 24, "mis": 16, "mixture": 32}
+    assert_same({s: means(room, look(sampling=s), n) for s, n in spp.items()})
+
+
+@pytest.mark.parametrize("sampling", STRATEGIES)
+def test_variance_falls_as_one_over_the_samples(room, sampling):
+    few, many = (variance(room, look(sampling=sampling), spp) for spp in (16, 128))
+    assert few / many == pytest.approx(8, rel=0.35)
+
+
+def test_mis_is_as_good_as_the_best_of_the_others(room):
+    found = {s: variance(room, look(sampling=s), 48) for s in STRATEGIES}
+    assert found["mis"] <= 1.1 * min(v for s, v in found.items() if s != "mis"), found
+
+
+@pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
+def test_roulette_at_a_constant_chance_keeps_the_mean(room, survival):
+    assert_same(
+        {
+            "by throughput": means(room, replace(look(), max_depth=64), 16),
+            "constant": means(room, replace(look(), max_depth=64, roulette=survival), 48),
+        }
+    )
+
+
+def test_path_and_whitted_agree_where_only_direct_light_is():
+    made = scene(
+        [Material(base_color=gray(0.7)), emitter(6.0)],
+        (square((0, 0, 0), (2, 0, 0), (0, 0, -2), 0), square((0, 2, 0), (0.5, 0, 0), (0, 0, 0.5), 1)),
+        (Sphere((0.0, 0.4, 0.0), 0.4, 0),),
+    )
+    direct = means(made, look(integrator="direct"), 32)
+    whitted = means(made, look(integrator="whitted", light_samples=16), 32)
+    assert_same({"direct": direct, "whitted": whitted})
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_flat_quad_is_hit_from_both_sides(side):
+    made = scene([emitter(1.0, double_sided=True)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
+    sums = render_frame(made, settings((0, 0, 3.0 * side), (0, 0, 0), fov=20, size=8), 4)
+    assert (mean(sums, 24) == 1.0).all()
+
+
+def test_a_box_without_thickness_is_still_a_box():
+    """Lights and walls of zero extent along an axis have a box of no volume, which rays must not miss."""
+    flat = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
+    made = scene([emitter(1.0, double_sided=True)], (flat,))
+    assert np.ptp(made.bounds[:, 2]) == 0
+    for eye in ((0.3, -0.2, 2.0), (0.5, 0.5, -2.0), (0.01, 0.0, 1e-3)):
+        sums = render_frame(made, settings(eye, (eye[0], eye[1], 0.0), fov=5, size=4), 4)
+        assert (mean(sums, 24) == 1.0).all()
