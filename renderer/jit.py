@@ -141,11 +141,6 @@ def local_floats(typingctx: Any, count: Any) -> Any:
     return array(count), codegen
 
 
-def _takes_scene(function: Function) -> bool:
-    code = function.__code__
-    return "scene" in code.co_varnames[: code.co_argcount]
-
-
 def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool = True) -> Function:
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
     options: Any = {
@@ -155,7 +150,7 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
         "error_model": "numpy",
         "_nrt": heap,
         "forceinline": inline,
-        # To unpack a scene's forty arrays for a caller in Python takes a quarter of the compiler's time (measured).
+        # To take arguments from Python, a scene's forty arrays above all, costs two fifths of the compiler's time (measured).
         "no_cpython_wrapper": not from_python,
         "no_cfunc_wrapper": True,
     }
@@ -180,10 +175,10 @@ def device(function: Function) -> Function:
     """A function for kernels to call, always merged into its caller.
 
     Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Kept on disk
-    too, so that every further kernel finds it typed and optimised. One that takes a `scene` has no door to Python: a call from
-    there would crash; tests call an `entry` that calls it.
+    too, so that every further kernel finds it typed and optimised. It has no door to Python: a call from there would crash;
+    tests call an `entry` that calls it.
     """
-    return _compiled(function, heap=False, inline=True, from_python=not _takes_scene(function))
+    return _compiled(function, heap=False, inline=True, from_python=False)
 
 
 def template(function: Function) -> Function:
@@ -197,4 +192,4 @@ def template(function: Function) -> Function:
 
 def subroutine(function: Function) -> Function:
     """A device function that stays one, if it is large: for code that is seldom run, or called in many places."""
-    return _compiled(function, heap=False, inline=False, from_python=not _takes_scene(function))
+    return _compiled(function, heap=False, inline=False, from_python=False)

@@ -2,7 +2,7 @@
 
     python docs/figures/lineage.py [name ...]
 
-Without names, all of them: about twenty minutes on two cores. Pictures and plots go to docs/pictures/lineage/, numbers are
+Without names, all of them: about ten minutes on two cores. Pictures and plots go to docs/pictures/lineage/, numbers are
 printed as the tables that the page shows. A frame of the farm has the same bits as these, whichever way it is rendered.
 """
 
@@ -89,7 +89,7 @@ def table(title: str, rows: dict[str, float]) -> None:
 def smallpt() -> None:
     """The box as it is known, and four samples of it."""
     box = Example("smallpt", 480)
-    strip("smallpt", {"8 samples": box.picture(8), "1024 samples": box.picture(1024)}, 2)
+    strip("smallpt", {"8 samples": box.picture(8), "512 samples": box.picture(512)}, 2)
 
 
 def course_project() -> None:
@@ -99,21 +99,25 @@ def course_project() -> None:
         "path, 1 sample, depth 3": box.picture(1, max_depth=3),
         "path, 70 samples, depth 12": box.picture(70, max_depth=12),
         "Whitted, 70 samples": box.picture(70, integrator="whitted"),
-        "path, 1000 samples, depth 12": box.picture(1000, max_depth=12),
+        "path, 500 samples, depth 12": box.picture(500, max_depth=12),
     }
     strip("course-project", pictures, 2)
     wrong = {
-        "path, depth 64": box.picture(512, max_depth=64),
-        "depth 12": box.picture(512, max_depth=12),
-        "cut at depth 3": box.picture(512, max_depth=3),
-        "far light samples dropped": box.picture(512, max_depth=64, mistake="light-cutoff"),
+        "path, depth 64": box.picture(128, max_depth=64),
+        "depth 12": box.picture(128, max_depth=12),
+        "cut at depth 3": box.picture(128, max_depth=3),
+        "far light samples dropped": box.picture(128, max_depth=64, mistake="light-cutoff"),
     }
     strip("what-darkens", wrong, 2)
-    table("What darkens, and what does not (course-project.yaml, 512 samples)", {
-        **{label: float(p.mean()) for label, p in wrong.items()},
-        "Russian roulette at 0.5": float(box.picture(2048, max_depth=64, roulette=0.5).mean()),
-        "uniform directions in place of the cosine's": float(box.picture(4096, max_depth=64, sampling="uniform").mean()),
-        "Whitted, ambient 0": float(box.picture(512, integrator="whitted", ambient=(0.0, 0.0, 0.0)).mean()),
+    small = Example("course-project", 96)
+    table("What darkens, and what does not (course-project.yaml, 96 x 72)", {
+        "path, depth 64": float(small.picture(512, max_depth=64).mean()),
+        "Russian roulette at 0.5": float(small.picture(1024, max_depth=64, roulette=0.5).mean()),
+        "uniform directions in place of the cosine's": float(small.picture(2048, max_depth=64, sampling="uniform").mean()),
+        "cut at depth 12": float(small.picture(512, max_depth=12).mean()),
+        "cut at depth 3": float(small.picture(512, max_depth=3).mean()),
+        "far light samples dropped": float(small.picture(512, max_depth=64, mistake="light-cutoff").mean()),
+        "Whitted, ambient 0": float(small.picture(512, integrator="whitted", ambient=(0.0, 0.0, 0.0)).mean()),
     })  # fmt: skip
 
 
@@ -124,9 +128,9 @@ def games101() -> None:
     def half(picture: Picture) -> Picture:
         return picture.reshape(392, 2, 392, 2, 3).mean((1, 3))
 
-    strip("games101-7", {f"{spp} samples" if spp > 1 else "1 sample": half(box.picture(spp)) for spp in (1, 20, 200)}, 3)
-    corner = {f"{spp} samples" if spp > 1 else "1 sample": box.picture(spp)[430:690, 200:460] for spp in (1, 20, 200)}
-    strip("games101-7-detail", corner, 3)
+    pictures = {f"{spp} samples" if spp > 1 else "1 sample": box.picture(spp) for spp in (1, 20, 200)}
+    strip("games101-7", {label: half(picture) for label, picture in pictures.items()}, 3)
+    strip("games101-7-detail", {label: picture[430:690, 200:460] for label, picture in pictures.items()}, 3)
 
 
 STRATEGIES = ("uniform", "bsdf", "light", "mis")
@@ -139,7 +143,7 @@ def strategies() -> None:
     box.settings = plain
     strip("strategies", {f"{s}, 16 samples": box.picture(16, sampling=s) for s in STRATEGIES}, 4)
     box.settings = replace(plain, width=96, height=96)
-    counts = [2**k for k in range(2, 10)]
+    counts = [2**k for k in range(2, 8)]
     figure, axes = pyplot.subplots(figsize=(6.4, 4.4), layout="constrained")
     lines = {s: {"sampling": s} for s in STRATEGIES} | {"mis, Sobol'": {"sampling": "mis", "sampler": "sobol"}}
     print("\nVariance of a pixel (games101-7.yaml, 96 x 96, depth 6)\n\n| samples | " + " | ".join(lines) + " |")
@@ -200,8 +204,8 @@ def roulette() -> None:
 def christmas() -> None:
     """The evening, and how its brightest pixels are shown."""
     scene = Example("christmas", 960)
-    picture = scene.picture(512)
-    strip("christmas", {"512 samples": picture}, 1, exposure=0.6, curve="agx")
+    picture = scene.picture(256)
+    strip("christmas", {"256 samples": picture}, 1, exposure=0.6, curve="agx")
     detail = picture[60:300, 130:450]
     strip("overflow", {"each channel clipped (srgb)": detail, "scaled by the greatest channel (hue)": detail}, 2)
 
@@ -213,7 +217,7 @@ def rest_of_your_life() -> None:
         "bsdf alone, 64 samples": box.picture(64, sampling="bsdf"),
         "mixture: light and glass, 64 samples": box.picture(64),
         "mis, 64 samples": box.picture(64, sampling="mis"),
-        "mixture, 1000 samples": box.picture(1000),
+        "mixture, 500 samples": box.picture(500),
     }, 2)  # fmt: skip
 
 

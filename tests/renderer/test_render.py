@@ -27,6 +27,7 @@ from renderer.film import (
     mean,
     noise,
 )
+from renderer.jit import entry
 from renderer.kernel.accumulate import MAX_BAD
 from renderer.kernel.accumulate import in_half as kernel_half
 from renderer.render import RenderStats, render_batch, render_frame
@@ -275,9 +276,17 @@ def test_noise_of_sobol_samples_is_not_told_too_low_nor_as_if_they_were_independ
     assert found < 1.7 * spread
 
 
+@entry
+def _kernel_halves(numbers, halves):
+    for i in range(len(numbers)):
+        halves[i] = kernel_half(numbers[i])
+
+
 def test_the_kernel_halves_the_samples_as_the_film_says():
-    numbers = [*range(5000), 2**19 - 1, 2**19, 3 * 2**18 - 1, 3 * 2**18, 2**20 - 1]
-    assert [bool(kernel_half(np.int64(n))) for n in numbers] == [in_half(n) for n in numbers]
+    numbers = np.array([*range(5000), 2**19 - 1, 2**19, 3 * 2**18 - 1, 3 * 2**18, 2**20 - 1])
+    halves = np.empty(len(numbers), bool)
+    _kernel_halves(numbers, halves)
+    assert halves.tolist() == [in_half(int(n)) for n in numbers]
 
 
 def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
