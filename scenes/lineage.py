@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from text import text_of
+from scene_text import text_of
 
 HERE = Path(__file__).parent
 

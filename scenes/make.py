@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from text import text_of
+from scene_text import text_of
 
 HERE = Path(__file__).parent
 
@@ -260,13 +260,16 @@ def still_life() -> dict[str, Any]:
     }
 
 
+SCENES = (
+    ("spheres.yaml", spheres, "One ball of every kind of surface, under a lamp and a soft sky."),
+    ("still-life.yaml", still_life, "Vessels and fruit on a chequered cloth, by the light of a window."),
+)
+
+
 def main() -> None:
     """Writes the files beside this script."""
-    for name, scene, comment in (
-        ("spheres.yaml", spheres(), "One ball of every kind of surface, under a lamp and a soft sky."),
-        ("still-life.yaml", still_life(), "Vessels and fruit on a chequered cloth, by the light of a window."),
-    ):
-        (HERE / name).write_text(text_of(scene, comment, Path(__file__).name))
+    for name, make, comment in SCENES:
+        (HERE / name).write_text(text_of(make(), comment, Path(__file__).name))
 
 
 if __name__ == "__main__":

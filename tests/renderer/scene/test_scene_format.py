@@ -107,9 +107,10 @@ def test_our_example_scenes_read_without_a_warning(name):
     assert read(folder, f"{name}.yaml").warnings == []
 
 
-def test_the_made_scenes_are_those_of_the_script():
+@pytest.mark.parametrize("script", ["make.py", "lineage.py"])
+def test_the_made_scenes_are_those_of_the_script(script, monkeypatch):
     folder = Path(__file__).parents[3] / "scenes"
-    made = runpy.run_path(str(folder / "make.py"))
-    for name, scene in (("spheres", made["spheres"]()), ("still-life", made["still_life"]())):
-        written = (folder / f"{name}.yaml").read_text().split("\n", 2)[2]
-        assert written == made["text_of"](scene, "").split("\n", 2)[2]
+    monkeypatch.syspath_prepend(str(folder))
+    made = runpy.run_path(str(folder / script))
+    for name, scene, comment in made["SCENES"]:
+        assert (folder / name).read_text() == made["text_of"](scene(), comment, script)
