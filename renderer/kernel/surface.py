@@ -98,7 +98,8 @@ def triangle_point(position, triangle, number, u, v):
 
 @device
 def _inward(position, triangle, number, point, normal):
-    """From a triangle's point to its centroid, a lower bound of the inscribed circle's radius, and how far rays may miss it.
+    """From a triangle's point to its centroid, an upper bound of one over the inscribed circle's radius, and how far rays may
+    miss it.
 
     Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
     leaves the room; so may what starts off it by `error`, where the walls meet under an acute angle. Moved towards the centroid
@@ -110,8 +111,11 @@ def _inward(position, triangle, number, point, normal):
     c = _row3(position, triangle[number, 2])
     center = vec.scale(vec.add(a, vec.add(b, c)), _THIRD)
     perimeter = _magnitude(vec.sub(b, a)) + _magnitude(vec.sub(c, a)) + _magnitude(vec.sub(c, b))
-    radius = math.sqrt(vec.dot(normal, normal)) / (_SQRT3 * perimeter)
-    return vec.sub(center, point), radius, min(_SLIVER * perimeter * perimeter / max(radius, _TINY), _EIGHTH * radius)
+    curvature = _SQRT3 * perimeter / max(math.sqrt(vec.dot(normal, normal)), _TINY)
+    miss = _SLIVER * perimeter * perimeter * curvature
+    if miss * curvature > _EIGHTH:
+        miss = _EIGHTH / curvature
+    return vec.sub(center, point), curvature, miss
 
 
 @device
@@ -198,7 +202,7 @@ def surface_at(scene, o, d, hit):
     if primitive < triangles:
         # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
-        inward, radius, miss = _inward(scene.position, scene.triangle, primitive, point, normal)
+        inward, curvature, miss = _inward(scene.position, scene.triangle, primitive, point, normal)
         error = max(error, miss)
         upright = normal
         if hit.instance >= 0:
@@ -226,15 +230,18 @@ def surface_at(scene, o, d, hit):
             shadow_point = point_to_world(scene.to_world, hit.instance, shadow_point, _ONE)
             inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
             error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * _magnitude(point)
-            radius *= scene.instance_stretch[hit.instance, 1]
+            curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
             shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
             if len(scene.tangent) > 0:
                 tangent = tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
-        far = max(_magnitude(inward), _TINY)
-        inward = vec.scale(inward, min(_INWARD * error / max(radius, _TINY), min(_QUARTER, _FURTHEST * error / far)))
+        fraction = min(_INWARD * error * curvature, _QUARTER)
+        far = _magnitude(inward)
+        if fraction * far > _FURTHEST * error:
+            fraction = _FURTHEST * error / far
+        inward = vec.scale(inward, fraction)
         point, shadow_point = vec.add(point, inward), vec.add(shadow_point, inward)
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
         if len(scene.uv1) > 0:
@@ -266,11 +273,13 @@ def departure(surface, reflected, d):
     """
     if not reflected:
         return vec.sub(surface.point, vec.scale(surface.geometric, surface.error))
-    cosine = max(vec.dot(surface.geometric, d), _ZERO)
-    bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
-    amount = max(_ONE - cosine * cosine / bend2, _ZERO)
-    start = vec.add(surface.point, vec.scale(vec.sub(surface.shadow_point, surface.point), amount))
-    return vec.add(start, vec.scale(surface.geometric, surface.error))
+    start = vec.add(surface.point, vec.scale(surface.geometric, surface.error))
+    rise = vec.sub(surface.shadow_point, surface.point)
+    if vec.dot(rise, rise) > _ZERO:  # flat surfaces are spared the rest
+        cosine = max(vec.dot(surface.geometric, d), _ZERO)
+        bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
+        start = vec.add(start, vec.scale(rise, max(_ONE - cosine * cosine / bend2, _ZERO)))
+    return start
 
 
 @device
