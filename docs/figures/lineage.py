@@ -163,6 +163,17 @@ def strategies() -> None:
     pyplot.close(figure)
 
 
+def shiny() -> None:
+    """The four ways where surfaces shine: each strategy alone is at a loss somewhere."""
+    balls = Example("spheres", 420)
+    strip("strategies-shiny", {f"{s}, 16 samples": balls.picture(16, sampling=s) for s in STRATEGIES}, 2)
+    balls = Example("spheres", 160)
+    balls.settings = replace(balls.settings, sampler="independent")
+    print("\nVariance of a pixel, 32 samples (spheres.yaml, 160 x 90)\n\n| " + " | ".join(STRATEGIES) + " |")
+    print("|---" * len(STRATEGIES) + "|")
+    print("| " + " | ".join(f"{_variance(balls, 32, {'sampling': s}):.3g}" for s in STRATEGIES) + " |")
+
+
 def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
     pictures = np.array([example.picture(spp, seed=seed, **changed) for seed in range(4)], np.float64)
     return float(pictures.var(0, ddof=1).mean())
@@ -170,11 +181,8 @@ def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
 
 def attenuation() -> None:
     """Radiance divided by the square of the distance once more, and the picture as it is."""
-    box = Example("games101-7", 300)
-    right, wrong = (
-        box.picture(128, roulette=None, max_depth=8),
-        box.picture(128, roulette=None, max_depth=8, mistake="attenuation"),
-    )
+    box = Example("cornell-box", 300)
+    right, wrong = box.picture(128), box.picture(128, mistake="attenuation")
     brightened = wrong * (right.mean() / wrong.mean())
     pictures = {"as it is": right, "radiance / d^2, as it comes": wrong, "radiance / d^2, brightened": brightened}
     strip("attenuation", pictures, 3)
@@ -205,9 +213,10 @@ def christmas() -> None:
     """The evening, and how its brightest pixels are shown."""
     scene = Example("christmas", 960)
     picture = scene.picture(256)
-    strip("christmas", {"256 samples": picture}, 1, exposure=0.6, curve="agx")
+    strip("christmas", {"256 samples": picture}, 1, exposure=0.6, curve="hue")
     detail = picture[60:300, 130:450]
-    strip("overflow", {"each channel clipped (srgb)": detail, "scaled by the greatest channel (hue)": detail}, 2)
+    scaled = detail / np.maximum(detail.max(axis=2, keepdims=True), 1)
+    strip("overflow", {"each channel clipped": detail, "scaled by the greatest channel": scaled}, 2)
 
 
 def rest_of_your_life() -> None:
@@ -221,7 +230,7 @@ def rest_of_your_life() -> None:
     }, 2)  # fmt: skip
 
 
-FIGURES = (smallpt, course_project, games101, strategies, attenuation, roulette, christmas, rest_of_your_life)
+FIGURES = (smallpt, course_project, games101, strategies, shiny, attenuation, roulette, christmas, rest_of_your_life)
 
 
 def main() -> None:
