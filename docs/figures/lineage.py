@@ -1,6 +1,6 @@
 """Renders the pictures and measures the numbers of docs/lineage.md.
 
-    python docs/figures/lineage.py [name ...]
+    python docs/figures/lineage.py [name ...]        (after: pip install -e '.[docs]')
 
 Without names, all of them: about ten minutes on two cores. Pictures and plots go to docs/pictures/lineage/, numbers are
 printed as the tables that the page shows. A frame of the farm has the same bits as these, whichever way it is rendered.
