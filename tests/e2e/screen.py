@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import httpx
 import numpy as np
 import OpenImageIO
 from PIL import Image
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from renderer.image import rgbe9995, tonemap
 from tests.helpers import Farm, wait_until
@@ -36,11 +37,19 @@ def shown(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
     return tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve).astype(int)
 
 
+def _one_to_one(page: Page) -> tuple[float, float]:
+    """Where the picture's corner lies on the stage, once it is drawn at one to one."""
+    stage = page.locator(".stage")
+    expect(stage).to_have_attribute("data-view", re.compile("^1 "))
+    _, x, y = (float(v) for v in (stage.get_attribute("data-view") or "").split())
+    return x, y
+
+
 def on_screen(page: Page, width: int, height: int) -> np.ndarray:
     """The picture's pixels on the screen at one to one, (h, w, 3) uint8. WebGL's own readPixels may be empty."""
+    x, y = _one_to_one(page)
     box = page.locator("canvas.film").bounding_box()
-    scale, x, y = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
-    assert box is not None and scale == 1
+    assert box is not None
     clip = {"x": box["x"] + x, "y": box["y"] + y, "width": width, "height": height}
     return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB"))
 
@@ -48,11 +57,11 @@ def on_screen(page: Page, width: int, height: int) -> np.ndarray:
 def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
     """The screen shows this picture, to a last bit of 8, wherever it is not negative. Gives the screen.
 
-    The software renderer draws a frame in some tens of milliseconds: it has a few seconds.
+    The software renderer draws a frame in some tens of milliseconds, its first one in seconds.
     """
     height, width = wanted.shape[:2]
     seen = wanted >= 0
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 15
     while True:
         screen = on_screen(page, width, height)
         difference = np.abs(screen.astype(int) - wanted)[seen].max()
@@ -76,13 +85,13 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
 
 def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
     """What is to be seen of two pictures with the wipe where it is: -1 where the divider lies."""
+    x, y = _one_to_one(page)
     stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
     assert stage and divider
-    _, x, _ = (float(v) for v in (page.locator(".stage").get_attribute("data-view") or "").split())
     column = round(divider["x"] + divider["width"] / 2 - stage["x"] - x)
     wanted = np.concatenate([left[:, :column], right[:, column:]], axis=1)
     wanted[:, max(column - MARGIN, 0) : column + MARGIN] = -1
     grip = 26  # with the ring about it when it has the focus
-    middle = round(stage["height"] / 2 - float((page.locator(".stage").get_attribute("data-view") or "").split()[2]))
+    middle = round(stage["height"] / 2 - y)
     wanted[middle - grip : middle + grip, max(column - grip, 0) : column + grip] = -1
     return wanted
