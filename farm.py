@@ -25,7 +25,6 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
 FOR_USE = ("worker", "denoise", "local")
 FOR_TESTS = ("worker", "denoise", "local", "test")
-FOR_BENCHMARKS = ("worker", "denoise", "local", "test", "peers")
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
@@ -47,7 +46,7 @@ def main():
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
-        return run_benchmarks(install(FOR_BENCHMARKS), rest)
+        return run_benchmarks(install(FOR_TESTS), rest)
     install(FOR_USE)
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scene_text import text_of
+from scene_text import sphere, text_of
 
 HERE = Path(__file__).parent
 
@@ -61,11 +61,6 @@ def lathe(name: str, material: str, outline: Outline, at: tuple[float, float, fl
     """A surface of revolution standing at a place."""
     transform = [*more.pop("turned", []), {"translate": list(at)}]
     return {"name": name, "type": "lathe", "material": material, "profile": rounded(outline), "transform": transform, **more}
-
-
-def sphere(name: str, material: str, center: tuple[float, float, float], radius: float) -> dict[str, Any]:
-    """A ball."""
-    return {"name": name, "type": "sphere", "material": material, "center": list(center), "radius": radius}
 
 
 def softbox(

@@ -1,14 +1,34 @@
-"""How the scripts beside this write a scene file."""
+"""What the scripts beside this make scene files of, and how they write them."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-__all__ = ["text_of"]
+__all__ = ["Scene", "Shape", "faces", "sphere", "text_of"]
+
+Scene = dict[str, Any]
+Shape = dict[str, Any]
 
 
-def text_of(scene: dict[str, Any], comment: str, script: str) -> str:
+def sphere(name: str, material: str, center: tuple[float, ...], radius: float, **more: Any) -> Shape:
+    """A ball."""
+    return {
+        "name": name,
+        "type": "sphere",
+        "material": material,
+        "center": [round(c, 4) for c in center],
+        "radius": radius,
+        **more,
+    }
+
+
+def faces(name: str, material: str, positions: list[list[float]], faces: list[list[int]], **more: Any) -> Shape:
+    """Polygons between points, numbered from 0."""
+    return {"name": name, "type": "faces", "material": material, "positions": positions, "faces": faces, **more}
+
+
+def text_of(scene: Scene, comment: str, script: str) -> str:
     """The scene as YAML, a line for every entry: JSON's flow style is YAML too, and short."""
     lines = [f"# {comment}", f"# Written by scenes/{script}, which says where its numbers come from: edit that, not this."]
     for key, value in scene.items():

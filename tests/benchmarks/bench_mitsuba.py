@@ -5,7 +5,7 @@
 Both render once before the clock starts, so neither's compilation counts. What is compared is the best round of each and
 the median of the rounds' ratios: a ratio within one run holds on other machines, the absolute values do not. The ratio of
 CPU times is what remains comparable where other work shares the machine.
-Needs the extra `peers` (pip install mitsuba) and LLVM 16 or newer for Mitsuba's LLVM variant.
+Needs the extra `test` (Mitsuba is in it) and LLVM 16 or newer for Mitsuba's LLVM variant.
 """
 
 from __future__ import annotations
