@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from renderer.image.encode import encode
-from renderer.scene.description import MaterialKind
+from renderer.kernel.blend import OPERATIONS
+from renderer.scene.description import Blend, MaterialKind
 from renderer.scene.load import read
 from renderer.scene.readers.metals import METALS
 from renderer.settings import FILTERS, INTEGRATORS, MISTAKES, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, View
@@ -56,6 +57,7 @@ def test_the_schemas_choices_are_the_renderers():
     ):
         assert settings[name]["enum"] == list(known)
     assert schema()["$defs"]["camera"]["properties"]["projection"]["enum"] == list(PROJECTIONS)
+    assert schema()["$defs"]["texture_layer"]["properties"]["blend"]["enum"] == list(get_args(Blend)) == list(OPERATIONS)
     material = schema()["$defs"]["material"]["properties"]
     assert material["metal"]["enum"] == list(METALS)
     assert set(material["kind"]["enum"]) == set(get_args(MaterialKind))
@@ -74,7 +76,7 @@ def test_every_example_of_the_documentation_is_a_scene(scene, png, number):
     if "shapes:" not in example:
         example += "shapes: [{type: quad}]\n"
     images = {"sky.exr": encode(np.ones((2, 4, 3), np.float32), "exr")} | {
-        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow")
+        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost")
     }
     others = {"cup.glb": cup(), **images}
     warnings = scene("s.yaml", example, others).warnings
