@@ -25,6 +25,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
 from renderer.scene.environment import relit, sampled_alone
+from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 
 __all__ = ["RenderStats", "render_batch", "render_frame", "replay", "warm_up"]
@@ -47,6 +48,7 @@ class RenderStats:
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """The scene in the settings' environment, its light tables fit for the settings' way of finding lights."""
     scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
+    scene = chosen_by(scene, settings.light_choice)
     return sampled_alone(scene) if settings.sampling == "light" or settings.integrator == "whitted" else scene
 
 

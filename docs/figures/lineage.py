@@ -139,7 +139,7 @@ STRATEGIES = ("uniform", "bsdf", "light", "mis")
 def strategies() -> None:
     """The four ways to find light at equal samples, and how their variance falls."""
     box = Example("games101-7", 300)
-    plain = replace(box.settings, sampler="independent", roulette=None, max_depth=6)
+    plain = replace(box.settings, sampler="independent", roulette=0.0, max_depth=6)
     box.settings = plain
     strip("strategies", {f"{s}, 16 samples": box.picture(16, sampling=s) for s in STRATEGIES}, 4)
     box.settings = replace(plain, width=96, height=96)
@@ -194,7 +194,8 @@ def roulette() -> None:
     box = Example("games101-7", 128)
     box.settings = replace(box.settings, sampler="independent")
     rows = {
-        "by throughput": {"roulette": None, "max_depth": 64},
+        "by throughput": {"roulette": 0.0, "max_depth": 64},
+        "by throughput, from 0.15": {"roulette": 0.0, "roulette_floor": 0.15, "max_depth": 64},
         "constant 0.8": {"roulette": 0.8, "max_depth": 64},
         "constant 0.5": {"roulette": 0.5, "max_depth": 64},
         "constant 0.2": {"roulette": 0.2, "max_depth": 64},
