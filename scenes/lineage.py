@@ -91,7 +91,15 @@ def course_project() -> Scene:
     ]
     return {
         "name": "Course project",
-        "settings": {"width": 512, "height": 384, "spp": 70, "max_depth": 12, "light_samples": 4, "ambient": [0.03, 0.03, 0.03]},
+        "settings": {
+            "width": 512,
+            "height": 384,
+            "spp": 70,
+            "max_depth": 12,
+            "roulette_floor": 0.15,
+            "light_samples": 4,
+            "ambient": [0.03, 0.03, 0.03],
+        },
         "cameras": [
             {
                 "name": "front",
