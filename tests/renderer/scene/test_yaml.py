@@ -165,6 +165,46 @@ def test_a_mesh_files_stack_is_found_among_the_scenes_textures(scene, png):
     assert description.images[description.textures[layer.texture].image].name == "a.png with opacity"
 
 
+def test_groups_are_a_tree_of_transforms(scene):
+    description = scene(
+        "s.yaml",
+        """
+shapes:
+- type: group
+  name: village
+  transform: [{translate: [100, 0, 0]}]
+  shapes:
+  - type: group
+    name: house
+    instances: [[{translate: [0, 0, 5]}], [{scale: 2}, {rotate: {axis: y, degrees: 90}}]]
+    shapes:
+    - {type: sphere, name: knob, center: [1, 0, 0], radius: 0.5, transform: [{translate: [0, 3, 0]}]}
+    - {type: mesh, name: roof, file: roof.obj, transform: [{translate: [0, 7, 0]}], instances: [[], [{translate: [0, 1, 0]}]]}
+    - {type: cube}
+""",
+        {"roof.obj": "o tiles\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"},
+    )
+    np.testing.assert_allclose(
+        [(*s.center, s.radius) for s in description.spheres], [(101, 3, 5, 0.5), (100, 6, -2, 1)], atol=1e-9
+    )
+    assert [s.name for s in description.spheres] == ["village/house [0]/knob", "village/house [1]/knob"]
+    assert len(description.meshes) == 2  # however often each is shown
+    names = [i.name for i in description.instances]
+    assert names[:4] == [f"village/house [{i}]/roof [{j}]/roof" for i in (0, 1) for j in (0, 1)]
+    assert names[4:] == [f"village/house [{i}]/cube 2" for i in (0, 1)]
+    place = description.instances[3].transform
+    np.testing.assert_allclose(place @ (1, 0, 0, 1), (100, 16, -2, 1), atol=1e-9)
+    np.testing.assert_allclose(place @ (0, 0, 0, 1), (100, 16, 0, 1), atol=1e-9)
+
+
+def test_groups_that_stand_for_billions_are_refused(scene):
+    text = "{type: cube}"
+    for _ in range(5):
+        text = f"{{type: group, shapes: [{text}], instances: [{', '.join(['[]'] * 100)}]}}"
+    with pytest.raises(SceneError, match="groups in groups show more than 1000000 shapes"):
+        scene("s.yaml", f"shapes: [{text}]")
+
+
 def test_a_sky(scene):
     text = "environment: {color: [1, 2, 3], rotation: 30, sky: {sun_elevation: 10, sun: false, dust: 3, ground_albedo: 0.5}}\n"
     environment = scene("s.yaml", text + QUAD).environment
@@ -294,6 +334,10 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
         ("shapes:\n  - {type: blob}", "line 2: shapes[0].type: 'blob' is not one of"),
         ("shapes:\n  - type: sphere\n    radius: -1", "line 3: shapes[0].radius"),
         ("shapes:\n  - {type: mesh}", "line 2: shapes[0]: 'file' is a required property"),
+        ("shapes:\n  - {type: group}", "line 2: shapes[0]: 'shapes' is a required property"),
+        ("shapes:\n  - {type: cube, shapes: [{type: cube}]}", "line 2: shapes[0].shapes"),
+        ("materials: {m: {}}\nshapes:\n  - {type: group, material: m, shapes: [{type: cube}]}", "line 3: shapes[0].material"),
+        ("shapes:\n  - type: group\n    shapes:\n      - {type: blob}", "line 4: shapes[0].shapes[0].type: 'blob'"),
         ("shapes:\n  - {type: mesh, file: gone.obj}", "line 2: shapes[0].file: gone.obj is not among the files"),
         ("shapes:\n  - {type: mesh, file: s.yaml}", "is no mesh file"),
         ("shapes:\n  - {type: quad}\n  - {type: quad, material: red}", "line 3: shapes[1].material: no material is called red"),
