@@ -7,9 +7,11 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from renderer.image.encode import encode
 from renderer.kernel.blend import OPERATIONS
+from renderer.scene.compile import compile_scene
 from renderer.scene.description import Blend, MaterialKind
 from renderer.scene.load import read
 from renderer.scene.readers.metals import METALS
@@ -116,3 +118,33 @@ def test_the_made_scenes_are_those_of_the_script(script, monkeypatch):
     made = runpy.run_path(str(folder / script))
     for name, scene, comment in made["SCENES"]:
         assert (folder / name).read_text() == made["text_of"](scene(), comment, script)
+
+
+def test_the_village_is_that_of_its_script(monkeypatch):
+    folder = Path(__file__).parents[3] / "scenes"
+    monkeypatch.syspath_prepend(str(folder))
+    made = runpy.run_path(str(folder / "christmas.py"))["files"]()
+    assert {path.name for path in (folder / "christmas").iterdir()} == set(made)
+    for name, content in made.items():
+        if isinstance(content, str):
+            assert (folder / "christmas" / name).read_text() == content, name
+        else:
+            kept = np.asarray(Image.open(folder / "christmas" / name)).astype(int)
+            assert np.abs(kept - content).max() <= 1, name  # a power may end differently elsewhere
+
+
+def test_the_village_is_small_whole_and_instanced():
+    """No warning, below 300 kB, and a hundred trees cost one."""
+    folder = Path(__file__).parents[3] / "scenes" / "christmas"
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 300_000
+    description = read(folder, "christmas.yaml")
+    assert description.warnings == []
+    trees = [i for i in description.instances if i.name.startswith("forest")]
+    meshes = {i.mesh for i in trees}
+    assert len(trees) > 100 * len(meshes)
+    compiled = compile_scene(description)
+    shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances)
+    assert len(compiled.triangle) < shown / 8
+    stacks = {m.name for m in description.materials for t in (m.base_color_texture, m.emission_texture) if t is not None and description.textures[t].layers}
+    assert stacks == {"walls", "windows", "ice", "sooty bricks"}
+    assert len(compiled.light_primitive) > 200
