@@ -124,6 +124,9 @@ def _message(job: Job, session: Session, engine: Engine) -> str | None:
         return why
     if job.kind is not None and not workers.slots(job.kind):
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
+    slots = [slot for slot in workers.current() if slot.get("job") == job.id]
+    if slots and all(slot.get("compiling") for slot in slots):
+        return "The workers compile the kernel of these settings; the first time that takes half a minute or more."
     live = engine.scheduler.jobs.get(job.id)
     if live is not None and (ahead := engine.scheduler.ahead_of(live)):
         return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
