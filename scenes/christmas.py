@@ -29,6 +29,9 @@ newmtl needles
 Kd .02 .075 .035
 newmtl bark
 Kd .07 .04 .025
+newmtl bricks
+Kd 1 1 1
+map_Kd bricks.png
 newmtl sooty bricks
 Kd .7 .72 .76
 map_Kd -s 1 1 1 bricks.png
@@ -57,9 +60,15 @@ newmtl ribbon
 Kd .45 .02 .025
 """
 
+TREE = (-2.75, 0.9)
 LAMPS = {"red": [30, 3, 2], "green": [3, 22, 5], "blue": [3, 7, 34], "yellow": [30, 20, 4], "white": [24, 22, 20]}
 BALLS = ("gold", "silver", "copper", "mirror", "ruby")
-HOUSES = ((-0.8, -5.0, 34.0, 1.0), (4.4, -6.6, -40.0, 1.05), (-6.0, -9.4, 48.0, 1.1), (1.8, -12.2, -28.0, 1.0))  # x, z, turn, size
+HOUSES = (
+    (-0.8, -5.0, 34.0, 1.0),
+    (4.4, -6.6, -40.0, 1.05),
+    (-6.0, -9.4, 48.0, 1.1),
+    (1.8, -12.2, -28.0, 1.0),
+)  # x, z, turn, size
 
 
 def files() -> dict[str, str | np.ndarray]:
@@ -123,7 +132,11 @@ def _materials() -> dict[str, Any]:
         "flake": {"color": 0.9},
         "iron": {"color": 0.03, "roughness": 0.5},
         "moon": {"color": 0, "emission": [22, 25, 31]},
-        "windows": {"color": 0, "emission": [11, 10, 9], "emission_texture": ["panes", {"texture": "curtains", "blend": "multiply"}]},
+        "windows": {
+            "color": 0,
+            "emission": [11, 10, 9],
+            "emission_texture": ["panes", {"texture": "curtains", "blend": "multiply"}],
+        },
         "drifted": {"color": [0.86, 0.88, 0.92]},
         "lantern": {"color": 0, "emission": [26, 15, 6]},
     }
@@ -206,9 +219,10 @@ def _forest(random: np.random.Generator) -> Shape:
     for _ in range(4000):
         x, z = float(random.uniform(-19, 20)), float(random.uniform(-34, 1.5))
         open_ground = abs(x - 0.4) < 4.4 - 0.13 * z and z > -13.5
+        near_tree = math.hypot(x - TREE[0], z - TREE[1]) < 3.4
         near_house = any(math.hypot(x - a, z - b) < 3.3 for a, b, _, _ in HOUSES)
         size = float(random.uniform(0.75, 1.45))
-        if open_ground or near_house or any(math.hypot(x - a, z - b) < 1.5 for a, b in places) or len(places) == 130:
+        if open_ground or near_tree or near_house or any(math.hypot(x - a, z - b) < 1.5 for a, b in places) or len(places) == 120:
             continue
         places.append((x, z))
         wide = round(size * float(random.uniform(0.85, 1.1)), 2)
@@ -233,7 +247,7 @@ def _tree(random: np.random.Generator) -> Shape:
     return {
         "name": "christmas tree",
         "type": "group",
-        "transform": _at(-2.75, 0.9, 20, 1.12, 0.05),
+        "transform": _at(*TREE, 20, 1.12, 0.05),
         "shapes": [
             {"name": "fir", "type": "mesh", "file": "fir.obj"},
             {"name": "trimmings", "type": "group", "shapes": trimmings},

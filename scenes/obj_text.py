@@ -58,9 +58,7 @@ class Obj:
         corners = [[c + s * h for c, s, h in zip(center, signs, half, strict=True)] for signs in product((-1, 1), repeat=3)]
         self.add(corners, [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
-    def lathe(
-        self, profile: Sequence[tuple[float, float]], segments: int, at: Point = (0, 0, 0), mapped: bool = False
-    ) -> None:
+    def lathe(self, profile: Sequence[tuple[float, float]], segments: int, at: Point = (0, 0, 0), mapped: bool = False) -> None:
         """Points (radius, y) turned about the Y axis, from the lowest up. mapped: with UVs 0..1, around and along the profile."""
         rows, uvs = [], []
         for j, (radius, y) in reversed(list(enumerate(profile))):

@@ -11,7 +11,21 @@ from collections.abc import Callable
 import numpy as np
 from obj_text import Obj
 
-__all__ = ["EAVES", "HALF_DEPTH", "HALF_WIDTH", "POND", "RIDGE", "chimney", "fir", "ground", "hat", "height", "house", "snowman", "star"]
+__all__ = [
+    "EAVES",
+    "HALF_DEPTH",
+    "HALF_WIDTH",
+    "POND",
+    "RIDGE",
+    "chimney",
+    "fir",
+    "ground",
+    "hat",
+    "height",
+    "house",
+    "snowman",
+    "star",
+]
 
 LIBRARY = "village.mtl"
 
@@ -44,7 +58,9 @@ def star() -> str:
     """Of five points, as thick as a cushion."""
     obj = Obj(LIBRARY)
     obj.use("starlight")
-    rim = [(r * math.sin(t), r * math.cos(t), 0.0) for r, t in ((0.16 if i % 2 == 0 else 0.065, math.pi * i / 5) for i in range(10))]
+    rim = [
+        (r * math.sin(t), r * math.cos(t), 0.0) for r, t in ((0.16 if i % 2 == 0 else 0.065, math.pi * i / 5) for i in range(10))
+    ]
     points = [*rim, (0, 0, 0.05), (0, 0, -0.05)]
     obj.add(points, [f for i in range(10) for f in ([10, (i + 1) % 10, i], [11, i, (i + 1) % 10])])
     return obj.text()
@@ -54,9 +70,10 @@ def ground() -> str:
     """Rolling snow with a hollow for a pond, hills behind; finest before the camera."""
     obj = Obj(LIBRARY)
     obj.use("snow")
-    across = [0.5 + 26 * math.copysign(abs(t) ** 1.7, t) for t in np.linspace(-1, 1, 43)]
-    deep = [5.2 - 46 * t**1.6 for t in np.linspace(0, 1, 35)]
-    deep = [9.0, 7.0, *deep]
+    pond_x, pond_z = np.linspace(-2.3, 4.1, 24), np.linspace(4.4, 0.8, 15)
+    beyond = np.linspace(0, 1, 12)[1:] ** 1.6
+    across = [round(float(x), 2) for x in (*(-2.3 - 24 * beyond[::-1]), *pond_x, *(4.1 + 24 * beyond))]
+    deep = [round(float(z), 2) for z in (9, 6.5, 5.2, *pond_z, *(0.8 - 42 * np.linspace(0, 1, 23)[1:] ** 1.6))]
     obj.grid([[(x, height(x, z), z) for x in across] for z in reversed(deep)])
     return obj.text()
 
@@ -125,7 +142,12 @@ def _load(obj: Obj, turn: float, length: float, y: float, droop: float, reach: f
         up = 0.055 * (0.5 + 0.5 * length) * (1 if 0 < s < 1 else 0.5)
         side = w * width
         rows.append(
-            [point(at, -side, 0.01 - 0.5 * side), point(at, -0.5 * side, up), point(at, 0.5 * side, up), point(at, side, 0.01 - 0.5 * side)]
+            [
+                point(at, -side, 0.01 - 0.5 * side),
+                point(at, -0.5 * side, up),
+                point(at, 0.5 * side, up),
+                point(at, side, 0.01 - 0.5 * side),
+            ]
         )
     obj.grid([row[::-1] for row in rows])
 
@@ -176,12 +198,20 @@ def _roof() -> Obj:
     obj.use("tiles")
     for side in (1, -1):
         for up, turned in ((0.06, False), (-0.02, True)):
-            corners = [(side * out * s, RIDGE - down * s + up, z) for s, z in ((0, deep), (reach, deep), (reach, -deep), (0, -deep))]
+            corners = [
+                (side * out * s, RIDGE - down * s + up, z) for s, z in ((0, deep), (reach, deep), (reach, -deep), (0, -deep))
+            ]
             obj.add(corners, [[0, 1, 2, 3] if (side == 1) != turned else [3, 2, 1, 0]])
         for end in (1, -1):
-            face = [(side * out * s, RIDGE - down * s + up, end * deep) for s, up in ((0, -0.02), (reach, -0.02), (reach, 0.06), (0, 0.06))]
+            face = [
+                (side * out * s, RIDGE - down * s + up, end * deep)
+                for s, up in ((0, -0.02), (reach, -0.02), (reach, 0.06), (0, 0.06))
+            ]
             obj.add(face, [[0, 1, 2, 3] if side * end == 1 else [3, 2, 1, 0]])
-        eave = [(side * out * reach, RIDGE - down * reach + up, z) for up, z in ((-0.02, deep), (-0.02, -deep), (0.06, -deep), (0.06, deep))]
+        eave = [
+            (side * out * reach, RIDGE - down * reach + up, z)
+            for up, z in ((-0.02, deep), (-0.02, -deep), (0.06, -deep), (0.06, deep))
+        ]
         obj.add(eave, [[0, 1, 2, 3] if side == 1 else [3, 2, 1, 0]])
     obj.use("snow")
     rows = []

@@ -27,9 +27,9 @@ def pictures(random: np.random.Generator) -> dict[str, Pixels]:
 
 def _encoded(linear: Pixels) -> Pixels:
     linear = np.clip(linear, 0, 1)
-    return np.rint(255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)).astype(
-        np.uint8
-    )
+    return np.rint(
+        255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+    ).astype(np.uint8)
 
 
 def _noise(random: np.random.Generator, h: int, w: int, cells: int) -> Pixels:

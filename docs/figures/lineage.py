@@ -175,7 +175,7 @@ def shiny() -> None:
 
 def light_choices() -> None:
     """One light of many: by what it may give, by its power, or any."""
-    evening = Example("christmas", 160)
+    evening = Example("christmas/christmas", 160)
     evening.settings = replace(evening.settings, sampler="independent")
     ways = {choice: {"light_choice": choice} for choice in LIGHT_CHOICES}
     _variances("Variance of a pixel, 32 samples (christmas.yaml, 160 wide)", evening, 32, ways)
@@ -224,7 +224,7 @@ def roulette() -> None:
 
 def christmas() -> None:
     """The evening, and how its brightest pixels are shown."""
-    scene = Example("christmas", 960)
+    scene = Example("christmas/christmas", 960)
     picture = scene.picture(256)
     strip("christmas", {"256 samples": picture}, 1, exposure=0.6, curve="hue")
     detail = picture[60:300, 130:450]

@@ -57,7 +57,9 @@ def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOu
 def _files(farm: Farm) -> list[Path]:
     """The scene files: NAME.yaml, and NAME/NAME.yaml of those that have other files beside them."""
     folder = farm.settings.examples
-    return sorted([*folder.glob("*.yaml"), *(p for p in folder.glob("*/*.yaml") if p.stem == p.parent.name)], key=lambda p: p.stem)
+    return sorted(
+        [*folder.glob("*.yaml"), *(p for p in folder.glob("*/*.yaml") if p.stem == p.parent.name)], key=lambda p: p.stem
+    )
 
 
 def _parts(path: Path) -> list[tuple[str, Path]]:

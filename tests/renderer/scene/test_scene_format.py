@@ -145,6 +145,11 @@ def test_the_village_is_small_whole_and_instanced():
     compiled = compile_scene(description)
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances)
     assert len(compiled.triangle) < shown / 8
-    stacks = {m.name for m in description.materials for t in (m.base_color_texture, m.emission_texture) if t is not None and description.textures[t].layers}
+    stacks = {
+        m.name
+        for m in description.materials
+        for t in (m.base_color_texture, m.emission_texture)
+        if t is not None and description.textures[t].layers
+    }
     assert stacks == {"walls", "windows", "ice", "sooty bricks"}
     assert len(compiled.light_primitive) > 200
