@@ -226,8 +226,8 @@ def christmas() -> None:
     """The evening, and how its brightest pixels are shown."""
     scene = Example("christmas/christmas", 960)
     picture = scene.picture(256)
-    strip("christmas", {"256 samples": picture}, 1, exposure=0.6, curve="hue")
-    detail = picture[60:300, 130:450]
+    strip("christmas", {"256 samples": picture}, 1, curve="neutral")
+    detail = picture[150:390, 300:620]
     scaled = detail / np.maximum(detail.max(axis=2, keepdims=True), 1)
     strip("overflow", {"each channel clipped": detail, "scaled by the greatest channel": scaled}, 2)
 
