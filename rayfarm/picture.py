@@ -15,8 +15,11 @@ from rayfarm.errors import CommandError
 from renderer.errors import SettingsError
 from renderer.settings import (
     FILTERS,
+    HEURISTICS,
     INTEGRATORS,
+    LIGHT_CHOICES,
     MAX_DEPTH,
+    MAX_FLOOR,
     MAX_LIGHT_SAMPLES,
     MAX_SPP,
     OPTIONAL,
@@ -112,12 +115,25 @@ class Picture:
             f"{', '.join(SAMPLINGS)}: where paths look for light. All agree in the end; they differ in noise.", metavar="NAME"
         ),
     ] = None
+    heuristic: Annotated[
+        str | None, _transport(f"{', '.join(HEURISTICS)}: how mis weighs what lights and what surfaces sample.", metavar="NAME")
+    ] = None
+    light_choice: Annotated[
+        str | None,
+        _transport(
+            f"{', '.join(LIGHT_CHOICES)}: which of many lights is sampled: by what it may give the point, by power, any.",
+            metavar="NAME",
+        ),
+    ] = None
     light_samples: Annotated[
         int | None, _transport("Shadow rays at what the camera sees first.", min=1, max=MAX_LIGHT_SAMPLES)
     ] = None
     roulette: Annotated[
         float | None,
-        _transport("Paths go on with this probability, from 0.05 to 1; unless told, by what they still carry.", metavar="P"),
+        _transport("Paths go on with this probability, from 0.05 to 1; 0: by what they still carry, after three.", metavar="P"),
+    ] = None
+    roulette_floor: Annotated[
+        float | None, _transport("The least of it where it goes by what they carry.", metavar="P", min=0.0, max=MAX_FLOOR)
     ] = None
     clamp: Annotated[
         float | None,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["Clock", "load_scene", "part_of_frame", "whole_frame"]
+__all__ = ["Clock", "load_kernels", "load_scene", "part_of_frame", "whole_frame"]
 
 
 class Clock:
@@ -36,11 +36,7 @@ class Clock:
 
 
 def load_scene(scene: Path, environment: Env, clock: Clock, brute: bool = False) -> tuple[CompiledScene, dict[str, Any]]:
-    """The compiled scene and its summary; brute: without a BVH.
-
-    Read first: a wrong file is told before half a minute of compiling.
-    """
-    from renderer.render import warm_up
+    """The compiled scene and its summary; brute: without a BVH."""
     from renderer.scene.compile import compile_scene, summarise
     from renderer.scene.load import read
 
@@ -51,14 +47,21 @@ def load_scene(scene: Path, environment: Env, clock: Clock, brute: bool = False)
                 inside = "sky:{:g},{:g}".format(*environment.sky)
             description = read(folder, main, inside)
         clock.mark("load_s")
-        progress.update(step, description="loading the kernels (the first time compiles them: half a minute)")
-        warm_up()
-        clock.mark("compile_s")
         progress.update(step, description="building")
         compiled = compile_scene(description, brute=brute)
         summary = summarise(description, compiled)
         clock.mark("build_s")
     return compiled, summary
+
+
+def load_kernels(settings: RenderSettings, clock: Clock) -> None:
+    """Makes the kernels of these settings ready. After the scene is read: a wrong file is told before the wait."""
+    from renderer.render import warm_up
+
+    with bar() as progress:
+        progress.add_task("loading the kernels (the first time compiles them: half a minute)", total=None)
+        warm_up(settings)
+    clock.mark("compile_s")
 
 
 def whole_frame(

@@ -7,11 +7,13 @@ their own (`kind`), whose films never mix with the others'.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
 import os
 import platform
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,8 +24,10 @@ __all__ = [
     "TARGET",
     "builder",
     "cache_folder",
+    "compiling",
     "device",
     "entry",
+    "is_loaded",
     "kind",
     "local_floats",
     "out_of_line",
@@ -200,3 +204,26 @@ def template(function: Function) -> Function:
 def subroutine(function: Function) -> Function:
     """A device function that stays one, if it is large: for code that is seldom run, or called in many places."""
     return _compiled(function, heap=False, inline=False, from_python=False)
+
+
+def is_loaded(kernel: Any) -> bool:
+    """Whether this process has machine code of an `entry` or `builder`."""
+    return bool(kernel.signatures)
+
+
+@contextlib.contextmanager
+def compiling(name: str) -> Iterator[None]:
+    """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
+
+    A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it.
+    """
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    done = folder / f"{name}.done"
+    with (folder / f"{name}.lock").open("wb") as lock:
+        if not done.exists():
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if done.exists():
+                fcntl.flock(lock, fcntl.LOCK_UN)
+        yield
+        done.touch()

@@ -7,11 +7,12 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer import jit
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
@@ -25,9 +26,10 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
 from renderer.scene.environment import relit, sampled_alone
+from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 
-__all__ = ["RenderStats", "render_batch", "render_frame", "replay", "warm_up"]
+__all__ = ["RenderStats", "is_warm", "render_batch", "render_frame", "replay", "warm_up"]
 
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
@@ -47,6 +49,7 @@ class RenderStats:
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """The scene in the settings' environment, its light tables fit for the settings' way of finding lights."""
     scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
+    scene = chosen_by(scene, settings.light_choice)
     return sampled_alone(scene) if settings.sampling == "light" or settings.integrator == "whitted" else scene
 
 
@@ -155,8 +158,13 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     return read_log(batch, settings.film_exponent, log)
 
 
-def warm_up() -> float:
-    """Compiles every kernel that a worker needs, or loads it from the cache: the seconds that took.
+def is_warm(settings: RenderSettings) -> bool:
+    """Whether this process has the kernel of these settings; else the first batch compiles it, which takes half a minute."""
+    return jit.is_loaded(renderer_of(settings))
+
+
+def warm_up(settings: RenderSettings | None = None) -> float:
+    """Compiles the kernels for scenes and for these settings (None: for pictures), or loads them: the seconds that took.
 
     A parent that does this before it forks shares the machine code with its children.
     """
@@ -166,6 +174,8 @@ def warm_up() -> float:
     scene = compile_scene(
         SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
     )
-    settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)), max_depth=2)
-    render_batch(scene, settings, Tile(0, 0, 2, 2), 0, 1)
+    view = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
+    settings = RenderSettings(2, 2, view) if settings is None else replace(settings, width=2, height=2, view=view)
+    with jit.compiling(renderer_of(settings).__name__):
+        render_batch(scene, settings, Tile(0, 0, 2, 2), 0, 1)
     return time.perf_counter() - begin

@@ -15,8 +15,11 @@ from renderer.errors import SettingsError
 
 __all__ = [
     "FILTERS",
+    "HEURISTICS",
     "INTEGRATORS",
+    "LIGHT_CHOICES",
     "MAX_DEPTH",
+    "MAX_FLOOR",
     "MAX_LIGHT_SAMPLES",
     "MAX_SIZE",
     "MAX_SPP",
@@ -36,11 +39,14 @@ INTEGRATORS = ("path", "direct", "whitted", "ao")
 SAMPLERS = ("sobol", "independent")
 FILTERS = ("blackman-harris", "tent", "box")
 SAMPLINGS = ("mis", "light", "bsdf", "uniform", "mixture")
+HEURISTICS = ("power", "balance")
+LIGHT_CHOICES = ("tree", "power", "uniform")
 MISTAKES = ("", "light-cutoff", "attenuation")
 PROJECTIONS = ("perspective", "orthographic", "panorama")
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
 MAX_LIGHT_SAMPLES = 64
+MAX_FLOOR = 0.95  # what a path goes on with at most: renderer/kernel/path.py
 MAX_FILM_EXPONENT = 24
 MAX_DISTANCE = 1e15  # squares and products of it stay within float32
 MAX_RADIANCE = 1e9
@@ -110,9 +116,13 @@ class RenderSettings:
     filter: the pixel filter, sampled by its own shape, so that a sample belongs to one pixel alone.
     sampling: how the path tracer finds lights: mis, or one strategy alone (light, bsdf, uniform), to compare them; mixture aims
     at lights and marked things without shadow rays (renderer/kernel/mixture.py).
+    heuristic: how mis weighs the two strategies (Veach 1997): power, of the second, or balance.
+    light_choice: by what chance a light is taken of many: tree, by what it may give the point that is lit; power, by its power
+    alone; uniform, each as often as the others.
     clamp_indirect: the most that light of more than one bounce may add to a channel at each vertex of a path, its hue kept;
     0: no limit, no bias.
-    roulette: the constant probability with which paths go on after each bounce; None: by their throughput, after three.
+    roulette: the constant probability with which paths go on after each bounce; 0: by their throughput, after three.
+    roulette_floor: where it goes by throughput, the least probability that a path goes on with.
     light_samples: shadow rays at the camera's first hit; of whitted, the points a light is sampled at, 1 being its middle.
     ao_distance: how far ambient occlusion looks, in scene units; 0: to infinity.
     ambient: linear RGB radiance that whitted adds to all that is diffuse, for lack of indirect light.
@@ -133,8 +143,11 @@ class RenderSettings:
     sampler: str = "sobol"
     filter: str = "blackman-harris"
     sampling: str = "mis"
+    heuristic: str = "power"
+    light_choice: str = "tree"
     clamp_indirect: float = 0.0
-    roulette: float | None = None
+    roulette: float = 0.0
+    roulette_floor: float = 0.0
     light_samples: int = 1
     ao_distance: float = 0.0
     ambient: Vec3 = (0.0, 0.0, 0.0)
@@ -158,6 +171,8 @@ class RenderSettings:
             ("sampler", SAMPLERS),
             ("filter", FILTERS),
             ("sampling", SAMPLINGS),
+            ("heuristic", HEURISTICS),
+            ("light_choice", LIGHT_CHOICES),
             ("mistake", MISTAKES),
         ):
             if getattr(self, name) not in known:
@@ -165,8 +180,12 @@ class RenderSettings:
                 raise SettingsError(f"{name} is {getattr(self, name)!r}; known are {listed}")
         if not 0.0 <= self.clamp_indirect <= MAX_RADIANCE:
             raise SettingsError(f"clamp_indirect is {self.clamp_indirect:g}; it lies between 0 (off) and 1e9")
-        if self.roulette is not None and not 0.05 <= self.roulette <= 1.0:
-            raise SettingsError(f"roulette is {self.roulette:g}; a probability to go on lies between 0.05 and 1")
+        if self.roulette != 0 and not 0.05 <= self.roulette <= 1.0:
+            raise SettingsError(
+                f"roulette is {self.roulette:g}; a probability to go on lies between 0.05 and 1, or is 0: by throughput"
+            )
+        if not 0.0 <= self.roulette_floor <= MAX_FLOOR:
+            raise SettingsError(f"roulette_floor is {self.roulette_floor:g}; it lies between 0 (none) and {MAX_FLOOR}")
         if not 1 <= self.light_samples <= MAX_LIGHT_SAMPLES:
             raise SettingsError(f"light_samples is {self.light_samples}; it lies between 1 and {MAX_LIGHT_SAMPLES}")
         if not 0.0 <= self.ao_distance <= MAX_DISTANCE:

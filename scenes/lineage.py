@@ -5,7 +5,7 @@
 The numbers of smallpt.yaml are K. Beason's (kevinbeason.com/smallpt); those of games101-7.yaml are the measured Cornell box
 (Cornell University Program of Computer Graphics) with the light and the colours of the course's assignment; those of
 rest-of-your-life.yaml are the book's (P. Shirley, T. D. Black, S. Hollasch, "Ray Tracing: The Rest of Your Life").
-The course project's scene and the Christmas scene are this project's own, after what their authors describe.
+The course project's scene is this project's own, after what its authors describe. The group's is written by christmas.py.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from christmas import christmas
 from scene_text import Scene, Shape, faces, sphere, text_of
 
 HERE = Path(__file__).parent
@@ -91,7 +90,15 @@ def course_project() -> Scene:
     ]
     return {
         "name": "Course project",
-        "settings": {"width": 512, "height": 384, "spp": 70, "max_depth": 12, "light_samples": 4, "ambient": [0.03, 0.03, 0.03]},
+        "settings": {
+            "width": 512,
+            "height": 384,
+            "spp": 70,
+            "max_depth": 12,
+            "roulette_floor": 0.15,
+            "light_samples": 4,
+            "ambient": [0.03, 0.03, 0.03],
+        },
         "cameras": [
             {
                 "name": "front",
@@ -192,7 +199,6 @@ SCENES = (
     ("smallpt.yaml", smallpt, "The box of nine spheres of smallpt, 99 lines that taught many what a path is."),
     ("course-project.yaml", course_project, "Blinn-Phong, mirror and glass for Whitted ray tracing beside path tracing."),
     ("games101-7.yaml", games101, "The measured Cornell box as a course's assignment has it."),
-    ("christmas.yaml", christmas, "Snow, trees and hundreds of small lights, under a moon behind the camera."),
     (
         "rest-of-your-life.yaml",
         rest_of_your_life,

@@ -25,14 +25,15 @@ BAD_SHOWN = 16
 def scene_out(scene: Scene, engine: Engine) -> SceneOut:
     """A scene."""
     info: dict[str, Any] = scene.info or {}
-    preparing = engine.preparing.progress.get(scene.id) if scene.status == "preparing" else None
+    waits = scene.status == "preparing"
+    preparing = engine.preparing.progress.get(scene.id) if waits else None
     return SceneOut(
         id=scene.id,
         name=scene.name,
         status=cast(SceneStatus, scene.status),
         error=scene.error,
-        step=preparing.step if preparing else "Waiting for a worker" if scene.status == "preparing" else None,
-        progress=preparing.fraction if preparing else 0.0 if scene.status == "preparing" else None,
+        step=preparing.step if preparing else _in_the_way(engine) or "Waits for a free worker." if waits else None,
+        progress=preparing.fraction if preparing else 0.0 if waits else None,
         created=scene.created,
         main=scene.main,
         files=scene.files,
@@ -119,15 +120,26 @@ def _message(job: Job, session: Session, engine: Engine) -> str | None:
     if job.settings is None:
         return "Waits for its scene to be prepared."
     workers = engine.workers
-    if job.kind is not None and not workers.slots(job.kind) and workers.ready():
+    if why := _in_the_way(engine):
+        return why
+    if job.kind is not None and not workers.slots(job.kind):
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
-    if not workers.ready():
-        if not workers.reports:
-            return "Waits for a worker: none is connected."
-        if all(report.state == "paused" or name in workers.orders for name, report in workers.reports.items()):
-            return "Waits: all workers are paused."
-        return "Waits for the workers to load their kernels."
+    slots = [slot for slot in workers.current() if slot.get("job") == job.id]
+    if slots and all(slot.get("compiling") for slot in slots):
+        return "The workers compile the kernel of these settings; the first time that takes half a minute or more."
     live = engine.scheduler.jobs.get(job.id)
     if live is not None and (ahead := engine.scheduler.ahead_of(live)):
         return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
     return None
+
+
+def _in_the_way(engine: Engine) -> str | None:
+    """Why nothing at all goes on; None where a worker takes work."""
+    workers = engine.workers
+    if workers.ready():
+        return None
+    if not workers.reports:
+        return "Waits for a worker: none is connected."
+    if all(report.state == "paused" or name in workers.orders for name, report in workers.reports.items()):
+        return "Waits: all workers are paused."
+    return "Waits for the workers to load their kernels; the first time that takes half a minute or more."

@@ -9,8 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from renderer.errors import SettingsError
 from renderer.settings import (
     FILTERS,
+    HEURISTICS,
     INTEGRATORS,
+    LIGHT_CHOICES,
     MAX_DEPTH,
+    MAX_FLOOR,
     MAX_LIGHT_SAMPLES,
     MAX_SIZE,
     MAX_SPP,
@@ -118,9 +121,14 @@ class JobIn(Strict):
     integrator: str | None = Field(None, json_schema_extra=_one_of(INTEGRATORS), description="how light is followed")
     max_depth: int | None = Field(None, ge=1, le=MAX_DEPTH, description="path segments, the camera's included")
     sampling: str | None = Field(None, json_schema_extra=_one_of(SAMPLINGS), description="how paths find lights")
-    roulette: float | None = Field(
-        None, ge=0.05, le=1.0, description="probability with which paths go on; by throughput where left out"
+    heuristic: str | None = Field(None, json_schema_extra=_one_of(HEURISTICS), description="how mis weighs its strategies")
+    light_choice: str | None = Field(
+        None, json_schema_extra=_one_of(LIGHT_CHOICES), description="by what chance a light is taken of many"
     )
+    roulette: float | None = Field(
+        None, ge=0.0, le=1.0, description="probability with which paths go on, from 0.05; 0: by throughput, after three bounces"
+    )
+    roulette_floor: float | None = Field(None, ge=0.0, le=MAX_FLOOR, description="the least of it where it goes by throughput")
     clamp_indirect: float | None = Field(
         None, ge=0.0, le=1e9, allow_inf_nan=False, description="the most that indirect light adds to a sample; 0: no limit"
     )

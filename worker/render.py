@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any
 
 from renderer.errors import RayfarmError
-from renderer.render import render_batch
+from renderer.render import is_warm, render_batch, warm_up
 from renderer.scene.compiled import CompiledScene, load
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums
@@ -22,10 +23,14 @@ OPEN_SCENES = 8
 _open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
-def render(worker: WorkerContext, batch: RenderBatch) -> Result:
-    """The batch's exact sums, or the reason why there are none."""
-    begun = time.perf_counter()
+def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
+    """The batch's exact sums, or the reason why there are none. compiling: told when a rare kernel is got ready, and is."""
     try:
+        if not is_warm(batch.settings):
+            compiling(True)
+            warm_up(batch.settings)
+            compiling(False)
+        begun = time.perf_counter()
         scene = _scene(worker, batch.compiled)
         sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
     except (LinkError, RefusedError) as error:

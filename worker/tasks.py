@@ -47,7 +47,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
             sentence = f"the worker process died {DEATHS_ALLOWED} times while it rendered this batch"
             worker.results.send(failure(worker, work, sentence))
             return
-        result = render(worker, work)
+        result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
         worker.results.send(result)
         speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
         worker.board.write(_slot(), {}, speed if result.sums is not None else 0.0)

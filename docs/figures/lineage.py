@@ -27,7 +27,7 @@ from renderer.render import render_frame
 from renderer.scene.arrays import CompiledScene
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
-from renderer.settings import RenderSettings
+from renderer.settings import LIGHT_CHOICES, RenderSettings
 
 HERE = Path(__file__).parent
 SCENES = HERE.parents[1] / "scenes"
@@ -139,7 +139,7 @@ STRATEGIES = ("uniform", "bsdf", "light", "mis")
 def strategies() -> None:
     """The four ways to find light at equal samples, and how their variance falls."""
     box = Example("games101-7", 300)
-    plain = replace(box.settings, sampler="independent", roulette=None, max_depth=6)
+    plain = replace(box.settings, sampler="independent", roulette=0.0, max_depth=6)
     box.settings = plain
     strip("strategies", {f"{s}, 16 samples": box.picture(16, sampling=s) for s in STRATEGIES}, 4)
     box.settings = replace(plain, width=96, height=96)
@@ -164,14 +164,26 @@ def strategies() -> None:
 
 
 def shiny() -> None:
-    """The four ways where surfaces shine: each strategy alone is at a loss somewhere."""
+    """The four ways where surfaces shine: each strategy alone is at a loss somewhere; and MIS by either heuristic."""
     balls = Example("spheres", 420)
     strip("strategies-shiny", {f"{s}, 16 samples": balls.picture(16, sampling=s) for s in STRATEGIES}, 2)
     balls = Example("spheres", 160)
     balls.settings = replace(balls.settings, sampler="independent")
-    print("\nVariance of a pixel, 32 samples (spheres.yaml, 160 x 90)\n\n| " + " | ".join(STRATEGIES) + " |")
-    print("|---" * len(STRATEGIES) + "|")
-    print("| " + " | ".join(f"{_variance(balls, 32, {'sampling': s}):.3g}" for s in STRATEGIES) + " |")
+    ways = {s: {"sampling": s} for s in STRATEGIES} | {"mis, balance": {"heuristic": "balance"}}
+    _variances("Variance of a pixel, 32 samples (spheres.yaml, 160 x 90)", balls, 32, ways)
+
+
+def light_choices() -> None:
+    """One light of many: by what it may give, by its power, or any."""
+    evening = Example("christmas/christmas", 160)
+    evening.settings = replace(evening.settings, sampler="independent")
+    ways = {choice: {"light_choice": choice} for choice in LIGHT_CHOICES}
+    _variances("Variance of a pixel, 32 samples (christmas.yaml, 160 wide)", evening, 32, ways)
+
+
+def _variances(title: str, example: Example, spp: int, ways: dict[str, dict[str, Any]]) -> None:
+    print(f"\n{title}\n\n| " + " | ".join(ways) + " |\n" + "|---" * len(ways) + "|")
+    print("| " + " | ".join(f"{_variance(example, spp, changed):.3g}" for changed in ways.values()) + " |")
 
 
 def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
@@ -194,7 +206,8 @@ def roulette() -> None:
     box = Example("games101-7", 128)
     box.settings = replace(box.settings, sampler="independent")
     rows = {
-        "by throughput": {"roulette": None, "max_depth": 64},
+        "by throughput": {"roulette": 0.0, "max_depth": 64},
+        "by throughput, from 0.15": {"roulette": 0.0, "roulette_floor": 0.15, "max_depth": 64},
         "constant 0.8": {"roulette": 0.8, "max_depth": 64},
         "constant 0.5": {"roulette": 0.5, "max_depth": 64},
         "constant 0.2": {"roulette": 0.2, "max_depth": 64},
@@ -211,10 +224,10 @@ def roulette() -> None:
 
 def christmas() -> None:
     """The evening, and how its brightest pixels are shown."""
-    scene = Example("christmas", 960)
+    scene = Example("christmas/christmas", 960)
     picture = scene.picture(256)
-    strip("christmas", {"256 samples": picture}, 1, exposure=0.6, curve="hue")
-    detail = picture[60:300, 130:450]
+    strip("christmas", {"256 samples": picture}, 1, curve="neutral")
+    detail = picture[150:390, 300:620]
     scaled = detail / np.maximum(detail.max(axis=2, keepdims=True), 1)
     strip("overflow", {"each channel clipped": detail, "scaled by the greatest channel": scaled}, 2)
 
@@ -230,7 +243,18 @@ def rest_of_your_life() -> None:
     }, 2)  # fmt: skip
 
 
-FIGURES = (smallpt, course_project, games101, strategies, shiny, attenuation, roulette, christmas, rest_of_your_life)
+FIGURES = (
+    smallpt,
+    course_project,
+    games101,
+    strategies,
+    shiny,
+    light_choices,
+    attenuation,
+    roulette,
+    christmas,
+    rest_of_your_life,
+)
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import CommandError
 from rayfarm.picture import DEFAULT_SPP, Picture, takes_picture
-from rayfarm.rendering import Clock, load_scene, part_of_frame, whole_frame
+from rayfarm.rendering import Clock, load_kernels, load_scene, part_of_frame, whole_frame
 from rayfarm.replay import show_path
 from renderer import aovs
 from renderer.denoise import is_available
@@ -121,6 +121,7 @@ def render(
     settings = picture.settings(summary["cameras"], summary["defaults"])
     count = picture.spp or summary["defaults"].get("spp", DEFAULT_SPP)
     done = RenderStats()
+    load_kernels(settings, clock)
     if tile is None and first == 0:
         sums = whole_frame(compiled, settings, count, threads, picture.noise, picture.time_limit, done)
     else:
@@ -144,6 +145,7 @@ def _replay(scene: Path, picture: Picture, pixel: str, sample: int, no_bvh: bool
     settings = picture.settings(summary["cameras"], summary["defaults"])
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
+    load_kernels(settings, Clock())
     show_path(compiled, settings, summary, x, y, sample, as_json)
 
 

@@ -7,13 +7,14 @@ The live view's shader (web/) has the same formulas: change both, or what is see
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
 
-__all__ = ["CURVES", "agx", "apply", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
+__all__ = ["CURVES", "agx", "apply", "decode_srgb", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
 
 F32 = npt.NDArray[np.float32]
 
@@ -102,6 +103,11 @@ CURVES: tuple[str, ...] = tuple(_FUNCTIONS)
 def encode_srgb(linear: F32) -> F32:
     """Display-linear 0..1 to the sRGB encoding's 0..1. Source: IEC 61966-2-1."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-10) ** np.float32(1 / 2.4) - 0.055)
+
+
+def decode_srgb(encoded: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The sRGB encoding's 0..1 to linear 0..1, of the same type. Source: IEC 61966-2-1."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:

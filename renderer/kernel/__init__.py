@@ -8,5 +8,6 @@ normal_map.py  the frame to shade in
 light.py     choosing and sampling     environment.py  light from infinitely far, a sun's disk before it
 light_tree.py  one of many lights      punctual.py  points, spots and distant lights without a body
 sampler.py   counter-based numbers     warp.py      square_to_* beside square_to_*_pdf
-polynomial.py  sin, cos, exp, log, pow of our own     vec.py  tuple arithmetic     texture.py  lookups
+polynomial.py  sin, cos, exp, log, pow of our own     vec.py  tuple arithmetic
+texture.py   lookups, and stacks of textures     blend.py    how a layer is laid on what is beneath
 """

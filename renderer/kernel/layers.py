@@ -28,8 +28,7 @@ def _texel(textures, texture, transform, texel, number, slot, uv, uv1):
     row = textures[number, slot]
     if row < 0:
         return _ONE, _ONE, _ONE, _ONE
-    second = texture[row, 6] != 0
-    return lookup(texture, transform, texel, row, uv1[0] if second else uv[0], uv1[1] if second else uv[1])
+    return lookup(texture, transform, texel, row, uv, uv1)
 
 
 @device

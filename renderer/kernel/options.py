@@ -8,10 +8,11 @@ import numpy as np
 
 from renderer.kernel.rows import TRANSPARENT
 from renderer.scene.arrays import CompiledScene
-from renderer.settings import FILTERS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
+from renderer.settings import FILTERS, HEURISTICS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
 
 __all__ = [
     "ATTENUATION",
+    "BALANCE",
     "BSDF",
     "LIGHT",
     "LIGHT_CUTOFF",
@@ -25,6 +26,7 @@ __all__ = [
 ]
 
 MIS, LIGHT, BSDF, UNIFORM, MIXTURE = (np.int32(SAMPLINGS.index(name)) for name in ("mis", "light", "bsdf", "uniform", "mixture"))
+BALANCE = np.int32(HEURISTICS.index("balance"))
 NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name in ("", "light-cutoff", "attenuation"))
 
 
@@ -35,12 +37,14 @@ class Options(NamedTuple):
     sampler: np.int32
     filter: np.int32
     sampling: np.int32
+    heuristic: np.int32
     mistake: np.int32
     max_depth: int  # segments
     light_samples: int
     scale: np.float32  # 2**film_exponent
     clamp: np.float32  # 0: none
     roulette: np.float32  # 0: by throughput
+    roulette_floor: np.float32
     ao_distance: np.float32  # infinite: no limit
     ambient: tuple[np.float32, np.float32, np.float32]
     transparent: bool  # whether anything in the scene lets light pass by its alpha
@@ -54,12 +58,14 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         sampler=np.int32(SAMPLERS.index(settings.sampler)),
         filter=np.int32(FILTERS.index(settings.filter)),
         sampling=np.int32(SAMPLINGS.index(settings.sampling)),
+        heuristic=np.int32(HEURISTICS.index(settings.heuristic)),
         mistake=np.int32(MISTAKES.index(settings.mistake)),
         max_depth=min(settings.max_depth, 2) if settings.integrator == "direct" else settings.max_depth,
         light_samples=settings.light_samples,
         scale=np.float32(2.0**settings.film_exponent),
         clamp=np.float32(settings.clamp_indirect),
-        roulette=np.float32(settings.roulette or 0.0),
+        roulette=np.float32(settings.roulette),
+        roulette_floor=np.float32(settings.roulette_floor),
         ao_distance=np.float32(settings.ao_distance or np.inf),
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
@@ -68,4 +74,5 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 def is_special(settings: RenderSettings) -> bool:
     """Whether the path tracer for pictures cannot do it: to compare strategies, or to show mistakes."""
-    return settings.sampling != "mis" or settings.mistake != "" or settings.light_samples > 1
+    plain = settings.sampling == "mis" and settings.heuristic == "power"
+    return not plain or settings.mistake != "" or settings.light_samples > 1

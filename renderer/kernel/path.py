@@ -1,4 +1,4 @@
-"""The path tracer: unidirectional paths with next-event estimation, MIS by the power heuristic, and Russian roulette."""
+"""The path tracer: unidirectional paths with next-event estimation, multiple importance sampling, and Russian roulette."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
 from renderer.kernel.rows import DISPERSIVE, UNLIT
 from renderer.kernel.sampler import uniform4
-from renderer.kernel.strategy import mistaken, power_heuristic, share_of_light, special_bounce
+from renderer.kernel.strategy import heuristic_weight, mistaken, power_heuristic, share_of_light, special_bounce
 from renderer.kernel.surface import departure, surface_at
 from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed, limited
 from renderer.kernel.visibility import MAX_PASSED, transmittance
+from renderer.settings import MAX_FLOOR
 
 __all__ = ["trace_path"]
 
@@ -39,7 +40,7 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 _ROULETTE_FROM = 4  # segments that every path may have; dark ones end soon after
 _INDIRECT = 3  # segments from which on light counts as indirect
-_MOST_SURVIVAL = np.float32(0.95)
+_MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
 @template
@@ -77,7 +78,13 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                 record_vertex(log, row, MISSED, 0, 0, hit.t, pdf, o, d, d, throughput, radiance)
             if pdf >= _ZERO:
                 emitted = environment_radiance(scene.environment, scene.environment_frame, d)
-                weight = power_heuristic(pdf, environment_light_pdf(scene, d)) if pdf > _ZERO else _ONE
+                weight = _ONE
+                if pdf > _ZERO:
+                    light_pdf = environment_light_pdf(scene, d)
+                    if special is None:
+                        weight = power_heuristic(pdf, light_pdf)
+                    else:
+                        weight = heuristic_weight(options.heuristic, pdf, light_pdf)
                 radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), limit))
             if row < len(log):
                 record_light(log, row, EMITTED, radiance)
@@ -103,7 +110,11 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             weight = _ONE
             if pdf > _ZERO:
                 cosine = vec.dot(surface.geometric, wo_world)
-                weight = power_heuristic(pdf, primitive_light_pdf(scene, surface.light, point, normal, surface.point, cosine))
+                light_pdf = primitive_light_pdf(scene, surface.light, point, normal, surface.point, cosine)
+                if special is None:
+                    weight = power_heuristic(pdf, light_pdf)
+                else:
+                    weight = heuristic_weight(options.heuristic, pdf, light_pdf)
             if special is not None and options.mistake != NO_MISTAKE and segment > 0:
                 weight *= mistaken(options.mistake, point, surface.point)
             radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), limit))
@@ -150,7 +161,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                             if special is None:
                                 weight *= _ONE if light.alone else power_heuristic(light.pdf, scatter_pdf)
                             else:
-                                share = share_of_light(options.sampling, light.pdf, scatter_pdf, light.alone)
+                                share = share_of_light(options, light.pdf, scatter_pdf, light.alone)
                                 weight *= share / np.float32(count)
                                 if options.mistake != NO_MISTAKE:
                                     weight *= mistaken(options.mistake, surface.point, light.end)
@@ -176,7 +187,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                 break
             throughput = vec.scale(throughput, _ONE / options.roulette)
         elif segment + 1 >= _ROULETTE_FROM:
-            survival = min(vec.maximum(throughput) * unscaled, _MOST_SURVIVAL)
+            survival = min(max(vec.maximum(throughput) * unscaled, options.roulette_floor), _MOST_SURVIVAL)
             if r[3] >= survival:
                 break
             throughput = vec.scale(throughput, _ONE / survival)

@@ -1,5 +1,5 @@
 """Where each property of a material stands in the compiled scene's rows: the columns of `material`, the slots of
-`material_texture`, the bits of `material_flags`. Colours take three columns from theirs on.
+`material_texture`, the bits of `material_flags`; and what the rows of textures hold. Colours take three columns from theirs on.
 """
 
 from __future__ import annotations
@@ -68,6 +68,19 @@ THICKNESS_TEXTURE = 14
 DIFFUSE_TRANSMISSION_TEXTURE = 15
 DIFFUSE_TRANSMISSION_COLOR_TEXTURE = 16
 SLOTS = 17
+
+# Columns of `texture`, int32, behind the first texel, the size and how it repeats.
+SRGB = 5  # 0 or 1
+UV_SET = 6
+ABOVE = 7  # the row of the layer that lies on this one; -1 for none
+BLEND = 8  # by which operation this one lies on what is beneath (renderer/kernel/blend.py)
+TEXTURE_COLUMNS = 9
+
+# Columns of `texture_transform`, float32, behind the matrix: what a row means in a stack.
+STRENGTH = 6
+GAIN = 7  # what its texels are multiplied by
+MOST = 8  # that the stack may become with it
+TRANSFORM_COLUMNS = 9
 
 # Bits of `material_flags`, int32: what a kernel asks before it looks at columns.
 TEXTURED = 1  # some texture is looked up

@@ -9,11 +9,11 @@ import numpy as np
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material import eval_material, is_specular, sample_material, transmits
-from renderer.kernel.options import ATTENUATION, BSDF, LIGHT, MIS, UNIFORM
+from renderer.kernel.options import ATTENUATION, BALANCE, BSDF, LIGHT, MIS, UNIFORM
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.warp import square_to_sphere
 
-__all__ = ["mistaken", "power_heuristic", "share_of_light", "special_bounce"]
+__all__ = ["heuristic_weight", "mistaken", "power_heuristic", "share_of_light", "special_bounce"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -38,11 +38,20 @@ def power_heuristic(a, b):
 
 
 @device
-def share_of_light(sampling, light_pdf, scatter_pdf, alone):
+def heuristic_weight(heuristic, a, b):
+    """As `power_heuristic`, by whichever heuristic is asked for; balance is a / (a + b)."""
+    if heuristic == BALANCE:
+        a = min(max(a, _LEAST_PDF), _MOST_PDF)
+        return a / (a + min(b, _MOST_PDF))
+    return power_heuristic(a, b)
+
+
+@device
+def share_of_light(options, light_pdf, scatter_pdf, alone):
     """The weight of a light's sample under any strategy. alone: whether only light sampling finds it."""
-    if alone or sampling == LIGHT:
+    if alone or options.sampling == LIGHT:
         return _ONE
-    return power_heuristic(light_pdf, scatter_pdf) if sampling == MIS else _ZERO
+    return heuristic_weight(options.heuristic, light_pdf, scatter_pdf) if options.sampling == MIS else _ZERO
 
 
 @subroutine

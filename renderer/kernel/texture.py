@@ -1,11 +1,13 @@
-"""Texture lookups: bilinear between texels, three ways to repeat, sRGB decoded before it is mixed."""
+"""Texture lookups: bilinear between texels, three ways to repeat, sRGB decoded before it is mixed; and stacks of textures."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import device, subroutine
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.blend import blended
 from renderer.kernel.polynomial import floor
+from renderer.kernel.rows import ABOVE, BLEND, GAIN, MOST, SRGB, STRENGTH, UV_SET
 
 __all__ = ["CLAMP", "MIRROR", "REPEAT", "lookup", "sample_texture"]
 
@@ -46,13 +48,16 @@ def _mix(a, b, t):
     return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]), a[3] + t * (b[3] - a[3])
 
 
-@subroutine
-def lookup(texture, transform, texel, number, u, v):
-    """Linear RGBA, 0 ... 1, of texture `number` at (u, v); after its transform, (0, 0) is the image's upper left corner."""
+@device
+def _look_up_image(texture, transform, texel, number, uv, uv1):
+    """Linear RGBA, 0 ... 1, of the image of row `number` alone."""
     first = np.int64(texture[number, 0])
     width = np.int64(texture[number, 1])
     height = np.int64(texture[number, 2])
-    srgb = texture[number, 5] != 0
+    srgb = texture[number, SRGB] != 0
+    second = texture[number, UV_SET] != 0
+    u = uv1[0] if second else uv[0]
+    v = uv1[1] if second else uv[1]
     x = (transform[number, 0] * u + transform[number, 1] * v + transform[number, 2]) * np.float32(width) - _HALF
     y = (transform[number, 3] * u + transform[number, 4] * v + transform[number, 5]) * np.float32(height) - _HALF
     if not (abs(x) < _LARGE and abs(y) < _LARGE):  # beyond, float32 has no texels left to mix; also NaN
@@ -70,10 +75,40 @@ def lookup(texture, transform, texel, number, u, v):
     return _mix(above, below, t)
 
 
+@subroutine
+def _stacked(texture, transform, texel, number, uv, uv1, color):
+    """The layers above row `number`, laid on its colour one after the other. The alpha stays the lowest's: layers paint a
+    surface and do not change where it is.
+    """
+    out_of_line()
+    gain = transform[number, GAIN]
+    r, g, b, alpha = color[0] * gain, color[1] * gain, color[2] * gain, color[3]
+    number = np.int64(texture[number, ABOVE])
+    while number >= 0:
+        layer = _look_up_image(texture, transform, texel, number, uv, uv1)
+        operation = texture[number, BLEND]
+        weight = transform[number, STRENGTH] * layer[3]
+        gain, most = transform[number, GAIN], transform[number, MOST]
+        r = blended(operation, r, layer[0] * gain, weight, most)
+        g = blended(operation, g, layer[1] * gain, weight, most)
+        b = blended(operation, b, layer[2] * gain, weight, most)
+        number = np.int64(texture[number, ABOVE])
+    return r, g, b, alpha
+
+
+@subroutine
+def lookup(texture, transform, texel, number, uv, uv1):
+    """Linear RGBA of texture `number` with its layers, 0 ... 1 but for light, where layers may add up to more.
+
+    It knows whether it looks at the first or at the second coordinates; (0, 0) is then the image's upper left corner.
+    """
+    color = _look_up_image(texture, transform, texel, number, uv, uv1)
+    if texture[number, ABOVE] >= 0:
+        return _stacked(texture, transform, texel, number, uv, uv1, color)
+    return color
+
+
 @device
 def sample_texture(scene, number, uv, uv1):
-    """Linear RGBA of texture `number`, which knows whether it looks at the first or at the second coordinates."""
-    second = scene.texture[number, 6] != 0
-    u = uv1[0] if second else uv[0]
-    v = uv1[1] if second else uv[1]
-    return lookup(scene.texture, scene.texture_transform, scene.texel, number, u, v)
+    """`lookup` in a scene's textures."""
+    return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
-from renderer.kernel.rows import COLUMNS, SLOTS
+from renderer.kernel.rows import ABOVE, COLUMNS, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "flat", "nested", "seal"]
 
@@ -55,8 +55,10 @@ class CompiledScene(NamedTuple):
     material: Array  # (M, COLUMNS) f32
     material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
 
-    texture: Array  # (X, 7) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set
-    texture_transform: Array  # (X, 6) f32: the rows of the 2x3 matrix that UVs go through
+    # (X, 9) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set, the row of the layer
+    # above (-1: none), the operation by which it is a layer itself
+    texture: Array
+    texture_transform: Array  # (X, 9) f32: the rows of the 2x3 matrix that UVs go through; strength, gain and most in a stack
     texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
@@ -108,8 +110,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_flags": ("<i4", ("M",)),
     "material": ("<f4", ("M", COLUMNS)),
     "material_texture": ("<i4", ("M", SLOTS)),
-    "texture": ("<i4", ("X", 7)),
-    "texture_transform": ("<f4", ("X", 6)),
+    "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
+    "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
     "light_node": ("<f4", ("Y", 12)),
@@ -192,6 +194,9 @@ def check(arrays: dict[str, Array]) -> None:
         and (texture[:, 0] + texture[:, 1] * texture[:, 2]).max() <= lengths["Q"]
     ):
         raise SceneError("a texture reaches beyond the texels")
+    above = texture[:, ABOVE]
+    if not ((above == -1) | ((above > np.arange(len(above))) & (above < len(above)))).all():
+        raise SceneError("a texture's layer is not further on in the list of textures")
     if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")

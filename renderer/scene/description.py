@@ -15,7 +15,9 @@ import numpy.typing as npt
 from renderer.settings import Vec3, View
 
 __all__ = [
+    "SINGLE_TEXTURES",
     "AlphaMode",
+    "Blend",
     "Camera",
     "Environment",
     "Image",
@@ -29,6 +31,7 @@ __all__ = [
     "Sky",
     "Sphere",
     "Texture",
+    "TextureLayer",
     "UvTransform",
     "Wrap",
 ]
@@ -39,7 +42,21 @@ MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong",
 AlphaMode = Literal["opaque", "mask", "blend"]
 LightKind = Literal["point", "spot", "directional"]
 Wrap = Literal["repeat", "mirror", "clamp"]
+Blend = Literal["over", "multiply", "add", "subtract", "divide", "screen", "signed_add", "darken", "lighten", "difference"]
 UvTransform = tuple[float, float, float, float, float, float]
+
+# Slots whose textures have no layers: those that hold directions, which are not mixed as colours are, and those read by their
+# alpha, which layers leave as it is.
+SINGLE_TEXTURES = frozenset(
+    {
+        "normal_texture",
+        "clearcoat_normal_texture",
+        "anisotropy_texture",
+        "specular_texture",
+        "sheen_roughness_texture",
+        "diffuse_transmission_texture",
+    }
+)
 
 
 @dataclass
@@ -51,11 +68,25 @@ class Image:
     srgb: bool = True
 
 
+@dataclass(frozen=True)
+class TextureLayer:
+    """A texture without layers of its own that lies on another, each looked up in its own way.
+
+    `blend` is worked out in linear light (renderer/kernel/blend.py), and mixed with what is beneath by the layer's alpha times
+    `strength`: 0 ... 1. The colours of a surface end at 1; light does not.
+    """
+
+    texture: int
+    blend: Blend = "over"
+    strength: float = 1.0
+
+
 @dataclass
 class Texture:
     """An image, how it repeats, and how it is looked up. UV (0, 0) is the image's upper left corner, as in glTF.
 
     transform: the rows of the 2x3 matrix that the UVs of set `uv_set` go through first.
+    layers: what lies on it, the lowest first; its alpha stays its own.
     """
 
     image: int
@@ -63,6 +94,7 @@ class Texture:
     wrap_t: Wrap = "repeat"
     uv_set: int = 0  # 0 or 1
     transform: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    layers: tuple[TextureLayer, ...] = ()
 
 
 @dataclass

@@ -24,10 +24,9 @@ def emitted_by_triangles(packed: Packed, geometry: Geometry) -> np.ndarray:
         number = packed.material_texture[material, rows.EMISSION_TEXTURE]
         of_it = np.flatnonzero(geometry.triangle_material == material)
         mean = np.zeros((len(of_it), 3), np.float32)
-        uv = geometry.uv1 if packed.texture[number, 6] else geometry.uv
-        if not len(uv):  # no mesh of the scene has such coordinates
-            continue
-        mean_texels(packed.texture, packed.texture_transform, packed.texel, number, uv, geometry.triangle[of_it], mean)
+        uv1 = geometry.uv1 if len(geometry.uv1) else np.zeros_like(geometry.uv)  # as surfaces without such coordinates have them
+        table = packed.texture, packed.texture_transform, packed.texel
+        mean_texels(*table, number, geometry.uv, uv1, geometry.triangle[of_it], mean)
         factor = packed.material[material, rows.EMISSION : rows.EMISSION + 3].astype(np.float64)
         sides = 2.0 if packed.material[material, rows.DOUBLE_SIDED] else 1.0
         emitted[of_it] = (1 - _SPREAD) * sides * luminance(mean * factor) + _SPREAD * packed.emitted[material]

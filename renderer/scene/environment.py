@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.image.tonemap import decode_srgb
 from renderer.scene.arrays import CompiledScene
 from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative, luminance
@@ -168,6 +169,5 @@ def _sky_power(bounds: F32) -> float:
 
 
 def _linear(encoded: np.ndarray) -> np.ndarray:
-    level = (np.arange(256) / 255.0).astype(np.float32)
-    table = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    table = decode_srgb((np.arange(256) / 255.0).astype(np.float32)).astype(np.float32)
     return table[encoded]

@@ -12,7 +12,7 @@ from renderer.scene.geometry import Geometry
 from renderer.scene.light_tree import LightBounds, build_light_tree
 from renderer.scene.punctual import Punctual
 
-__all__ = ["TREE_FROM", "LightList", "choose_by_power", "choose_uniformly", "cumulative", "list_lights", "luminance"]
+__all__ = ["TREE_FROM", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
 
 TREE_FROM = 3  # lights; of the two triangles that most lamps are, the walk costs more than it saves (docs/performance.md)
 _SPREAD = 0.01  # of the choices by power fall on all lights evenly
@@ -89,17 +89,23 @@ def list_lights(
     )
 
 
-def choose_uniformly(scene: CompiledScene) -> CompiledScene:
-    """The scene with each light chosen as often as any other, to compare with."""
+def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
+    """The scene with its lights chosen as RenderSettings.light_choice says.
+
+    The environment keeps its share where lights are chosen by power, and is one light among the others where uniformly.
+    """
+    if light_choice == "tree":
+        return scene
+    scene = scene._replace(light_node=scene.light_node[:0], light_child=scene.light_child[:0])
+    if light_choice == "power":
+        return scene
     count = len(scene.light_primitive)
     cdf = np.linspace(0, 1, count + 1).astype(np.float32)
-    cdf.flags.writeable = False
-    return choose_by_power(scene)._replace(light_cdf=cdf)
-
-
-def choose_by_power(scene: CompiledScene) -> CompiledScene:
-    """The scene with lights chosen by power, wherever the point lit, to compare with."""
-    return scene._replace(light_node=scene.light_node[:0], light_child=scene.light_child[:0])
+    frame = scene.environment_frame.copy()
+    if frame[3] > 0:
+        frame[3] = 1 / (count + 1)
+    cdf.flags.writeable = frame.flags.writeable = False
+    return scene._replace(light_cdf=cdf, environment_frame=frame)
 
 
 def _triangle_bounds(corners: np.ndarray, cross: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:

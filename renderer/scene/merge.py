@@ -23,7 +23,9 @@ def merge(part: SceneDescription, whole: SceneDescription, material: int | None 
             return None if index is None else index + textures
 
         whole.images += part.images
-        whole.textures += [replace(t, image=t.image + images) for t in part.textures]
+        for t in part.textures:
+            layers = tuple(replace(layer, texture=layer.texture + textures) for layer in t.layers)
+            whole.textures.append(replace(t, image=t.image + images, layers=layers))
         for m in part.materials:
             textured: dict[str, Any] = {f.name: moved(getattr(m, f.name)) for f in fields(m) if f.name.endswith("_texture")}
             whole.materials.append(replace(m, **textured))

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.kernel import rows
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.scene.description import F32, I32, Material, SceneDescription
+from renderer.scene.description import F32, I32, SINGLE_TEXTURES, Material, SceneDescription
 from renderer.scene.lights import luminance
-from renderer.scene.texels import Texels
+from renderer.scene.texels import MAX_EMISSION, Texels
 
 __all__ = ["Packed", "conductor_reflectance", "pack"]
 
@@ -24,7 +25,6 @@ _KINDS = {
     "unlit": rows.UNLIT,
 }
 _SMOOTH = ("glass", "conductor")  # where no roughness is given
-_MAX_EMISSION = 1e9
 _LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
 
 # Slots that are filled by the texture alone; emission's texels have a scale.
@@ -62,7 +62,10 @@ class Packed(NamedTuple):
 
 
 def pack(description: SceneDescription) -> Packed:
-    """The materials and the textures that they use. Raises SceneError where the texels are too many."""
+    """The materials and the textures that they use.
+
+    Raises SceneError where the texels are too many, or a slot that takes one texture is given a stack.
+    """
     texels = Texels(description)
     count = len(description.materials)
     kinds = np.zeros(count, np.int32)
@@ -73,14 +76,17 @@ def pack(description: SceneDescription) -> Packed:
     for i, m in enumerate(description.materials):
         for name, slot in _TEXTURES.items():
             index = getattr(m, name)
-            if index is not None:
-                textures[i, slot] = texels.add(index)[0]
+            if index is None:
+                continue
+            if name in SINGLE_TEXTURES and description.textures[index].layers:
+                raise SceneError(f"Material {m.name}: its {name} has layers, which that slot does not take; give it one texture")
+            textures[i, slot] = texels.add(index)[0]
         emission = np.array(m.emission, np.float64)
         emitted[i] = luminance(emission)
         if m.emission_texture is not None and emitted[i] > 0:
-            row, scale = texels.add(m.emission_texture, bright=True)
+            row, scale = texels.add(m.emission_texture, light=True)
             textures[i, rows.EMISSION_TEXTURE] = row
-            emission = np.minimum(emission * scale, _MAX_EMISSION)
+            emission = np.minimum(emission * scale, MAX_EMISSION)
             emitted[i] *= scale * texels.mean_luminance(row)
         if m.double_sided:
             emitted[i] *= 2

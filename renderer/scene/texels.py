@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.image.tonemap import encode_srgb
+from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.kernel.blend import OPERATIONS
+from renderer.kernel.mean_emission import mean_texels
+from renderer.kernel.rows import ABOVE, BLEND, GAIN, SRGB, TEXTURE_COLUMNS, TRANSFORM_COLUMNS, UV_SET
 from renderer.kernel.texture import CLAMP, MIRROR, REPEAT
-from renderer.scene.description import F32, I32, SceneDescription
+from renderer.scene.description import F32, I32, SceneDescription, Texture
 from renderer.scene.lights import luminance
 
-__all__ = ["Texels"]
+__all__ = ["MAX_EMISSION", "Texels"]
 
+MAX_EMISSION = 1e9
+_PATCHES = 32  # a side of the square over which a stack's mean is taken
+_LEAST_MEAN = 1e-4  # so that a bright spot between the points that are looked at does not go unsampled
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
 
 
 class Texels:
-    """Collects texels; an image used by several textures is kept once."""
+    """Collects texels; an image used by several textures is kept once. A stack of textures is a chain of rows."""
 
     def __init__(self, description: SceneDescription) -> None:
         self._description = description
@@ -29,37 +37,65 @@ class Texels:
         self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # to row, scale
         self._block_of_row: list[int] = []
 
-    def add(self, index: int, bright: bool = False) -> tuple[int, float]:
-        """The row of a texture, and what its texels are to be multiplied by.
+    def add(self, index: int, light: bool = False) -> tuple[int, float]:
+        """The row of a texture, its layers behind it, and what its texels are to be multiplied by.
 
-        Texels have 8 bits. An HDR image shines through `bright` textures undimmed: it is divided by its maximum, which is
-        returned. In others it is clipped at 1, for no surface reflects more. Raises SceneError where texels are too many.
+        Texels have 8 bits. An HDR image of `light` shines undimmed: it is divided by its maximum, which is returned; of a
+        stack each row multiplies its own, and 1 is returned. In others it is clipped at 1, for no surface reflects more.
+        Raises SceneError where texels are too many.
         """
-        if (index, bright) not in self._textures:
+        if (index, light) not in self._textures:
             texture = self._description.textures[index]
-            image = self._description.images[texture.image]
-            floats = image.pixels.dtype != np.uint8
-            first, block, scale = self._place(texture.image, bright and floats)
-            height, width = image.pixels.shape[:2]
-            wraps = _WRAPS[texture.wrap_s], _WRAPS[texture.wrap_t]
-            self._rows.append([first, width, height, *wraps, int(image.srgb or floats), texture.uv_set])
-            self._transforms.append(texture.transform)
-            self._block_of_row.append(block)
-            self._textures[index, bright] = (len(self._rows) - 1, scale)
-        return self._textures[index, bright]
+            row = len(self._rows)
+            scale = self._append(texture, light)
+            if texture.layers:
+                self._transforms[row] = (*texture.transform, 1.0, scale, _most(light))
+                scale = 1.0
+            for layer in texture.layers:
+                self._rows[-1][ABOVE] = len(self._rows)
+                other = self._description.textures[layer.texture]
+                gain = self._append(other, light)
+                self._rows[-1][BLEND] = OPERATIONS[layer.blend]
+                self._transforms[-1] = (*other.transform, layer.strength, gain, _most(light))
+            self._textures[index, light] = (row, scale)
+        return self._textures[index, light]
 
     def mean_luminance(self, row: int) -> float:
-        """The mean linear luminance of a row's texels, 0..1."""
-        return _mean_luminance(self._blocks[self._block_of_row[row]], srgb=bool(self._rows[row][5]))
+        """The mean linear luminance of a row's texels, 0..1; of a stack, over the square 0..1 of UVs and never quite 0."""
+        if self._rows[row][ABOVE] < 0:
+            return _mean_luminance(self._blocks[self._block_of_row[row]], srgb=bool(self._rows[row][SRGB]))
+        uv, triangle = _patches()
+        mean = np.zeros((len(triangle), 3), np.float32)
+        mean_texels(*self.arrays(), row, uv, uv, triangle, mean)
+        gains = [self._transforms[r][GAIN] for r in self._chain(row)]
+        return max(float(luminance(mean.mean(axis=0, dtype=np.float64))), _LEAST_MEAN * sum(gains))
 
     def looks_at_second_uvs(self, row: int) -> bool:
-        """Whether the row's texture is placed by the second set of coordinates."""
-        return self._rows[row][6] != 0
+        """Whether the row's texture, or a layer of it, is placed by the second set of coordinates."""
+        return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
+
+    def _append(self, texture: Texture, light: bool) -> float:
+        """Adds a row for one texture; its texels' scale."""
+        image = self._description.images[texture.image]
+        floats = image.pixels.dtype != np.uint8
+        first, block, scale = self._place(texture.image, light and floats)
+        height, width = image.pixels.shape[:2]
+        wraps = _WRAPS[texture.wrap_s], _WRAPS[texture.wrap_t]
+        self._rows.append([first, width, height, *wraps, int(image.srgb or floats), texture.uv_set, -1, 0])
+        self._transforms.append((*texture.transform, 1.0, 1.0, 1.0))
+        self._block_of_row.append(block)
+        return scale
+
+    def _chain(self, row: int) -> Iterator[int]:
+        while row >= 0:
+            yield row
+            row = self._rows[row][ABOVE]
 
     def arrays(self) -> tuple[I32, F32, np.ndarray]:
         """The texture rows, their transforms, and the texels (N, 4) uint8, as in CompiledScene."""
         texel = np.concatenate(self._blocks) if self._blocks else np.zeros((0, 4), np.uint8)
-        return np.array(self._rows, np.int32).reshape(-1, 7), np.array(self._transforms, np.float32).reshape(-1, 6), texel
+        row = np.array(self._rows, np.int32).reshape(-1, TEXTURE_COLUMNS)
+        return row, np.array(self._transforms, np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
 
     def _place(self, index: int, scaled: bool) -> tuple[int, int, float]:
         if (index, scaled) not in self._images:
@@ -75,6 +111,19 @@ class Texels:
         return self._images[index, scaled]
 
 
+def _patches() -> tuple[F32, I32]:
+    """The square 0..1 of UVs (V, 2) in triangles (n, 3)."""
+    side = _PATCHES + 1
+    steps = np.arange(side, dtype=np.float32) / np.float32(_PATCHES)
+    corner = (np.arange(_PATCHES)[:, None] * side + np.arange(_PATCHES)).reshape(-1, 1)
+    halves = [corner + np.array(offsets) for offsets in ((0, 1, side), (1, side + 1, side))]
+    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2), np.concatenate(halves).astype(np.int32)
+
+
+def _most(light: bool) -> float:
+    return MAX_EMISSION if light else 1.0
+
+
 def _to_rgba8(rgb: np.ndarray) -> np.ndarray:
     encoded = (encode_srgb(np.clip(rgb, 0, 1)) * 255 + 0.5).astype(np.uint8)
     return np.concatenate([encoded, np.full((*encoded.shape[:2], 1), 255, np.uint8)], axis=2)
@@ -83,5 +132,5 @@ def _to_rgba8(rgb: np.ndarray) -> np.ndarray:
 def _mean_luminance(texels: np.ndarray, srgb: bool) -> float:
     counts = np.stack([np.bincount(texels[:, c], minlength=256) for c in range(3)], axis=1)
     level = np.arange(256) / 255.0
-    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4) if srgb else level
+    linear = decode_srgb(level) if srgb else level
     return float(luminance((linear @ counts) / max(len(texels), 1)))

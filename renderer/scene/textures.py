@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.image import read
-from renderer.scene.description import Image, SceneDescription, Texture, UvTransform, Wrap
+from renderer.scene.description import Image, SceneDescription, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
@@ -23,7 +23,7 @@ class TextureShelf:
         self._description = description
         self._files = files
         self._images: dict[tuple[str, bool], int | None] = {}
-        self._textures: dict[tuple[int, Wrap, Wrap, int, UvTransform], int] = {}
+        self._textures: dict[tuple[int, Wrap, Wrap, int, UvTransform, tuple[TextureLayer, ...]], int] = {}
         self._bytes = 0
 
     def warn(self, sentence: str) -> None:
@@ -60,18 +60,19 @@ class TextureShelf:
         wrap_t: Wrap = "repeat",
         uv_set: int = 0,
         transform: UvTransform = UNMOVED,
+        layers: tuple[TextureLayer, ...] = (),
     ) -> int | None:
-        """The texture of an image, how it repeats and how it is looked up; None for an image that could not be had."""
+        """The texture of an image, how it repeats, how it is looked up, what lies on it; None for an image that is not there."""
         if image is None:
             return None
-        key = (image, wrap_s, wrap_t, uv_set, transform)
+        key = (image, wrap_s, wrap_t, uv_set, transform, layers)
         if key not in self._textures:
             self._description.textures.append(Texture(*key))
             self._textures[key] = len(self._description.textures) - 1
         return self._textures[key]
 
     def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
-        """A texture whose image is made of another's, looked up as that is; `what` tells it from others made of the same."""
+        """A texture whose image is made of another's, with its layers and looked up as that is; `what` tells it from others."""
         if texture is None:
             return None
         source = self._description.textures[texture]
@@ -79,7 +80,15 @@ class TextureShelf:
         key = (f"\0{what} of image {source.image}", image.srgb)
         if key not in self._images:
             self._images[key] = self.add(make(image))
-        return self.texture(self._images[key], source.wrap_s, source.wrap_t, source.uv_set, source.transform)
+        looked_up = source.wrap_s, source.wrap_t, source.uv_set, source.transform
+        return self.texture(self._images[key], *looked_up, source.layers)
+
+    def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
+        """A texture with these layers on it."""
+        if texture is None or not layers:
+            return texture
+        t = self._description.textures[texture]
+        return self.texture(t.image, t.wrap_s, t.wrap_t, t.uv_set, t.transform, layers)
 
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
         """A texture whose image is made of two others', looked up as the first is; None without the first or second."""

@@ -40,20 +40,33 @@ def list_examples(farm: FarmDependency) -> list[ExampleOut]:
 
 @router.post("/{name}", status_code=201, response_model=SceneOut)
 def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOut:
-    """Make a scene of an example, as if its file had been uploaded. Opened again, it is the same scene."""
+    """Make a scene of an example, as if its files had been uploaded. Opened again, it is the same scene."""
     path = next((path for path in _files(farm) if path.stem == name), None)
     if path is None:
         raise Problem(404, f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
-    writer = farm.blobs.writer()
-    writer.write(path.read_bytes())
-    form = Form({"name": _described(path).title}, [(path.name, writer)])
+    form = Form({"name": _described(path).title, "main": path.name})
+    for name, file in _parts(path):
+        writer = farm.blobs.writer()
+        form.files.append((name, writer))
+        writer.write(file.read_bytes())
     scene = record(keep(form, farm.blobs, farm.settings, lambda size: None), farm)
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene
 
 
 def _files(farm: Farm) -> list[Path]:
-    return sorted(farm.settings.examples.glob("*.yaml"))
+    """The scene files: NAME.yaml, and NAME/NAME.yaml of those that have other files beside them."""
+    folder = farm.settings.examples
+    return sorted(
+        [*folder.glob("*.yaml"), *(p for p in folder.glob("*/*.yaml") if p.stem == p.parent.name)], key=lambda p: p.stem
+    )
+
+
+def _parts(path: Path) -> list[tuple[str, Path]]:
+    """All files of an example, by their names in an upload."""
+    if path.parent.name != path.stem:
+        return [(path.name, path)]
+    return [(file.relative_to(path.parent).as_posix(), file) for file in sorted(path.parent.rglob("*")) if file.is_file()]
 
 
 def _described(path: Path) -> ExampleOut:

@@ -12,7 +12,9 @@ from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
 from renderer.settings import (
     FILTERS,
+    HEURISTICS,
     INTEGRATORS,
+    LIGHT_CHOICES,
     MAX_DEPTH,
     MAX_LIGHT_SAMPLES,
     MAX_SIZE,
@@ -51,6 +53,8 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         },
         "integrators": list(INTEGRATORS),
         "samplings": list(SAMPLINGS),
+        "heuristics": list(HEURISTICS),
+        "light_choices": list(LIGHT_CHOICES),
         "samplers": list(SAMPLERS),
         "filters": list(FILTERS),
         "projections": list(PROJECTIONS),

@@ -22,7 +22,7 @@ from renderer.scene import lights as light_lists
 from renderer.scene.arrays import CompiledScene
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
-from renderer.settings import RenderSettings, View
+from renderer.settings import LIGHT_CHOICES, RenderSettings, View
 
 _ROOM = np.array([20.0, 5.0, 20.0])
 
@@ -89,12 +89,12 @@ def main() -> None:
     for count in (int(c) for c in given.counts.split(",")):
         tree = room(count)
         settings = RenderSettings(given.size, given.size, view, max_depth=given.depth, seed=1)
-        ways = {"tree": tree, "power": light_lists.choose_by_power(tree), "uniform": light_lists.choose_uniformly(tree)}
+        ways = {choice: replace(settings, light_choice=choice) for choice in LIGHT_CHOICES}
         reference = mean(render_frame(tree, replace(settings, seed=0), given.spp * 64), 24)
         shaded = mean(render_frame(tree, replace(settings, max_depth=1), 256), 24).max(axis=2) == 0
         first: tuple[float, float] | None = None
-        for name, scene in ways.items():
-            runs = [_timed(scene, settings, given.spp) for _ in range(3)]
+        for name, asked in ways.items():
+            runs = [_timed(tree, asked, given.spp) for _ in range(3)]
             error = float(np.square(runs[0][0] - reference)[shaded].mean())
             seconds = min(run[1] for run in runs)
             first = first or (error, seconds)

@@ -59,8 +59,17 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
         page.get_by_role("link", name="PNG", exact=True).click()
     np.testing.assert_array_equal(np.asarray(Image.open(download.value.path()).convert("RGB")), tonemap.apply(raw, 0.5, "srgb"))
 
-    # More samples: what was denoised before is said to be old, and is made anew when the job is finished.
-    panel.get_by_text("Instead").click()
+    # A page that is opened on it has the denoised picture before the film's tiles, and does not take them for new ones.
+    with page.expect_response(lambda response: "rgb9e5" in response.url):
+        page.goto("about:blank")
+        page.goto(f"{farm.url}/#/jobs/{job}?ev=0.5&tone=srgb&denoise=on")
+    expect(page.locator(".channel-tag.right")).to_have_text("Denoised")
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    assert_screen(page, pictures[1], "opened anew")
+    expect(page.get_by_text("New samples have come")).to_be_hidden()
+
+    # More samples: it is made anew when the job is finished, were the page to hear of nothing between.
     with page.expect_response(lambda response: "rgb9e5" in response.url, timeout=60_000):
         httpx.patch(f"{farm.url}/api/jobs/{job}", json={"spp": 32}).raise_for_status()
     assert watched.errors == []

@@ -101,3 +101,8 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
     while len(site.acks) < 2 and time.monotonic() < deadline:
         time.sleep(0.02)
     assert site.acks == [1, 2]
+
+
+def test_the_size_of_a_scene_is_short_whatever_its_unit(page: Page) -> None:
+    extents = call(page, "format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
+    assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]

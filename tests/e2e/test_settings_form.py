@@ -44,7 +44,7 @@ def test_the_choices_are_the_renderers(page: Page) -> None:
         return Object.fromEntries(lists.map(([name, list]) => [name, list.map((choice) => choice.name)]));"""
     assert call(page, "render-choices", names) == {
         name: list(getattr(settings, name))
-        for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "PROJECTIONS", "MISTAKES")
+        for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "HEURISTICS", "LIGHT_CHOICES", "PROJECTIONS", "MISTAKES")
     }
     fields = settings.RenderSettings.__dataclass_fields__
     for name, value in call(page, "render-choices", "return m.DEFAULTS;").items():
@@ -92,6 +92,17 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     assert (asked["sampling"], asked["sampler"], asked["light_samples"], asked["roulette"]) == ("light", "independent", 4, 0.5)
     assert asked["environment"] == {"strength": 1, "sky": {"elevation": 35, "azimuth": 0}}
     settings.View.from_json(asked["view"])
+
+
+def test_what_the_scene_asks_for_can_be_taken_back(page: Page) -> None:
+    open_form(page)
+    page.get_by_label("Roulette").fill("")
+    page.get_by_label("Least chance").fill("0.15")
+    page.get_by_label("Weighed by").select_option("balance")
+    page.get_by_label("Choice among lights").select_option("uniform")
+    asked = submitted(page)
+    assert (asked["roulette"], asked["roulette_floor"]) == (0, 0.15)
+    assert (asked["heuristic"], asked["light_choice"]) == ("balance", "uniform")
 
 
 def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:

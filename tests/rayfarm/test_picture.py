@@ -14,7 +14,20 @@ from typer.testing import CliRunner
 
 from rayfarm.errors import CommandError
 from rayfarm.picture import Picture, takes_picture
-from renderer.settings import FILTERS, INTEGRATORS, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, Tile, View
+from renderer.settings import (
+    FILTERS,
+    HEURISTICS,
+    INTEGRATORS,
+    LIGHT_CHOICES,
+    MAX_FLOOR,
+    OPTIONAL,
+    PROJECTIONS,
+    SAMPLERS,
+    SAMPLINGS,
+    RenderSettings,
+    Tile,
+    View,
+)
 from service.schemas import JobIn
 from worker.reproduce import batch_command
 
@@ -99,8 +112,11 @@ def any_settings(draw: Any) -> RenderSettings:
         sampler=draw(st.sampled_from(SAMPLERS)),
         filter=draw(st.sampled_from(FILTERS)),
         sampling=draw(st.sampled_from(SAMPLINGS)),
+        heuristic=draw(st.sampled_from(HEURISTICS)),
+        light_choice=draw(st.sampled_from(LIGHT_CHOICES)),
+        roulette_floor=draw(st.floats(0, MAX_FLOOR)),
         clamp_indirect=draw(st.floats(0, 100)),
-        roulette=draw(st.none() | st.floats(0.05, 1)),
+        roulette=draw(st.just(0.0) | st.floats(0.05, 1)),
         light_samples=draw(st.integers(1, 64)),
         ao_distance=draw(st.floats(0, 10)),
         environment=draw(st.none() | st.tuples(*[st.floats(0, 10)] * 3)),

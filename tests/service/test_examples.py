@@ -19,6 +19,18 @@ def test_an_example_becomes_the_scene_that_its_upload_is(service: Service) -> No
     assert uploaded.json()["id"] == opened.json()["id"]
 
 
+def test_an_example_of_many_files_is_all_of_them(service: Service) -> None:
+    opened = service.http.post("/api/examples/christmas")
+    assert opened.status_code == 201 and opened.json()["name"] == "Christmas"
+    folder: Path = service.farm.settings.examples / "christmas"
+    files = [("files", (f"christmas/{path.name}", path.read_bytes())) for path in folder.iterdir()]
+    uploaded = service.http.post("/api/scenes", files=files)
+    assert uploaded.json()["id"] == opened.json()["id"]
+    known = {example["name"]: example for example in service.http.get("/api/examples").json()}
+    assert known["christmas"]["description"].startswith("A village in the snow")
+    assert list(known) == sorted(known)
+
+
 def test_an_unknown_example_gets_a_sentence(service: Service) -> None:
     answer = service.http.post("/api/examples/teapot")
     assert answer.status_code == 404

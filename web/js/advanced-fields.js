@@ -3,7 +3,7 @@
 import { h } from "./dom.js";
 import { environmentFields } from "./environment-fields.js";
 import { choiceField, field, numberInput, setShown } from "./fields.js";
-import { DEFAULTS, FILTERS, MISTAKES, SAMPLERS, SAMPLINGS } from "./render-choices.js";
+import { DEFAULTS, FILTERS, HEURISTICS, LIGHT_CHOICES, MISTAKES, SAMPLERS, SAMPLINGS } from "./render-choices.js";
 
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 
@@ -23,9 +23,19 @@ import { DEFAULTS, FILTERS, MISTAKES, SAMPLERS, SAMPLINGS } from "./render-choic
  * @type {Record<string, (keyof typeof DEFAULTS)[]>}
  */
 const READ_BY = {
-  path: ["max_depth", "sampling", "light_samples", "roulette", "clamp_indirect", "mistake"],
-  direct: ["sampling", "light_samples", "mistake"],
-  whitted: ["max_depth", "light_samples", "ambient", "mistake"],
+  path: [
+    "max_depth",
+    "sampling",
+    "heuristic",
+    "light_choice",
+    "light_samples",
+    "roulette",
+    "roulette_floor",
+    "clamp_indirect",
+    "mistake",
+  ],
+  direct: ["sampling", "heuristic", "light_choice", "light_samples", "mistake"],
+  whitted: ["max_depth", "light_choice", "light_samples", "ambient", "mistake"],
   ao: ["ao_distance"],
 };
 
@@ -57,12 +67,15 @@ export function advancedFields(defaults, first = {}) {
   const depth = numberInput({ value: start.max_depth, min: 1, max: 1024 });
   const seed = numberInput({ value: start.seed, min: 0, max: 2 ** 32 - 1 });
   const lightSamples = numberInput({ value: start.light_samples, min: 1, max: 64 });
-  const roulette = optional(start.roulette, { min: 0.05, max: 1, placeholder: "by throughput" });
+  const roulette = optional(start.roulette || null, { min: 0.05, max: 1, placeholder: "by throughput" });
+  const floor = optional(start.roulette_floor || null, { min: 0, max: 0.95, placeholder: "none" });
   const clamp = optional(start.clamp_indirect || null, { min: 0, max: 1e9, placeholder: "off" });
   const distance = optional(start.ao_distance || null, { min: 0, max: 1e15, placeholder: "no limit" });
   const ambient = numberInput({ value: start.ambient[0], min: 0, max: 1e9, step: "any" });
   const environment = environmentFields(start);
   const sampling = choiceField("Finding lights", SAMPLINGS, start.sampling);
+  const heuristic = choiceField("Weighed by", HEURISTICS, start.heuristic);
+  const lightChoice = choiceField("Choice among lights", LIGHT_CHOICES, start.light_choice);
   const mistake = choiceField("Mistake on purpose", MISTAKES, start.mistake);
   const sampler = choiceField("Sampler", SAMPLERS, start.sampler);
   const filter = choiceField("Pixel filter", FILTERS, start.filter);
@@ -80,22 +93,28 @@ export function advancedFields(defaults, first = {}) {
       roulette,
       "The chance with which a path goes on at each bounce; empty: as much as it still carries.",
     ),
+    roulette_floor: field("Least chance", floor, "With which a path goes on, where it is by what it carries."),
     clamp_indirect: field("Indirect clamp", clamp, "Cuts fireflies from bounced light, and some light with them."),
     ao_distance: field("AO distance", distance, "What is farther away than this does not occlude."),
     ambient: field("Ambient light", ambient, "A constant in place of all light from wall to wall."),
     sampling: sampling.element,
+    heuristic: heuristic.element,
+    light_choice: lightChoice.element,
     mistake: mistake.element,
   };
   /** The current values of what has a field. */
   const values = () => ({
     max_depth: depth.valueAsNumber,
     light_samples: lightSamples.valueAsNumber,
-    roulette: valueOr(roulette, null),
+    roulette: valueOr(roulette, 0),
+    roulette_floor: valueOr(floor, 0),
     clamp_indirect: valueOr(clamp, 0),
     ao_distance: valueOr(distance, 0),
     // A grey, unless the scene's own colour is left as it is.
     ambient: ambient.valueAsNumber === start.ambient[0] ? start.ambient : Array(3).fill(ambient.valueAsNumber),
     sampling: sampling.get(),
+    heuristic: heuristic.get(),
+    light_choice: lightChoice.get(),
     mistake: mistake.get(),
   });
   let integrator = start.integrator;

@@ -139,26 +139,31 @@ async function fetchPicture(job, format, query, signal) {
 }
 
 /**
- * A plane of the film as a picture to look at.
+ * A plane of the film as a picture to look at, and how many samples of all pixels together it was made of.
  *
  * @param {string} job
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
- * @returns {Promise<ImageBitmap>}
+ * @returns {Promise<{image: ImageBitmap, samples: number}>}
  */
 export async function fetchImage(job, query, signal) {
-  const blob = await (await fetchPicture(job, "png", query, signal)).blob();
-  return createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+  const response = await fetchPicture(job, "png", query, signal);
+  const options = /** @type {const} */ ({ colorSpaceConversion: "none", premultiplyAlpha: "none" });
+  return { image: await createImageBitmap(await response.blob(), options), samples: samplesOf(response) };
 }
 
 /**
- * A picture as linear light: RGB9E5 words, rows from the top.
+ * A picture as linear light: RGB9E5 words, rows from the top, and how many samples it was made of.
  *
  * @param {string} job
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
- * @returns {Promise<Uint32Array>}
+ * @returns {Promise<{words: Uint32Array, samples: number}>}
  */
 export async function fetchWords(job, query, signal) {
-  return new Uint32Array(await (await fetchPicture(job, "rgb9e5", query, signal)).arrayBuffer());
+  const response = await fetchPicture(job, "rgb9e5", query, signal);
+  return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response) };
 }
+
+/** @param {Response} response */
+const samplesOf = (response) => Number(response.headers.get("X-Samples"));

@@ -22,6 +22,8 @@ export class Film {
     this.height = height;
     this.words = words;
     this.samples = new Uint32Array(width * height);
+    /** Samples of all pixels together. */
+    this.total = 0;
   }
 
   /** @param {TilePacket} tile */
@@ -30,6 +32,7 @@ export class Film {
     for (let row = 0; row < h; row++) {
       const at = (y + row) * this.width + x;
       this.words.set(words.subarray(row * w, (row + 1) * w), at);
+      for (let i = at; i < at + w; i++) this.total += spp - (this.samples[i] ?? 0);
       this.samples.fill(spp, at, at + w);
     }
   }

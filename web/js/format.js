@@ -21,6 +21,21 @@ function significant(value) {
   return Number(value.toPrecision(3)).toString();
 }
 
+/**
+ * Sizes along the axes: "4 × 3 × 2.5", and where they are very large or small "4 × 3 × 2.5 · 10⁵".
+ *
+ * @param {number[]} sizes
+ */
+export function extent(sizes) {
+  const power = Math.floor(Math.log10(Math.max(...sizes) || 1));
+  const plain = power >= -2 && power <= 3;
+  const scaled = sizes.map((size) => significant(plain ? size : size / 10 ** power)).join(" × ");
+  return plain ? scaled : `${scaled} · 10${[...String(power)].map((c) => SUPERSCRIPT[c]).join("")}`;
+}
+
+/** @type {Record<string, string>} */
+const SUPERSCRIPT = Object.fromEntries([..."0123456789-"].map((c, i) => [c, [..."⁰¹²³⁴⁵⁶⁷⁸⁹⁻"][i] ?? c]));
+
 /** @param {number} value */
 export function count(value) {
   return value.toLocaleString("en");

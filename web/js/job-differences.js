@@ -2,7 +2,17 @@
 
 import { DENOISED, channelOf } from "./channels.js";
 import { count } from "./format.js";
-import { FILTERS, INTEGRATORS, MISTAKES, PROJECTIONS, SAMPLERS, SAMPLINGS, labelOf } from "./render-choices.js";
+import {
+  FILTERS,
+  HEURISTICS,
+  INTEGRATORS,
+  LIGHT_CHOICES,
+  MISTAKES,
+  PROJECTIONS,
+  SAMPLERS,
+  SAMPLINGS,
+  labelOf,
+} from "./render-choices.js";
 
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {Record<string, any>} Settings */
@@ -15,9 +25,12 @@ const ROWS = [
   ["Scene", (_, job) => job.name],
   ["Integrator", ({ integrator }) => labelOf(INTEGRATORS, integrator)],
   ["Finding lights", ({ sampling }) => labelOf(SAMPLINGS, sampling)],
+  ["Weighed by", ({ heuristic }) => labelOf(HEURISTICS, heuristic)],
+  ["Choice among lights", ({ light_choice: choice }) => choice && `lights: ${labelOf(LIGHT_CHOICES, choice)?.toLowerCase()}`],
   ["Sampler", ({ sampler }) => labelOf(SAMPLERS, sampler)],
   ["Max depth", ({ max_depth }) => max_depth && `depth ${max_depth}`],
-  ["Roulette", ({ roulette }) => (roulette == null ? "by throughput" : `roulette ${roulette}`)],
+  ["Roulette", ({ roulette }) => (roulette ? `roulette ${roulette}` : "by throughput")],
+  ["Least chance", ({ roulette_floor: floor }) => (floor ? `floor ${floor}` : "no floor")],
   ["Light samples", ({ light_samples: n }) => n && `${n} light sample${n === 1 ? "" : "s"}`],
   ["Indirect clamp", ({ clamp_indirect: clamp }) => (clamp ? `clamp ${clamp}` : "no clamp")],
   ["AO distance", ({ ao_distance: d }) => (d ? `AO ${d}` : "no limit")],

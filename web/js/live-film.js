@@ -12,6 +12,8 @@ export class LiveFilm {
   /** @param {Job} job of known size */
   constructor(job) {
     this.job = job.id;
+    /** Whether no more samples are to come. */
+    this.finished = job.state === "finished";
     this.film = new Film(job.width ?? 1, job.height ?? 1);
     /** @type {Set<(tile: TilePacket) => void>} */
     this.listeners = new Set();
@@ -21,7 +23,11 @@ export class LiveFilm {
         this.film.put(tile);
         for (const listener of this.listeners) listener(tile);
       },
-      message: (message) => message.type === "state" && putJob(message.job),
+      message: (message) => {
+        if (message.type !== "state") return;
+        this.finished = message.job.state === "finished";
+        putJob(message.job);
+      },
       link: (up) => setLink(this.link, up),
       refused: (sentence) =>
         showError("The live picture ended", sentence, {

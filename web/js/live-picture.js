@@ -66,8 +66,6 @@ export function livePicture(job, display, life, changed) {
     view: stage.view,
     film: live.film,
     update(next) {
-      // The last samples: what was made of fewer is made once more.
-      if (latest.state === "running" && next.state === "finished") renew();
       latest = next;
       outline();
     },

@@ -1,6 +1,7 @@
 /**
  * One picture on the stage, left or right of the wipe: a channel of a job on a layer. Colour grows by itself; planes are
- * fetched, and renewed while the job runs; a denoised picture is fetched once, and is stale from the next sample on.
+ * fetched, and renewed while the job runs; a denoised picture is fetched, is stale from the next sample on, and is renewed
+ * when the job is finished.
  */
 
 import { fetchImage, fetchWords } from "./api.js";
@@ -10,14 +11,14 @@ import { Store } from "./store.js";
 
 /** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
 
-/** Planes are renewed at most this often. */
+/** What is stale is renewed at most this often. */
 const EVERY_MS = 3000;
 
 /**
  * @typedef {object} SideState
  * @property {string} channel
  * @property {boolean} waiting for the service to make it
- * @property {boolean} stale samples have come since it was made
+ * @property {boolean} stale the film has more samples than it was made of
  * @property {unknown} error why it could not be fetched
  */
 
@@ -32,12 +33,14 @@ export class PictureSide {
     this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
     /** The denoised film, where that is the channel and it is here. @type {Film | null} */
     this.denoised = null;
+    /** How many samples the shown picture was made of; none is older than one that is not here. */
+    this.madeOf = Infinity;
     this.fetching = new AbortController();
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
     this.unlisten = live.onTile((tile) => {
       layer.putTile(live.film, tile);
       const { channel, stale } = this.state.value;
-      if (channel && !stale) this.state.update((state) => ({ ...state, stale: true }));
+      if (channel && !stale && this.isOutgrown()) this.state.update((state) => ({ ...state, stale: true }));
     });
     layer.setFilm(live.film);
   }
@@ -48,9 +51,15 @@ export class PictureSide {
     return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
   }
 
+  /** After a snapshot, too, that comes after the picture: by the number of samples, not by their coming. */
+  isOutgrown() {
+    return this.live.film.total > this.madeOf;
+  }
+
+  /** Whether it is to be fetched anew unasked: denoising takes a worker's time, so only with the last samples. */
   isOld() {
     const { channel, stale, waiting, error } = this.state.value;
-    return channel !== "" && channel !== DENOISED && stale && !waiting && !error;
+    return stale && !waiting && !error && (channel !== DENOISED || this.live.finished);
   }
 
   /** @param {string} channel */
@@ -58,6 +67,7 @@ export class PictureSide {
     if (channel === this.state.value.channel) return;
     this.fetching.abort();
     this.denoised = null;
+    this.madeOf = Infinity;
     if (channel) {
       this.state.set({ channel, waiting: false, stale: false, error: null });
       void this.fetch();
@@ -72,22 +82,25 @@ export class PictureSide {
     const { channel } = this.state.value;
     this.fetching.abort();
     const { signal } = (this.fetching = new AbortController());
-    this.state.update((state) => ({ ...state, waiting: true, stale: false, error: null }));
+    this.state.update((state) => ({ ...state, waiting: true, error: null }));
     try {
       if (channel === DENOISED) {
         const { width, height } = this.live.film;
-        const words = await fetchWords(this.live.job, { denoise: "true" }, signal);
+        const { words, samples } = await fetchWords(this.live.job, { denoise: "true" }, signal);
+        if (signal.aborted) return;
+        this.madeOf = samples;
         this.denoised = new Film(width, height, words);
         this.layer.setFilm(this.denoised);
       } else {
-        const image = await fetchImage(this.live.job, { aov: channel }, signal);
-        if (signal.aborted) image.close();
-        else this.layer.setImage(image);
+        const { image, samples } = await fetchImage(this.live.job, { aov: channel }, signal);
+        if (signal.aborted) return image.close();
+        this.madeOf = samples;
+        this.layer.setImage(image);
       }
     } catch (error) {
       if (!signal.aborted) this.state.update((state) => ({ ...state, error }));
     } finally {
-      if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false }));
+      if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.isOutgrown() }));
     }
   }
 

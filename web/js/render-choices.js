@@ -49,6 +49,19 @@ export const SAMPLINGS = [
 ];
 
 /** @type {Choice[]} */
+export const HEURISTICS = [
+  { name: "power", label: "Power heuristic", hint: "The better strategy's samples count the more." },
+  { name: "balance", label: "Balance heuristic", hint: "By how often either would have taken the sample." },
+];
+
+/** @type {Choice[]} */
+export const LIGHT_CHOICES = [
+  { name: "tree", label: "By what they give", hint: "Near, strong and facing lights are taken more often: a light tree." },
+  { name: "power", label: "By power", hint: "Strong lights are taken more often, wherever they are." },
+  { name: "uniform", label: "Uniform", hint: "Each as often as the others, for comparison." },
+];
+
+/** @type {Choice[]} */
 export const PROJECTIONS = [
   { name: "perspective", label: "Perspective", hint: "As an eye or a lens sees." },
   { name: "orthographic", label: "Orthographic", hint: "Parallel lines stay parallel, as on a plan." },
@@ -76,10 +89,13 @@ export const DEFAULTS = {
   sampler: "sobol",
   filter: "blackman-harris",
   sampling: "mis",
+  heuristic: "power",
+  light_choice: "tree",
   max_depth: 8,
   seed: 0,
   clamp_indirect: 0,
-  roulette: /** @type {number | null} */ (null),
+  roulette: 0,
+  roulette_floor: 0,
   light_samples: 1,
   ao_distance: 0,
   ambient: [0, 0, 0],

@@ -12,10 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "BRUSHED_NODES",
     "CHARLIE_LAMBDA",
     "GLASS_SIZE",
     "MOST_BEND",
     "SIZE",
+    "brushed_albedo",
+    "brushed_mean",
+    "brushed_node",
+    "brushed_table",
     "ggx_albedo",
     "ggx_table",
     "glass_albedo",
@@ -31,6 +36,9 @@ F64 = npt.NDArray[np.float64]
 SIZE = 32  # nodes of roughness (sqrt alpha) and of the square root of the cosine, both even from 0 to 1
 _SMALLEST = 1e-4
 GLASS_SIZE = 16  # nodes likewise, and of (eta - 1) / (eta + 1), even from -MOST_BEND to MOST_BEND
+# Nodes of the root of the greater alpha, of the root of the lesser over the greater, of the root of the cosine, and of where the
+# alpha of the azimuth lies between the two; all even from 0 to 1.
+BRUSHED_NODES = (16, 8, 16, 6)
 MOST_BEND = 0.45  # eta from 0.38 to 2.64
 # a, b, c, d, e of log Lambda, for alpha 0 and alpha 1 (Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF", 2017).
 CHARLIE_LAMBDA = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82987, 0.19823, -1.97760, -4.32054)
@@ -42,7 +50,7 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
     The mean of G2 / G1 times Schlick's two parts over visible normals, by midpoints in the square that those are sampled from.
     """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-    h = _visible_normals(wo, alpha, steps)
+    h = _visible_normals(wo, alpha, alpha, steps, steps // 2)
     cosine_h = np.clip(h @ wo, 0, 1)
     wi_z = 2 * cosine_h * h[..., 2] - cosine
     up = wi_z > 1e-9
@@ -53,16 +61,16 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
     return float((shadowing * (1 - schlick)).mean()), float((shadowing * schlick).mean())
 
 
-def _visible_normals(wo: F64, alpha: float, steps: int) -> F64:
-    """(steps, steps / 2, 3) microfacet normals by the area that wo sees of them, on the half of the circle where y > 0."""
-    u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps // 2) + 0.5) / steps, indexing="ij")
-    stretched = wo * (alpha, alpha, 1)
+def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int) -> F64:
+    """(steps, turns, 3) microfacet normals by the area that wo sees of them; steps / 2 turns: the half circle where y > 0."""
+    u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(turns) + 0.5) / steps, indexing="ij")
+    stretched = wo * (alpha_x, alpha_y, 1)
     stretched /= np.linalg.norm(stretched)
     z = (1 - u) * (1 + stretched[2]) - stretched[2]
     radius = np.sqrt(np.clip(1 - z * z, 0, 1))
     x = radius * np.cos(2 * np.pi * v) + stretched[0]
-    y = radius * np.sin(2 * np.pi * v)
-    h = np.stack([x * alpha, y * alpha, z + stretched[2]], -1)
+    y = radius * np.sin(2 * np.pi * v) + stretched[1]
+    h = np.stack([x * alpha_x, y * alpha_y, z + stretched[2]], -1)
     return np.asarray(h / np.linalg.norm(h, axis=-1, keepdims=True))
 
 
@@ -70,10 +78,55 @@ def _smith_lambda(cosine: float | F64, alpha: float) -> F64:
     return (np.sqrt(1 + alpha**2 * (1 / np.square(cosine) - 1)) - 1) / 2
 
 
+def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64) -> float:
+    """A + B as `ggx_albedo`, of microfacets with two alphas, for light from the direction wo."""
+    h = _visible_normals(wo, alpha_x, alpha_y, steps, steps)
+    wi = 2 * np.clip(h @ wo, 0, 1)[..., None] * h - wo
+    up = wi[..., 2] > 1e-9
+
+    def smith_lambda(w: F64) -> F64:
+        slope2 = ((alpha_x * w[..., 0]) ** 2 + (alpha_y * w[..., 1]) ** 2) / np.maximum(w[..., 2], 1e-9) ** 2
+        return np.asarray((np.sqrt(1 + slope2) - 1) / 2)
+
+    lambda_o = smith_lambda(wo)
+    return float(np.where(up, (1 + lambda_o) / (1 + lambda_o + smith_lambda(wi)), 0.0).mean())
+
+
+def brushed_node(i: int, j: int, k: int, n: int) -> float:
+    """One node of `brushed_table`."""
+    r, q, t, a = (index / (nodes - 1) for index, nodes in zip((i, j, k, n), BRUSHED_NODES, strict=True))
+    alpha_x = max(r * r, _SMALLEST)
+    alpha_y = alpha_x * max(q * q, 1e-2 * _SMALLEST)
+    cosine = max(t * t, _SMALLEST)
+    squares = alpha_x**2 - alpha_y**2
+    along = ((alpha_y + a * (alpha_x - alpha_y)) ** 2 - alpha_y**2) / squares if squares > 0 else 0.5
+    along = min(max(along, 0.0), 1.0)  # the square of the azimuth's cosine
+    sine = np.sqrt(1 - cosine**2)
+    wo = np.array([sine * np.sqrt(along), sine * np.sqrt(1 - along), cosine])
+    return brushed_albedo(wo, alpha_x, alpha_y)
+
+
+def brushed_mean(plane: F64, j: int) -> float:
+    """The mean over the hemisphere of (cosines, azimuths) at the ratio's node j."""
+    least = (j / (BRUSHED_NODES[1] - 1)) ** 2  # the lesser alpha over the greater
+    turn = (np.arange(256) + 0.5) / 256 * np.pi / 2
+    alpha = np.sqrt(np.cos(turn) ** 2 + (least * np.sin(turn)) ** 2)
+    at = (alpha - least) / (1 - least) if least < 1 else np.zeros_like(alpha)
+    node = np.linspace(0, 1, plane.shape[1])
+    return mean_over_hemisphere(np.array([np.interp(at, node, row).mean() for row in plane]))
+
+
+def brushed_table() -> F64:
+    """BRUSHED_NODES, the third axis one longer: its last row holds the means over the hemisphere."""
+    table = np.array([brushed_node(*index) for index in np.ndindex(BRUSHED_NODES)]).reshape(BRUSHED_NODES)
+    means = np.array([[brushed_mean(plane, j) for j, plane in enumerate(of_ratio)] for of_ratio in table])
+    return np.concatenate([table, np.repeat(means[..., None, None], BRUSHED_NODES[3], axis=3)], axis=2)
+
+
 def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128) -> float:
     """What a rough boundary reflects and transmits of light from this direction, once. eta: index beyond over index here."""
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-    h = _visible_normals(wo, alpha, steps)
+    h = _visible_normals(wo, alpha, alpha, steps, steps // 2)
     cosine_h = np.clip(h @ wo, 0, 1)
     inside2 = 1 - (1 - cosine_h**2) / eta**2
     inside = np.sqrt(np.clip(inside2, 0, None))
@@ -160,6 +213,7 @@ def table_path(name: str) -> Path:
 def main() -> None:
     """Writes the tables."""
     np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
+    np.save(table_path("brushed_albedo"), brushed_table().astype(np.float32))
     np.save(table_path("glass_albedo"), glass_table().astype(np.float32))
     np.save(table_path("sheen_albedo"), sheen_table().astype(np.float32))
 

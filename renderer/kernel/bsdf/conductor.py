@@ -8,7 +8,8 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_scattering
+from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_albedo
+from renderer.kernel.bsdf.energy import multiple_scattering
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
 from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
@@ -34,9 +35,9 @@ def fresnel_rgb(cosine, eta, k):
 
 
 @device
-def _choice(wo, roughness):
+def _albedo(w, roughness, alpha_x, alpha_y):
     """The chance of the microfacets: the rest is light that they scatter more than once."""
-    a, b = ggx_albedo(wo[2], roughness)
+    a, b = brushed_albedo(w, roughness, alpha_x, alpha_y)
     return a + b
 
 
@@ -50,11 +51,11 @@ def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo
     lambda_i = smith_lambda(wi, alpha_x, alpha_y)
     density = ggx_density(h, alpha_x, alpha_y) / (_FOUR * wo[2])
     f = vec.scale(fresnel_rgb(vec.dot(wo, h), eta, k), density / (_ONE + lambda_o + lambda_i))
-    a, b = ggx_mean_albedo(roughness)
+    a, b = brushed_mean_albedo(roughness, alpha_x, alpha_y)
     mean = a + b
-    choice = _choice(wo, roughness)
-    a, b = ggx_albedo(wi[2], roughness)
-    lost = max(_ONE - choice, _ZERO) * max(_ONE - a - b, _ZERO) / max(_ONE - mean, _LEAST_LOSS) * wi[2] * _INV_PI
+    choice = _albedo(wo, roughness, alpha_x, alpha_y)
+    lost_i = max(_ONE - _albedo(wi, roughness, alpha_x, alpha_y), _ZERO)
+    lost = max(_ONE - choice, _ZERO) * lost_i / max(_ONE - mean, _LEAST_LOSS) * wi[2] * _INV_PI
     again = (
         lost * multiple_scattering(mean_fresnel[0], mean),
         lost * multiple_scattering(mean_fresnel[1], mean),
@@ -67,7 +68,7 @@ def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo
 @device
 def sample_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
     """(wi, weight, pdf)."""
-    if choose < _choice(wo, roughness):
+    if choose < _albedo(wo, roughness, alpha_x, alpha_y):
         h = sample_visible_normal(wo, alpha_x, alpha_y, u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
     else:

@@ -9,15 +9,26 @@ import numpy as np
 
 from renderer.jit import device, subroutine
 from renderer.kernel import rows, vec
+from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_albedo
 from renderer.kernel.bsdf.clearcoat import clearcoat_albedo, clearcoat_mean_albedo
-from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_scattering, schlick_mean
+from renderer.kernel.bsdf.energy import multiple_scattering, schlick_mean
 from renderer.kernel.bsdf.fresnel import schlick
 from renderer.kernel.bsdf.iridescence import film_reflectance
 from renderer.kernel.bsdf.sheen import sheen_albedo, sheen_mean_albedo
 from renderer.kernel.polynomial import power
-from renderer.kernel.rows import FILM_MEAN
+from renderer.kernel.rows import ALPHA_X, ALPHA_Y, FILM_MEAN
 
-__all__ = ["base_view", "coat_passing", "dielectric_f0", "fresnels", "mean_cosine", "mean_passing", "rgb", "sheen_passing"]
+__all__ = [
+    "base_view",
+    "coat_passing",
+    "dielectric_f0",
+    "fresnels",
+    "mean_cosine",
+    "mean_passing",
+    "rgb",
+    "sheen_passing",
+    "turned",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -105,12 +116,19 @@ def sheen_passing(m, cosine):
 
 
 @device
-def base_view(m, cosine):
-    """The base towards one direction: (a, b, loss, mean loss, scattered again by metal, by dielectric, what passes into the
+def turned(m, w):
+    """w in the frame of the anisotropy, whose x axis is the direction that highlights are drawn out along."""
+    c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
+    return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
+
+
+@device
+def base_view(m, w):
+    """The base towards one direction above: (a, b, loss, mean loss, scattered again by metal, by dielectric, what passes into the
     dielectric, what is left by coat, by sheen)."""
-    rough = m[rows.ROUGHNESS]
-    a, b = ggx_albedo(cosine, rough)
-    mean_a, mean_b = ggx_mean_albedo(rough)
+    cosine = w[2]
+    a, b = brushed_albedo(turned(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
+    mean_a, mean_b = brushed_mean_albedo(m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
     loss = max(_ONE - a - b, _ZERO)
     base = rgb(m, rows.BASE)
@@ -138,10 +156,9 @@ def base_view(m, cosine):
 @subroutine
 def mean_passing(m):
     """What all layers together leave of light from all directions, for the diffuse base: their means, and covariances."""
-    rough = m[rows.ROUGHNESS]
-    mean_a, mean_b = ggx_mean_albedo(rough)
+    mean_a, mean_b = brushed_mean_albedo(m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
-    a, b = ggx_albedo(_ONE, rough)
+    a, b = brushed_albedo((_ZERO, _ZERO, _ONE), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     if m[rows.IRIDESCENCE] > _ZERO:
         again = multiple_scattering(vec.maximum(rgb(m, FILM_MEAN + 3)), mean)
         taken = vec.maximum(rgb(m, FILM_MEAN + 3)) * mean + again * (_ONE - mean)

@@ -34,6 +34,7 @@ from renderer.kernel.bsdf.layer_balance import (
     mean_passing,
     rgb,
     sheen_passing,
+    turned,
 )
 from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.bsdf.rough_glass import (
@@ -65,13 +66,6 @@ def _gray(a):
 
 
 @device
-def _turned(m, w):
-    """w in the frame of the anisotropy, whose x axis is the direction that highlights are drawn out along."""
-    c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
-    return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
-
-
-@device
 def _turned_back(m, w):
     c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
     return c * w[0] - s * w[1], s * w[0] + c * w[1], w[2]
@@ -85,7 +79,7 @@ def _glass_is_smooth(m):
 @subroutine
 def _choices(m, wo):
     """The chances of (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass), by what each scatters towards wo."""
-    a, b, loss, _, again_metal, again, passing, coat, sheen = base_view(m, wo[2])
+    a, b, loss, _, again_metal, again, passing, coat, sheen = base_view(m, wo)
     metallic = m[rows.METALLIC]
     glass = (_ONE - metallic) * m[rows.TRANSMISSION]
     dielectric = _ONE - metallic - glass
@@ -110,8 +104,8 @@ def _choices(m, wo):
 @device
 def _glass(m, eta, wo, wi):
     """(f |cos|, pdf) of rough white glass."""
-    o = _turned(m, wo)
-    i = _turned(m, wi)
+    o = turned(m, wo)
+    i = turned(m, wi)
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(dielectric_f0(m))
         return eval_and_pdf_pane(f0, m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, i)
@@ -124,9 +118,9 @@ def eval_and_pdf_layered(m, eta, wo, wi):
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _BLACK, _ZERO
     choose_coat, choose_sheen, choose_specular, choose_diffuse, choose_through, choose_glass = _choices(m, wo)
-    _, _, loss_o, mean_loss, again_metal, again, passing_o, coat_o, sheen_o = base_view(m, wo[2])
+    _, _, loss_o, mean_loss, again_metal, again, passing_o, coat_o, sheen_o = base_view(m, wo)
     height = abs(wi[2])
-    _, _, loss_i, _, _, _, passing_i, coat_i, sheen_i = base_view(m, height)
+    _, _, loss_i, _, _, _, passing_i, coat_i, sheen_i = base_view(m, (wi[0], wi[1], height))
     left = min(coat_o * sheen_o, coat_i * sheen_i)
     metallic = m[rows.METALLIC]
     glass = (_ONE - metallic) * m[rows.TRANSMISSION]
@@ -156,8 +150,8 @@ def eval_and_pdf_layered(m, eta, wo, wi):
     f = vec.add(f, vec.scale(many, left * loss_o * loss_i / mean_loss * cosine))
     pdf += choose_diffuse * cosine
 
-    o = _turned(m, wo)
-    i = _turned(m, wi)
+    o = turned(m, wo)
+    i = turned(m, wi)
     h = vec.normalize(vec.add(o, i))
     metal_f, dielectric_f = fresnels(m, vec.dot(o, h))
     lambda_o = smith_lambda(o, m[ALPHA_X], m[ALPHA_Y])
@@ -211,7 +205,7 @@ def sample_layered(m, eta, wo, choose, u):
     elif choose < at + sheen:
         wi = sample_sheen(u)
     elif choose < at + sheen + specular:
-        o = _turned(m, wo)
+        o = turned(m, wo)
         h = sample_visible_normal(o, m[ALPHA_X], m[ALPHA_Y], u)
         wi = _turned_back(m, vec.sub(vec.scale(h, _TWO * vec.dot(o, h)), o))
     elif choose < at + sheen + specular + diffuse:
@@ -225,7 +219,7 @@ def sample_layered(m, eta, wo, choose, u):
         if _glass_is_smooth(m):
             wi, weight, scale = _sample_smooth_glass(m, eta, wo, max(glass, _LEAST), rest)
             return wi, weight, _ZERO, scale
-        o = _turned(m, wo)
+        o = turned(m, wo)
         if m[IS_PANE] != _ZERO:
             i = sample_pane(vec.maximum(dielectric_f0(m)), m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
         else:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.image.tonemap import decode_srgb
 from renderer.scene.description import F32
 
 __all__ = ["vertex_colors"]
@@ -17,6 +18,5 @@ def vertex_colors(srgb: npt.NDArray[Any]) -> F32 | None:
     values = srgb / np.float32(255) if srgb.dtype == np.uint8 else np.clip(np.nan_to_num(srgb.astype(np.float32)), 0, 1)
     colors = np.ones((len(values), 4), np.float32)
     colors[:, : values.shape[1]] = values
-    rgb = colors[:, :3]
-    colors[:, :3] = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    colors[:, :3] = decode_srgb(colors[:, :3])
     return None if (colors == 1).all() else colors

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import math
 
-from renderer.scene.description import Material, Vec3
+import numpy as np
+
+from renderer.image.tonemap import encode_srgb
+from renderer.scene.description import Image, Material, Vec3
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_opacity, with_roughness_and_metal
+from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_decal, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.textures import TextureShelf
 
@@ -83,6 +86,7 @@ def _material(said: _Statements) -> Material:
     material.base_color_texture = said.texture("map_kd", srgb=True)
     if material.base_color_texture is not None and max(diffuse) == 0:
         material.base_color = (1.0, 1.0, 1.0)  # written by exporters that let the map replace the colour
+    _decal(said, material, diffuse)
     material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
@@ -97,6 +101,19 @@ def _material(said: _Statements) -> Material:
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
     return material
+
+
+def _decal(said: _Statements, material: Material, color: Vec3) -> None:
+    decal = said.texture("decal")
+    if decal is None:
+        return
+    if material.base_color_texture is None:
+        said.shelf.warn(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
+        return
+    codes = np.rint(encode_srgb(np.array([[color]], np.float32)) * 255)
+    image = Image(f"colour of {said.name}", np.concatenate([codes, [[[255]]]], axis=2).astype(np.uint8))
+    material.base_color_texture = with_decal(said.shelf, said.shelf.add(image), material.base_color_texture, decal)
+    material.base_color = (1.0, 1.0, 1.0)
 
 
 def _choose_kind(said: _Statements, material: Material, specular: Vec3, shininess: float) -> None:

@@ -1,4 +1,4 @@
-"""The textures of MTL materials: map statements with their options, and maps that share an image with another here."""
+"""The textures of MTL materials: map statements with their options, decals, and maps that share an image with another here."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import Image, UvTransform, Wrap
+from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.scene.description import Image, TextureLayer, UvTransform, Wrap
 from renderer.scene.textures import UNMOVED, TextureShelf
 
-__all__ = ["Map", "holds_normals", "parse_map", "with_opacity", "with_roughness_and_metal"]
+__all__ = ["Map", "holds_normals", "parse_map", "with_decal", "with_opacity", "with_roughness_and_metal"]
 
 # How many words follow each option of a map statement; the file's name, spaces and all, is the rest of the line.
 _OPTIONS = {
@@ -20,7 +21,6 @@ _OPTIONS = {
     "-cc": 1,
     "-clamp": 1,
     "-imfchan": 1,
-    "-mm": 2,
     "-bm": 1,
     "-texres": 1,
     "-type": 1,
@@ -34,10 +34,12 @@ class Map(NamedTuple):
     wrap: Wrap = "repeat"
     transform: UvTransform = UNMOVED  # of UVs from the image's upper left corner
     strength: float = 1.0  # -bm
+    span: tuple[float, float] = (0.0, 1.0)  # -mm: base and gain; a value x means base + gain x
 
     def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
         """The texture of the map; None, with a warning, where it is missing."""
-        return shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
+        found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
+        return found if self.span == (0.0, 1.0) else shelf.derived(found, f"span {self.span}", lambda i: _spanned(i, self.span))
 
 
 def parse_map(value: str) -> Map | None:
@@ -45,9 +47,9 @@ def parse_map(value: str) -> Map | None:
     words = value.split()
     scale, offset = [1.0, 1.0], [0.0, 0.0]
     wrap: Wrap = "repeat"
-    strength = 1.0
+    strength, span = 1.0, (0.0, 1.0)
     at = 0
-    while at < len(words) and words[at].lower() in (*_OPTIONS, "-o", "-s", "-t"):
+    while at < len(words) and words[at].lower() in (*_OPTIONS, "-mm", "-o", "-s", "-t"):
         option = words[at].lower()
         at += 1
         if option in _OPTIONS:
@@ -58,6 +60,12 @@ def parse_map(value: str) -> Map | None:
             elif option == "-bm" and following and _is_number(following[0]):
                 strength = float(following[0])
             continue
+        if option == "-mm":
+            following = words[at : at + 2]
+            at += 2
+            if len(following) == 2 and all(_is_number(w) for w in following):
+                span = float(following[0]), float(following[1])
+            continue
         last, axis = at + 3, 0  # one to three numbers
         while at < min(last, len(words)) and _is_number(words[at]):
             if axis < 2 and option != "-t":
@@ -67,7 +75,7 @@ def parse_map(value: str) -> Map | None:
         return None
     # They hold for v counted upwards: v' = s v + o is 1 - v' = s (1 - v) + (1 - s - o).
     transform = (scale[0], 0.0, offset[0], 0.0, scale[1], 1.0 - scale[1] - offset[1])
-    return Map(value.split(None, at)[at].strip(), wrap, transform, strength)
+    return Map(value.split(None, at)[at].strip(), wrap, transform, strength, span)
 
 
 def _is_number(word: str) -> bool:
@@ -83,12 +91,22 @@ def holds_normals(image: Image) -> bool:
     return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
 
 
+def with_decal(shelf: TextureShelf, color: int, texture: int, decal: int) -> int | None:
+    """A stack: image `color`, and on it a texture where the decal shows it.
+
+    The specification of `decal`: the texture's colour times the decal, and the material's times 1 - decal.
+    """
+    shown = with_opacity(shelf, texture, decal)
+    return None if shown is None else shelf.stacked(shelf.texture(color), (TextureLayer(shown),))
+
+
 def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | None:
     """A texture with one's colour, white where None, and the opacity that another shows: its alpha where it has some."""
 
     def make(image: Image, mask: Image) -> Image:
-        pixels = _rgba8(image).copy()
-        alpha = _rgba8(mask)
+        pixels, alpha = _rgba8(image).copy(), _rgba8(mask)
+        if pixels.shape[:2] == (1, 1):  # of one colour, which has room for no mask
+            pixels = np.broadcast_to(pixels, alpha.shape).copy()
         grey = alpha[..., 3] if (alpha[..., 3] < 255).any() else alpha[..., :3].max(axis=2)
         pixels[..., 3] = _resized(grey, pixels.shape)
         if color is None:
@@ -114,6 +132,21 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
 
     one, other = (metal if roughness is None else roughness), (roughness if metal is None else metal)
     return shelf.combined(one, other, f"roughness {roughness is not None} metal {metal is not None}", make)
+
+
+def _spanned(image: Image, span: tuple[float, float]) -> Image:
+    """An image whose linear values are moved and stretched."""
+    base, gain = span
+    name = f"{image.name} from {base:g} by {gain:g}"
+    if image.pixels.dtype != np.uint8:
+        return Image(name, np.maximum(base + gain * image.pixels, 0).astype(np.float32), image.srgb)
+    level = np.arange(256) / 255
+    linear = decode_srgb(level) if image.srgb else level
+    moved = np.clip(base + gain * linear, 0, 1).astype(np.float32)
+    codes = np.rint((encode_srgb(moved) if image.srgb else moved) * 255).astype(np.uint8)
+    pixels = image.pixels.copy()
+    pixels[..., :3] = codes[pixels[..., :3]]
+    return Image(name, pixels, image.srgb)
 
 
 def _rgba8(image: Image) -> npt.NDArray[np.uint8]:

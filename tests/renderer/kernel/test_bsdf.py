@@ -198,8 +198,8 @@ def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
     assert np.isfinite(weight).all()
     carried = (weight * scale[:, None]).astype(float)
     error = carried.std(0) / np.sqrt(n)
-    # Anisotropic and iridescent surfaces know their own albedo to a few per cent only.
-    slack = 0.01 + 0.04 * (material.anisotropy > 0) + 0.03 * (material.iridescence > 0)
+    # Iridescent surfaces know their own albedo to a few per cent only.
+    slack = 0.01 + 0.03 * (material.iridescence > 0)
     assert (carried.mean(0) <= 1 + slack + limit(180) * error).all()
 
 
@@ -218,6 +218,14 @@ def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
         ({"sheen_color": WHITE, "sheen_roughness": 0.5}, 0.97),
         ({"metallic": 1.0, "clearcoat": 1.0}, 0.93),
         ({"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)}, 0.995),
+        (
+            {"anisotropy": 0.8},
+            0.97,
+        ),  # of a varnish, the part that Fresnel adds at grazing angles is known from its isotropic twin
+        ({"metallic": 1.0, "anisotropy": 0.5, "anisotropy_rotation": 0.3}, 0.995),
+        ({"metallic": 1.0, "anisotropy": 1.0}, 0.99),
+        ({"metallic": 1.0, "anisotropy": 1.0, "anisotropy_rotation": 1.5}, 0.99),
+        ({"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4), "anisotropy": 0.7}, 0.995),
     ],
     ids=str,
 )

@@ -11,7 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
 from renderer.kernel.surface import surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
-from renderer.scene.lights import choose_by_power
+from renderer.scene.lights import chosen_by
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.bvh.rays import trace
 from tests.renderer.judge import assert_uniform, direction_test, limit
@@ -119,13 +119,22 @@ def test_both_sides_of_mis_know_the_same_density(name, normal):
 def test_a_light_is_chosen_by_its_power():
     """Two spheres, one with thrice the radiance and half the radius, and a sky of a set chance."""
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
-    direction, _, radiance, _ = sample(choose_by_power(made))
+    direction, _, radiance, _ = sample(chosen_by(made, "power"))
     chance = float(made.environment_frame[3])
     from_sky = np.isclose(radiance[:, 0], 0.01)
     assert abs(from_sky.mean() - chance) < limit(2) * math.sqrt(chance * (1 - chance) / N)
     first = (direction[~from_sky, 0] > 0).mean()
     expected = 0.99 * 3 * 0.25 / (3 * 0.25 + 1) + 0.01 / 2
     assert abs(first - expected) < limit(2) * math.sqrt(expected * (1 - expected) / (~from_sky).sum())
+
+
+def test_lights_chosen_uniformly_are_equal_and_the_sky_is_one_of_them():
+    made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
+    direction, _, radiance, _ = sample(chosen_by(made, "uniform"))
+    from_sky = np.isclose(radiance[:, 0], 0.01)
+    first = ~from_sky & (direction[:, 0] > 0)
+    for found in (from_sky, first, ~from_sky & ~first):
+        assert abs(found.mean() - 1 / 3) < limit(3) * math.sqrt(2 / 9 / N)
 
 
 def test_ends_of_samples_lie_just_before_their_light():

@@ -6,7 +6,7 @@ import pytest
 from renderer.jit import entry
 from renderer.kernel.light_tree import choose_from_tree, tree_chance
 from renderer.scene.description import Light, Material, Sphere
-from renderer.scene.lights import TREE_FROM, choose_by_power, choose_uniformly
+from renderer.scene.lights import TREE_FROM, chosen_by
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.judge import chi_squared, limit
 
@@ -151,8 +151,9 @@ def test_a_near_lamp_is_chosen_over_a_far_one():
 
 
 def test_power_and_uniform_choices_can_be_had_to_compare_with(made):
-    assert len(choose_by_power(made).light_node) == 0
-    uniform = np.diff(choose_uniformly(made).light_cdf)
+    assert len(chosen_by(made, "power").light_node) == 0
+    assert chosen_by(made, "tree") is made
+    uniform = np.diff(chosen_by(made, "uniform").light_cdf)
     np.testing.assert_allclose(uniform, 1 / len(uniform), rtol=1e-3)
     powers = np.diff(made.light_cdf)
     assert powers.max() / powers.min() > 100 > limit(1)

@@ -4,8 +4,19 @@ import numpy as np
 import pytest
 
 from renderer.jit import entry
-from renderer.kernel.bsdf import energy, sheen
-from renderer.kernel.bsdf.albedo_tables import SIZE, ggx_albedo, ggx_table, mean_over_hemisphere, sheen_albedo, table_path
+from renderer.kernel.bsdf import brushed_energy, energy, sheen
+from renderer.kernel.bsdf.albedo_tables import (
+    BRUSHED_NODES,
+    SIZE,
+    brushed_albedo,
+    brushed_mean,
+    brushed_node,
+    ggx_albedo,
+    ggx_table,
+    mean_over_hemisphere,
+    sheen_albedo,
+    table_path,
+)
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
 from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, smith_lambda
 
@@ -56,6 +67,38 @@ def test_the_tables_are_what_makes_them():
     for i, j in np.random.default_rng(3).integers(6, SIZE, (60, 2)):
         assert table[i, j] == pytest.approx(sheen_albedo((j / (SIZE - 1)) ** 2, (i / (SIZE - 1)) ** 2), abs=2e-6)
     np.testing.assert_allclose(table[SIZE], [mean_over_hemisphere(row) for row in table[:SIZE].astype(float)], atol=2e-6)
+
+
+def test_the_table_of_brushed_surfaces_is_what_makes_it():
+    """Some of its nodes, and all of its means."""
+    table = np.load(table_path("brushed_albedo"))
+    assert table.nbytes < 60_000
+    rng = np.random.default_rng(4)
+    for index in zip(*(rng.integers(0, nodes, 80) for nodes in BRUSHED_NODES), strict=True):
+        assert table[index] == pytest.approx(brushed_node(*map(int, index)), abs=2e-6)
+    cosines = BRUSHED_NODES[2]
+    means = [[brushed_mean(plane[:cosines].astype(float), j) for j, plane in enumerate(row)] for row in table]
+    np.testing.assert_allclose(table[:, :, cosines], np.repeat(np.array(means)[..., None], BRUSHED_NODES[3], 2), atol=2e-6)
+
+
+@entry
+def _brushed(w, alpha, roughness, out):
+    for i in range(len(w)):
+        a, b = brushed_energy.brushed_albedo((w[i, 0], w[i, 1], w[i, 2]), roughness[i], alpha[i, 0], alpha[i, 1])
+        out[i] = a + b
+
+
+def test_lookups_of_brushed_surfaces_are_good():
+    rng = np.random.default_rng(2)
+    alpha_x = rng.uniform(0.02, 1, 300)
+    alpha = np.stack([alpha_x, alpha_x * rng.uniform(0.01, 1, 300)], -1).astype(np.float32)
+    cosine, turn = rng.uniform(0.1, 1, 300), rng.uniform(0, 2 * np.pi, 300)
+    w = np.stack([np.sqrt(1 - cosine**2) * np.cos(turn), np.sqrt(1 - cosine**2) * np.sin(turn), cosine], -1)
+    found = np.empty(300, np.float32)
+    _brushed(w.astype(np.float32), alpha, np.sqrt(alpha.mean(1)), found)
+    expected = [brushed_albedo(*row) for row in zip(w, *alpha.T.astype(float), strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-2)
+    assert np.sqrt(np.square(found - expected).mean()) < 3e-3
 
 
 def test_lookups_between_the_nodes_are_good():

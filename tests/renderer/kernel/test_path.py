@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from renderer.film import COLOR, mean
-from renderer.kernel.strategy import power_heuristic
+from renderer.jit import entry
+from renderer.kernel.strategy import heuristic_weight
 from renderer.render import render_frame
 from renderer.scene.description import Material, Sphere
+from renderer.settings import HEURISTICS
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
 from tests.renderer.judge import assert_mean, mean_and_error
 
@@ -74,18 +76,32 @@ def test_a_scene_scaled_by_a_power_of_two_is_the_same_picture_to_the_bit():
     np.testing.assert_array_equal(pictures[2], pictures[1])
 
 
+@entry
+def _weights(a, b, weight):
+    for h in range(len(HEURISTICS)):
+        for i in range(len(a)):
+            weight[h, i] = heuristic_weight(h, a[i], b[i])
+
+
+def weights(a, b):
+    """(heuristics, N): what samples of densities a weigh beside another strategy of densities b."""
+    weight = np.empty((len(HEURISTICS), len(a)), np.float32)
+    _weights(a, b, weight)
+    return weight
+
+
+def pairs(*densities):
+    return (grid.ravel() for grid in np.meshgrid(np.float32(densities), np.float32(densities)))
+
+
 def test_the_weights_of_two_strategies_sum_to_one():
-    heuristic = power_heuristic.py_func
-    densities = np.float32([1e-6, 0.3, 1, 30, 1e6])
-    for a in densities:
-        assert heuristic(a, np.float32(0)) == 1
-        for b in densities:
-            assert heuristic(a, b) + heuristic(b, a) == pytest.approx(1.0, abs=1e-6)
-    assert heuristic(np.float32(2), np.float32(1)) == pytest.approx(0.8)
+    a, b = pairs(1e-6, 0.3, 1, 30, 1e6)
+    np.testing.assert_array_equal(weights(a, np.zeros_like(a)), 1)
+    np.testing.assert_allclose(weights(a, b) + weights(b, a), 1.0, atol=1e-6)
+    of_two = dict(zip(HEURISTICS, weights(np.float32([2]), np.float32([1]))[:, 0], strict=True))
+    assert of_two == {"power": pytest.approx(4 / 5), "balance": pytest.approx(2 / 3)}
 
 
 def test_densities_beyond_float32s_squares_still_give_weights():
-    heuristic = power_heuristic.py_func
-    for a in np.float32([1e-30, 1, 1e30, np.inf]):
-        for b in np.float32([0, 1e-30, 1, 1e30, np.inf]):
-            assert 0 <= heuristic(a, b) <= 1
+    for weight in weights(*pairs(0, 1e-30, 1, 1e30, np.inf)):
+        assert ((weight >= 0) & (weight <= 1)).all()

@@ -1,14 +1,15 @@
 """Ways to find light and to end paths: they differ in noise, never in the picture."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from renderer.film import COLOR, SAMPLES, mean, noise
-from renderer.render import render_batch, render_frame
+from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.description import Light, Material, Sphere
-from renderer.settings import Tile
+from renderer.settings import HEURISTICS, MAX_FLOOR, Tile
 from tests.renderer.builders import box, emitter, gray, scene, settings, square
 from tests.renderer.judge import assert_mean, limit, mean_and_error
 
@@ -78,12 +79,46 @@ def test_lights_without_a_body_are_seen_by_every_strategy(sampling):
     assert_mean(render_frame(made, asked, 16), 0.25, slack=1e-4)
 
 
-@pytest.mark.parametrize("roulette", [0.2, 0.5, 0.8, 1.0, None])
+@pytest.mark.parametrize("roulette", [0.2, 0.5, 0.8, 1.0, 0.0])
 @pytest.mark.parametrize("sampling", ["mis", "bsdf"])
 def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
     furnace = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette=roulette, sampling=sampling, sampler="independent")
     assert_mean(render_frame(furnace, asked, 512), 1.0, slack=1e-4, tests=10)
+
+
+@pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
+def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
+    """Reflectance 0.1: by throughput alone hardly a path goes on after three bounces."""
+    furnace = scene([emitter(0.9, 0.1, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
+    asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette_floor=floor, sampler="independent")
+    counts = RenderStats(), RenderStats()
+    assert_mean(render_frame(furnace, asked, 128, stats=counts[0]), 1.0, slack=1e-4, tests=3)
+    render_frame(furnace, replace(asked, roulette_floor=0.0), 128, stats=counts[1])
+    assert counts[0].rays > counts[1].rays
+
+
+def test_a_floor_changes_nothing_where_roulette_is_constant():
+    made = room(0.5)
+    pictures = [render_frame(made, settings(*VIEW, size=8, roulette=0.7, roulette_floor=floor), 2) for floor in (0.0, 0.9)]
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
+    made, (expected, error) = lit_room
+    ways = [("balance", "tree"), ("balance", "uniform"), ("power", "power"), ("power", "uniform")]
+    for heuristic, choice in ways:
+        asked = settings(*VIEW, max_depth=5, size=32, heuristic=heuristic, light_choice=choice, sampler="independent")
+        found, own = mean_and_error(render_frame(made, asked, 512))
+        assert math.hypot(own, error) < 0.01 * expected
+        assert abs(found - expected) < limit(3 * len(ways)) * math.hypot(own, error), f"{heuristic}, {choice}"
+
+
+def test_the_heuristics_weigh_otherwise():
+    """Else the one before would compare a picture with itself."""
+    made = room(0.5)
+    pictures = [render_frame(made, settings(*VIEW, size=8, heuristic=name), 4)[COLOR] for name in HEURISTICS]
+    assert (pictures[0] != pictures[1]).any()
 
 
 def test_a_cut_by_depth_darkens_where_roulette_does_not():

@@ -8,6 +8,7 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.film import digest
+from renderer.kernel.rows import ABOVE
 from renderer.render import render_frame
 from renderer.scene.arrays import LAYOUT, flat
 from renderer.scene.compiled import load, save, seal
@@ -181,6 +182,11 @@ def test_a_texture_beyond_the_texels_is_refused(tmp_path):
     texture[0, 0] = 1
     save(textured._replace(texture=texture), tmp_path / "bad")
     with pytest.raises(SceneError, match="texel"):
+        load(tmp_path / "bad")
+    texture = textured.texture.copy()
+    texture[0, ABOVE] = 0  # a stack on itself would never end
+    save(textured._replace(texture=texture), tmp_path / "bad")
+    with pytest.raises(SceneError, match="layer"):
         load(tmp_path / "bad")
 
 

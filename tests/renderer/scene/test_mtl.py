@@ -42,6 +42,41 @@ def test_options_before_a_textures_name(material, png, statement, name, wrap, tr
     assert (description.textures[0].wrap_s, description.textures[0].transform) == (wrap, transform)
 
 
+def test_base_and_gain_move_linear_values(material):
+    grey = picture([[[0, 0, 0], [127, 127, 127], [255, 255, 255]]])
+    description, found = material("map_Pr -mm 0.2 0.4 r.png", {"r.png": grey})
+    image = description.images[description.textures[found.metallic_roughness_texture].image]
+    assert image.pixels[0, :, 1].tolist() == [51, 102, 153]  # 0.2 + 0.4 x
+    description, found = material("map_Kd -mm 0 0.5 c.png", {"c.png": grey})
+    image = description.images[description.textures[found.base_color_texture].image]
+    assert image.pixels[0, :, 0].tolist() == [0, 92, 188]  # of colours, half the light
+    _, found = material("map_Kd -mm 0 one c.png", {"one c.png": grey, "c.png": grey})
+    assert found.base_color_texture is not None
+
+
+def test_a_decal_shows_the_map_on_the_colour(material):
+    """The specification: map_Kd where the decal is 1, Kd where it is 0."""
+    files = {"a.png": picture([[[250, 0, 0], [0, 250, 0]]]), "shape.png": picture([[[0, 0, 0], [200, 200, 200]]])}
+    description, found = material("Kd 0.5 0.25 1\nmap_Kd a.png\ndecal shape.png", files)
+    lowest = description.textures[found.base_color_texture]
+    assert description.images[lowest.image].pixels.tolist() == [[[188, 137, 255, 255]]]  # Kd in sRGB
+    (layer,) = lowest.layers
+    assert (layer.blend, layer.strength, found.base_color) == ("over", 1, (1, 1, 1))
+    shown = description.images[description.textures[layer.texture].image]
+    assert shown.pixels[0].tolist() == [[250, 0, 0, 0], [0, 250, 0, 200]]
+
+
+def test_a_decal_with_opacity_and_one_without_a_map(material):
+    files = {"a.png": picture([[[250, 0, 0]]]), "shape.png": picture([[[9, 9, 9]]]), "d.png": picture([[[0, 0, 0], [255] * 3]])}
+    description, found = material("Kd 0 0 0\nmap_Kd a.png\ndecal shape.png\nmap_d d.png", files)
+    lowest = description.textures[found.base_color_texture]
+    assert description.images[lowest.image].pixels[0].tolist() == [[0, 0, 0, 0], [0, 0, 0, 255]]
+    assert len(lowest.layers) == 1
+    description, found = material("Kd 0.5 0.5 0.5\ndecal shape.png", files)
+    assert (found.base_color_texture, found.base_color) == (None, (0.5, 0.5, 0.5))
+    assert any("its decal has no map_Kd" in w for w in description.warnings)
+
+
 def test_scale_and_offset_mean_what_they_mean_in_obj(material, png):
     description, _ = material("map_Kd -s 2 3 -o 0.25 0.5 wood.png", {"wood.png": png(1, 2, 3)})
     matrix = np.array(description.textures[0].transform).reshape(2, 3)

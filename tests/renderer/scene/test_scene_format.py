@@ -7,9 +7,12 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from renderer.image.encode import encode
-from renderer.scene.description import MaterialKind
+from renderer.kernel.blend import OPERATIONS
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Blend, MaterialKind
 from renderer.scene.load import read
 from renderer.scene.readers.metals import METALS
 from renderer.settings import FILTERS, INTEGRATORS, MISTAKES, OPTIONAL, PROJECTIONS, SAMPLERS, SAMPLINGS, RenderSettings, View
@@ -56,6 +59,7 @@ def test_the_schemas_choices_are_the_renderers():
     ):
         assert settings[name]["enum"] == list(known)
     assert schema()["$defs"]["camera"]["properties"]["projection"]["enum"] == list(PROJECTIONS)
+    assert schema()["$defs"]["texture_layer"]["properties"]["blend"]["enum"] == list(get_args(Blend)) == list(OPERATIONS)
     material = schema()["$defs"]["material"]["properties"]
     assert material["metal"]["enum"] == list(METALS)
     assert set(material["kind"]["enum"]) == set(get_args(MaterialKind))
@@ -74,7 +78,7 @@ def test_every_example_of_the_documentation_is_a_scene(scene, png, number):
     if "shapes:" not in example:
         example += "shapes: [{type: quad}]\n"
     images = {"sky.exr": encode(np.ones((2, 4, 3), np.float32), "exr")} | {
-        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow")
+        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost")
     }
     others = {"cup.glb": cup(), **images}
     warnings = scene("s.yaml", example, others).warnings
@@ -114,3 +118,38 @@ def test_the_made_scenes_are_those_of_the_script(script, monkeypatch):
     made = runpy.run_path(str(folder / script))
     for name, scene, comment in made["SCENES"]:
         assert (folder / name).read_text() == made["text_of"](scene(), comment, script)
+
+
+def test_the_village_is_that_of_its_script(monkeypatch):
+    folder = Path(__file__).parents[3] / "scenes"
+    monkeypatch.syspath_prepend(str(folder))
+    made = runpy.run_path(str(folder / "christmas.py"))["files"]()
+    assert {path.name for path in (folder / "christmas").iterdir()} == set(made)
+    for name, content in made.items():
+        if isinstance(content, str):
+            assert (folder / "christmas" / name).read_text() == content, name
+        else:
+            kept = np.asarray(Image.open(folder / "christmas" / name)).astype(int)
+            assert np.abs(kept - content).max() <= 1, name  # a power may end differently elsewhere
+
+
+def test_the_village_is_small_whole_and_instanced():
+    """No warning, below 300 kB, and a hundred trees cost one."""
+    folder = Path(__file__).parents[3] / "scenes" / "christmas"
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 300_000
+    description = read(folder, "christmas.yaml")
+    assert description.warnings == []
+    trees = [i for i in description.instances if i.name.startswith("forest")]
+    meshes = {i.mesh for i in trees}
+    assert len(trees) > 100 * len(meshes)
+    compiled = compile_scene(description)
+    shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances)
+    assert len(compiled.triangle) < shown / 8
+    stacks = {
+        m.name
+        for m in description.materials
+        for t in (m.base_color_texture, m.emission_texture)
+        if t is not None and description.textures[t].layers
+    }
+    assert stacks == {"walls", "windows", "ice", "sooty bricks"}
+    assert len(compiled.light_primitive) > 200

@@ -3,7 +3,7 @@
 import { createJob, getScene, imageUrl } from "../api.js";
 import { fill, h, keyedList, setText } from "../dom.js";
 import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
-import { bytes, count } from "../format.js";
+import { bytes, count, extent } from "../format.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { isPassing } from "../preview.js";
@@ -91,7 +91,7 @@ function preparing(page, scene, life) {
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
   return (next) => {
-    setText(step, next.step ?? "Waiting for a worker");
+    setText(step, next.step ?? "");
     bar.update(next.progress);
   };
 }
@@ -254,7 +254,7 @@ function facts(scene) {
     .map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
   if (scene.cameras.length > 1) rows.push(["Cameras", count(scene.cameras.length - 1)]); // the automatic one left out
   const [lo, hi] = scene.bounds ?? [];
-  if (lo && hi) rows.push(["Extent", hi.map((v, i) => Number((v - (lo[i] ?? 0)).toPrecision(3))).join(" × ")]);
+  if (lo && hi) rows.push(["Extent", extent(hi.map((v, i) => v - (lo[i] ?? 0)))]);
   rows.push(["Files", bytes(scene.bytes)]);
   return h(
     "dl",

@@ -91,7 +91,7 @@ function slotLine(slot) {
       "li",
       null,
       h("a", { href: linkTo("jobs", slot.job) }, job?.name ?? slot.job),
-      h("span", { class: "quiet" }, ` tile ${x}, ${y}`),
+      h("span", { class: "quiet" }, slot.compiling ? " compiles its kernel" : ` tile ${x}, ${y}`),
     );
   }
   if (slot.scene) return h("li", null, "prepares ", h("a", { href: linkTo("scenes", slot.scene) }, "a scene"));

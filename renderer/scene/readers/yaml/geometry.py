@@ -1,4 +1,4 @@
-"""A scene file's shapes: what it describes itself, and mesh files that it places."""
+"""A scene file's shapes: what it describes itself, mesh files that it places, and groups of them."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ from renderer.scene.readers.yaml.values import vec3
 __all__ = ["Shapes"]
 
 Matrix = transforms.Matrix
+Place = tuple[str, Matrix]  # a name, and where
+
+MAX_PLACES = 1_000_000  # of shapes in groups: a few nested groups of many instances could stand for billions
 
 
 class Shapes:
@@ -33,15 +36,23 @@ class Shapes:
         self._plain: int | None = None
         self._parts: dict[tuple[str, int | None], list[Instance]] = {}  # of mesh files that were read before
         self._triangles = 0
+        self._places = 0
 
-    def add(self, source: dict[str, Any], path: Path) -> None:
-        """Adds the shape at a path, once for each of its instances."""
+    def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None) -> None:
+        """Adds the shape at a path, once for each of its instances in each place of its parent."""
         name = source.get("name", f"{source['type']} {path[-1]}")
         own = transforms.matrix(source.get("transform", []), self._document, (*path, "transform"))
         placed = [(name, own)]
         if "instances" in source:
             places = [transforms.matrix(t, self._document, (*path, "instances", i)) for i, t in enumerate(source["instances"])]
             placed = [(f"{name} [{i}]", place @ own) for i, place in enumerate(places)]
+        if parents is not None:
+            self._count(len(parents) * len(placed), path)
+            placed = [(f"{parent}/{called}", outer @ inner) for parent, outer in parents for called, inner in placed]
+        if source["type"] == "group":
+            for i, child in enumerate(source["shapes"]):
+                self.add(child, (*path, "shapes", i), placed)
+            return
         material = self._material_of(source, path)
         if source["type"] == "sphere":
             self._spheres(source, material, placed, path)
@@ -49,6 +60,11 @@ class Shapes:
             self._mesh_file(source, material, placed, path)
         else:
             self._mesh(self._made(source, name, path), material, placed, path)
+
+    def _count(self, places: int, path: Path) -> None:
+        self._places += places
+        if self._places > MAX_PLACES:
+            raise self._document.error(path, f"with it, groups in groups show more than {MAX_PLACES} shapes; use fewer instances")
 
     def _made(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
         if source["type"] == "lathe":
@@ -59,7 +75,7 @@ class Shapes:
             return self._faces(source, name, path)
         return shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
 
-    def _mesh(self, mesh: Mesh, material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
+    def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path) -> None:
         self._triangles += len(mesh.triangles)
         if self._triangles > MAX_TRIANGLES:
             raise self._document.error(path, f"with it the scene has more than {MAX_TRIANGLES} triangles; use fewer segments")
@@ -97,7 +113,7 @@ class Shapes:
             raise self._document.error((*path, int(np.argmin(np.isfinite(found).all(axis=1)))), "is beyond what numbers hold")
         return found
 
-    def _spheres(self, source: dict[str, Any], material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
+    def _spheres(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path) -> None:
         for name, place in placed:
             scale = transforms.uniform_scale(place)
             if scale is None:
@@ -107,7 +123,7 @@ class Shapes:
             radius = float(source.get("radius", 1)) * scale
             self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False)))
 
-    def _mesh_file(self, source: dict[str, Any], material: int | None, placed: list[tuple[str, Matrix]], path: Path) -> None:
+    def _mesh_file(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path) -> None:
         from renderer.scene.load import read_into  # which imports this reader in turn
 
         name = self._files.find(source["file"], self._document.file)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from renderer.scene.description import Material, MaterialKind
+from renderer.scene.description import SINGLE_TEXTURES, Material, MaterialKind
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.textures import Textures
@@ -73,7 +73,9 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     fields: dict[str, Any] = {"name": name, "kind": kind}
     for key, value in source.items():
         if key.endswith("texture"):
-            texture = textures.find(value, (*path, key), key in _SRGB_TEXTURES)
+            if key in SINGLE_TEXTURES and isinstance(value, list):
+                raise document.error((*path, key), "takes one texture: its values are no colours that layers could be laid on")
+            texture = textures.stack(value, (*path, key), key in _SRGB_TEXTURES)
             fields["base_color_texture" if key == "texture" else key] = texture
         elif key in _COLORS:
             fields[key] = color(value)

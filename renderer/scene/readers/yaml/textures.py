@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Image, UvTransform
+from renderer.scene.description import Image, TextureLayer, UvTransform
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, srgb_bytes
@@ -45,6 +45,21 @@ class Textures:
         wrap = source.get("wrap", "repeat")
         wrap_s, wrap_t = wrap if isinstance(wrap, list) else (wrap, wrap)
         return self._shelf.texture(self._images[name, srgb], wrap_s, wrap_t, source.get("uv_set", 0), _transform(source))
+
+    def stack(self, entries: str | list[Any], path: Path, srgb: bool) -> int | None:
+        """As `find`, of a name or of a list of them, the lowest first; a layer whose image is missing is left out."""
+        if isinstance(entries, str):
+            return self.find(entries, path, srgb)
+        if not isinstance(entries[0], str):
+            raise self._document.error((*path, 0), "lies on nothing: the lowest of a list is just a name")
+        lowest = self.find(entries[0], (*path, 0), srgb)
+        layers = []
+        for i, entry in enumerate(entries[1:], start=1):
+            layer: dict[str, Any] = {"texture": entry} if isinstance(entry, str) else entry
+            number = self.find(layer["texture"], (*path, i), srgb)
+            if number is not None:
+                layers.append(TextureLayer(number, layer.get("blend", "over"), float(layer.get("strength", 1))))
+        return self._shelf.stacked(lowest, tuple(layers))
 
     def _image(self, name: str, source: dict[str, Any], srgb: bool) -> int | None:
         if "image" in source:

@@ -1,0 +1,37 @@
+"""Who compiles a kernel, and who waits for it."""
+
+import threading
+import time
+
+import pytest
+
+from renderer import jit
+
+
+def test_one_process_compiles_and_the_others_load_side_by_side(monkeypatch, tmp_path):
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
+    together = threading.Barrier(2, timeout=30)
+    order = []
+
+    def load():
+        with jit.compiling("kernel"):
+            order.append("loads")
+            together.wait()  # none waits for the other
+
+    others = [threading.Thread(target=load) for _ in range(2)]
+    with jit.compiling("kernel"):
+        for other in others:
+            other.start()
+        time.sleep(0.3)
+        order.append("compiled")
+    for other in others:
+        other.join(30)
+    assert order == ["compiled", "loads", "loads"]
+    assert not together.broken
+
+
+def test_a_kernel_that_does_not_compile_is_not_taken_for_compiled(monkeypatch, tmp_path):
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
+    with pytest.raises(ZeroDivisionError), jit.compiling("kernel"):
+        _ = 1 / 0
+    assert not list(tmp_path.glob("*.done"))
