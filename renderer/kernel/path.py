@@ -68,6 +68,9 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
         lit = len(scene.punctual_kind) > 0
     layers = local_floats(LAYER_SLOTS)  # the rarer materials' textures, looked up
     while True:
+        # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
+        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
+        for_light = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 1))
         hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
         row = segment + passed
@@ -144,9 +147,10 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             if special is not None and segment == 0:
                 count = options.light_samples
             for k in range(count):
-                number = np.uint32(sample * np.uint32(count) + np.uint32(k))
-                r = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
-                light = sample_light(scene, surface.point, normal, r[2], (r[0], r[1]))
+                if special is not None and count > 1:
+                    number = np.uint32(sample * np.uint32(count) + np.uint32(k))
+                    for_light = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
+                light = sample_light(scene, surface.point, normal, for_light[2], (for_light[0], for_light[1]))
                 if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
                     wi = vec.to_local(s, q, n, light.direction)
                     f, scatter_pdf = eval_material(material, wo, wi)
@@ -167,7 +171,6 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             if row < len(log):
                 record_light(log, row, DIRECT, radiance)
 
-        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
         if special is None:
             wi, weight, pdf, thinned = sample_material(material, wo, r[2], (r[0], r[1]))
         elif options.sampling == MIXTURE and not specular:
