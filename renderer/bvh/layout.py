@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 __all__ = [
     "INSTANCE",
+    "MAX_LEVELS",
     "NODE_ROWS",
     "NODE_SIZE",
     "PACKET_ROWS",
@@ -50,6 +51,7 @@ TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
 
 # The builder halves by number below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each puts
 # at most seven children aside.
+MAX_LEVELS = 68
 STACK_SIZE = 512
 
 

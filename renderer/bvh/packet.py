@@ -6,7 +6,6 @@ import numpy as np
 
 from renderer.bvh.layout import WIDTH
 from renderer.bvh.simd import (
-    bits,
     flip,
     fma,
     less,
@@ -69,7 +68,7 @@ def meet_triangles(base, axes, shear, origin, t_max):
     t = fma(u, az, fma(v, bz, w * cz)) * splat(shear[2])
     ahead = flip(t, determinant)
     hit = inside & less(zero, ahead) & less(ahead, flip(determinant, determinant) * splat(t_max))
-    return bits(hit), t, v, w, determinant
+    return hit, t, v, w, determinant
 
 
 @subroutine
@@ -95,4 +94,4 @@ def meet_spheres(base, origin, direction, t_max):
     near = (b - root) / a
     far = (b + root) / a
     t = to_single(select(less(zero, near), near, far))
-    return bits(less(splat(_ZERO), t) & less(t, splat(t_max))), t
+    return less(splat(_ZERO), t) & less(t, splat(t_max)), t

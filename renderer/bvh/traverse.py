@@ -2,12 +2,14 @@
 
 The boxes' slabs are met by one fused multiply-add a plane. Its rounding is made good by a slack that each ray adds to its
 own constants (and that the builder adds to the boxes), so that no box is missed that holds a hit: flat boxes and boxes that
-touch along an edge included. The nearest child is visited first; the others wait on the stack, unsorted, with their
-distances, and are dropped when something nearer has been hit since. Sorting them costs more in wrong branches than it saves.
+touch along an edge included. A node's children are visited from the nearest to the farthest that is not farther than the
+hit so far: a vector of keys, distances whose last bits tell the lane, is all that there is to keep of a node, and the next
+key is found while the leaf of the last one is looked at. Shadow rays take them as they come, leaves first.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,27 +17,33 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import (
     INSTANCE,
+    MAX_LEVELS,
     NODE_SIZE,
     PACKET_SIZE,
     ROW_CHILD,
     ROW_PRIMITIVE,
     SPHERES,
-    STACK_SIZE,
     WIDTH,
 )
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
+    beyond,
     bits,
     extract,
     fma,
+    key_limit,
+    least,
     less_equal,
     load,
     load_int,
     lowest_bit,
     maximum,
     minimum,
+    nearest,
+    ranked,
     splat,
+    store,
     store_int,
 )
 from renderer.jit import device, out_of_line, subroutine
@@ -44,7 +52,6 @@ __all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "closest_hit", "new_stack", "to_loc
 
 NO_PRIMITIVE = np.int32(-1)
 _WORLD = np.int32(-1)
-_NOWHERE = np.int32(-(2**31))  # where a child's number is expected: neither a node nor a leaf
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)
@@ -55,6 +62,8 @@ _CHILDREN = np.uintp(ROW_CHILD * WIDTH)
 _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 _PACKET = np.uintp(PACKET_SIZE)
 _BIT = np.uint32(1)
+_LANE = np.int32(WIDTH - 1)  # of a key: the lane
+_ENTRY = np.uintp(WIDTH + 2)  # words on the stack for the children of a node that wait: keys, the least of them, the node
 
 
 class Hit(NamedTuple):
@@ -69,7 +78,7 @@ class Hit(NamedTuple):
 
 def new_stack() -> npt.NDArray[np.float32]:
     """The scratch space of one thread's traversals, for the kernel that it calls."""
-    return np.empty(4 * STACK_SIZE, np.float32)  # a distance and a child each, for both levels
+    return np.empty(2 * MAX_LEVELS * int(_ENTRY), np.float32)  # for the world's tree, and an instance's
 
 
 @device
@@ -79,9 +88,8 @@ def _slab(o, d):
 
     A component near zero is taken as +-1e-18: 0 * inf would be NaN, and turn a ray into a walk of the whole tree.
     """
-    if abs(d) < _TINY:
-        d = -_TINY if d < _ZERO else _TINY
-    inverse = _ONE / d
+    size = abs(d)
+    inverse = _ONE / math.copysign(_TINY if size < _TINY else size, d)
     constant = -o * inverse
     slack = abs(constant) * _SLACK
     near = np.uintp(0) if inverse > _ZERO else _W
@@ -90,7 +98,7 @@ def _slab(o, d):
 
 @device
 def _boxes(node, base, x, y, z, t_max):
-    """The ray against a node's eight boxes: (bits of those met, f32x8 distances)."""
+    """The ray against a node's eight boxes: (mask of those met, f32x8 distances)."""
     two = _W + _W
     four = two + two
     x_near = fma(load(node, base + x[3]), x[0], x[1])
@@ -103,82 +111,82 @@ def _boxes(node, base, x, y, z, t_max):
     # it would else walk in circles through lanes without a child.
     near = maximum(maximum(x_near, y_near), maximum(splat(_ZERO), z_near))
     far = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
-    return bits(less_equal(near, far)), near
+    return less_equal(near, far), near
 
 
 @device
-def _axes(o, d, x, y, z):
-    """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin.
-
-    x, y, z: from `_slab`. Choices of values, not branches: which axis it is cannot be predicted.
-    """
+def _axes(o, d, inverse):
+    """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin."""
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
     first = (ax > ay) & (ax > az)
     second = (ay > az) & (not first)
-    dx = d[1] if first else (d[2] if second else d[0])
-    dy = d[2] if first else (d[0] if second else d[1])
-    ox = o[1] if first else (o[2] if second else o[0])
-    oy = o[2] if first else (o[0] if second else o[1])
-    oz = o[0] if first else (o[1] if second else o[2])
     zero = np.uintp(0)
     two = _W + _W
     kx = _W if first else (two if second else zero)
     ky = two if first else (zero if second else _W)
     kz = zero if first else (_W if second else two)
-    inverse = x[5] if first else (y[5] if second else z[5])
-    return (kx, ky, kz), (dx * inverse, dy * inverse, inverse), (ox, oy, oz)
+    dx = d[1] if first else (d[2] if second else d[0])
+    dy = d[2] if first else (d[0] if second else d[1])
+    ox = o[1] if first else (o[2] if second else o[0])
+    oy = o[2] if first else (o[0] if second else o[1])
+    oz = o[0] if first else (o[1] if second else o[2])
+    scale = inverse[0] if first else (inverse[1] if second else inverse[2])
+    return (kx, ky, kz), (dx * scale, dy * scale, scale), (ox, oy, oz)
 
 
 @device
-def _descend(node, stack, top, child, x, y, z, best):
-    """From a node down to the nearest leaf: (it, or _NOWHERE; the stack's new top). The other children go on the stack."""
-    while child >= 0:
-        base = np.uintp(child) * _NODE
-        met, distance = _boxes(node, base, x, y, z, best)
-        if met == np.uint32(0):
-            return _NOWHERE, top
-        lane = lowest_bit(met)
-        child = load_int(node, base + _CHILDREN + np.uintp(lane))
-        met = np.uint32(met & np.uint32(met - _BIT))
-        if met == np.uint32(0):
-            continue
-        nearest = extract(distance, lane)
-        while met != np.uint32(0):
-            lane = lowest_bit(met)
-            met = np.uint32(met & np.uint32(met - _BIT))
-            further = extract(distance, lane)
-            other = load_int(node, base + _CHILDREN + np.uintp(lane))
-            closer = further < nearest
-            stack[np.uintp(2) * top] = nearest if closer else further
-            store_int(stack, np.uintp(2) * top + np.uintp(1), child if closer else other)
-            nearest = further if closer else nearest
-            child = other if closer else child
-            top += np.uintp(1)
-    return child, top
+def _met(packet, leaf, o, d, axes, shear, permuted, t_max):
+    """As `meet_triangles`, of a leaf of either kind."""
+    leaf_base = address(packet, np.uintp(leaf >> 2) * _PACKET)
+    if leaf & SPHERES:
+        hit, t = meet_spheres(leaf_base, o, d, t_max)
+        return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
+    return meet_triangles(leaf_base, axes, shear, permuted, t_max)
 
 
 @device
 def _meet(packet, leaf, o, d, axes, shear, permuted, best, primitive, u, v):
     """What a leaf's packet makes of the nearest hit so far: (distance, primitive, u, v)."""
-    number = np.uintp(leaf >> 2) * _PACKET
-    leaf_base = address(packet, number)
-    if leaf & SPHERES:
-        met, t = meet_spheres(leaf_base, o, d, best)
-        b = c = splat(_ZERO)
-        determinant = splat(_ONE)
-    else:
-        met, t, b, c, determinant = meet_triangles(leaf_base, axes, shear, permuted, best)
-    while met != np.uint32(0):
-        lane = lowest_bit(met)
-        met = np.uint32(met & np.uint32(met - _BIT))
-        inverse = _ONE / extract(determinant, lane)
-        distance = extract(t, lane) * inverse
+    hit, t, b, c, determinant = _met(packet, leaf, o, d, axes, shear, permuted, best)
+    if bits(hit) != np.uint32(0):
+        inverse = splat(_ONE) / determinant
+        distance, lane = nearest(hit, t * inverse)
         if distance < best:
             best = distance
-            u = extract(b, lane) * inverse
-            v = extract(c, lane) * inverse
-            primitive = load_int(packet, number + _PRIMITIVES + np.uintp(lane))
+            u = extract(b * inverse, lane)
+            v = extract(c * inverse, lane)
+            primitive = load_int(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
     return best, primitive, u, v
+
+
+@device
+def _enter(node, base, x, y, z, best):
+    """The children of a node that the ray meets nearer than `best`: their keys, and the least of them."""
+    met, distance = _boxes(node, base, x, y, z, best)
+    keys = ranked(met, distance)
+    return keys, least(keys)
+
+
+@device
+def _child(node, base, lane):
+    return load_int(node, base + _CHILDREN + np.uintp(np.uint32(lane)))
+
+
+@device
+def _put_aside(stack, top, base, keys, key):
+    """Keeps a node's other children on the stack: its new top."""
+    store(stack, top, keys)
+    store_int(stack, top + _W, key)
+    store_int(stack, top + _W + np.uintp(1), np.int32(base // _NODE))
+    return top + _ENTRY
+
+
+@device
+def _take_up(stack, top):
+    """The (node, keys, least key) that were put aside last."""
+    key = load_int(stack, top + _W)
+    base = np.uintp(np.uint32(load_int(stack, top + _W + np.uintp(1)))) * _NODE
+    return base, load(stack, top), key
 
 
 @device
@@ -213,20 +221,28 @@ def _closest_in_instance(bvh, stack, bottom, number, o, d, best):
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, x, y, z)
+    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
     primitive, u, v = NO_PRIMITIVE, _ZERO, _ZERO
-    top = bottom + np.uintp(1)
-    stack[np.uintp(2) * bottom] = _ZERO
-    store_int(stack, np.uintp(2) * bottom + np.uintp(1), bvh.instance_root[number])
-    while top > bottom:
-        top -= np.uintp(1)
-        if stack[np.uintp(2) * top] > best:
+    top = bottom
+    base = np.uintp(bvh.instance_root[number]) * _NODE
+    keys, key = _enter(bvh.node, base, x, y, z, best)
+    while True:
+        if key > key_limit(best):
+            if top == bottom:
+                return best, primitive, u, v
+            top -= _ENTRY
+            base, keys, key = _take_up(stack, top)
             continue
-        child = load_int(stack, np.uintp(2) * top + np.uintp(1))
-        child, top = _descend(bvh.node, stack, top, child, x, y, z, best)
-        if child != _NOWHERE:
-            best, primitive, u, v = _meet(bvh.packet, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
-    return best, primitive, u, v
+        child = _child(bvh.node, base, key & _LANE)
+        keys = beyond(keys, key)
+        key = least(keys)
+        if child >= 0:
+            if key <= key_limit(best):
+                top = _put_aside(stack, top, base, keys, key)
+            base = np.uintp(child) * _NODE
+            keys, key = _enter(bvh.node, base, x, y, z, best)
+            continue
+        best, primitive, u, v = _meet(bvh.packet, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
 
 
 @device
@@ -235,19 +251,27 @@ def closest_hit(bvh, stack, o, d, t_max):
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, x, y, z)
+    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
     best, primitive, u, v = t_max, NO_PRIMITIVE, _ZERO, _ZERO
     instance = _WORLD
-    top = np.uintp(1)
-    stack[0] = _ZERO
-    store_int(stack, np.uintp(1), np.int32(0))
-    while top > np.uintp(0):
-        top -= np.uintp(1)
-        if stack[np.uintp(2) * top] > best:
+    top = np.uintp(0)
+    base = np.uintp(0)
+    keys, key = _enter(bvh.node, base, x, y, z, best)
+    while True:
+        if key > key_limit(best):
+            if top == np.uintp(0):
+                break
+            top -= _ENTRY
+            base, keys, key = _take_up(stack, top)
             continue
-        child = load_int(stack, np.uintp(2) * top + np.uintp(1))
-        child, top = _descend(bvh.node, stack, top, child, x, y, z, best)
-        if child == _NOWHERE:
+        child = _child(bvh.node, base, key & _LANE)
+        keys = beyond(keys, key)
+        key = least(keys)  # wanted next, and found while the leaf is looked at
+        if child >= 0:
+            if key <= key_limit(best):
+                top = _put_aside(stack, top, base, keys, key)
+            base = np.uintp(child) * _NODE
+            keys, key = _enter(bvh.node, base, x, y, z, best)
             continue
         leaf = ~child
         if leaf & INSTANCE:
@@ -263,29 +287,6 @@ def closest_hit(bvh, stack, o, d, t_max):
     return Hit(best, primitive, u, v, instance)
 
 
-@device
-def _meets(packet, leaf, o, d, axes, shear, permuted, t_max):
-    """Whether a leaf's packet is met."""
-    leaf_base = address(packet, np.uintp(leaf >> 2) * _PACKET)
-    if leaf & SPHERES:
-        met, _ = meet_spheres(leaf_base, o, d, t_max)
-    else:
-        met, _, _, _, _ = meet_triangles(leaf_base, axes, shear, permuted, t_max)
-    return met != np.uint32(0)
-
-
-@device
-def _open_all(node, stack, top, child, x, y, z, t_max):
-    """Puts all children of a node that the ray meets on the stack: its new top."""
-    base = np.uintp(child) * _NODE
-    met, _ = _boxes(node, base, x, y, z, t_max)
-    while met != np.uint32(0):
-        store_int(stack, top, load_int(node, base + _CHILDREN + np.uintp(lowest_bit(met))))
-        top += np.uintp(1)
-        met = np.uint32(met & np.uint32(met - _BIT))
-    return top
-
-
 @subroutine
 def _any_in_instance(bvh, stack, bottom, number, o, d, t_max):
     """`any_hit` in an instance's tree."""
@@ -294,17 +295,24 @@ def _any_in_instance(bvh, stack, bottom, number, o, d, t_max):
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, x, y, z)
-    top = bottom + np.uintp(1)
-    store_int(stack, bottom, bvh.instance_root[number])
-    while top > bottom:
+    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
+    top = bottom
+    child = bvh.instance_root[number]
+    while True:
+        base = np.uintp(child) * _NODE
+        met = bits(_boxes(bvh.node, base, x, y, z, t_max)[0])
+        while met != np.uint32(0):
+            child = _child(bvh.node, base, lowest_bit(met))
+            met = np.uint32(met & np.uint32(met - _BIT))
+            if child >= 0:
+                store_int(stack, top, child)
+                top += np.uintp(1)
+            elif bits(_met(bvh.packet, ~child, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+                return True
+        if top == bottom:
+            return False
         top -= np.uintp(1)
         child = load_int(stack, top)
-        if child >= 0:
-            top = _open_all(bvh.node, stack, top, child, x, y, z, t_max)
-        elif _meets(bvh.packet, ~child, o, d, axes, shear, permuted, t_max):
-            return True
-    return False
 
 
 @device
@@ -313,19 +321,26 @@ def any_hit(bvh, stack, o, d, t_max):
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, x, y, z)
-    top = np.uintp(1)
-    store_int(stack, np.uintp(0), np.int32(0))
-    while top > np.uintp(0):
+    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
+    top = np.uintp(0)
+    child = np.int32(0)
+    while True:
+        base = np.uintp(child) * _NODE
+        met = bits(_boxes(bvh.node, base, x, y, z, t_max)[0])
+        while met != np.uint32(0):
+            child = _child(bvh.node, base, lowest_bit(met))
+            met = np.uint32(met & np.uint32(met - _BIT))
+            if child >= 0:
+                store_int(stack, top, child)
+                top += np.uintp(1)
+                continue
+            leaf = ~child
+            if leaf & INSTANCE:
+                if _any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
+                    return True
+            elif bits(_met(bvh.packet, leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+                return True
+        if top == np.uintp(0):
+            return False
         top -= np.uintp(1)
         child = load_int(stack, top)
-        if child >= 0:
-            top = _open_all(bvh.node, stack, top, child, x, y, z, t_max)
-            continue
-        leaf = ~child
-        if leaf & INSTANCE:
-            if _any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
-                return True
-        elif _meets(bvh.packet, leaf, o, d, axes, shear, permuted, t_max):
-            return True
-    return False

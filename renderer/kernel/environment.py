@@ -35,17 +35,15 @@ _INV_2PI = np.float32(0.5 / math.pi)
 @device
 def choose(cdf, u):
     """The i with cdf[i] <= u < cdf[i + 1], and u stretched from that interval to [0, 1). Skips what has probability 0."""
-    low = 0
-    high = len(cdf) - 1
-    while high - low > 1:
-        middle = (low + high) >> 1
-        if cdf[middle] <= u:
-            low = middle
-        else:
-            high = middle
-    width = cdf[low + 1] - cdf[low]
+    low = np.uintp(0)
+    count = np.uintp(len(cdf) - 1)
+    while count > np.uintp(1):  # free of branches on u, which no one can predict
+        half = np.uintp(count >> np.uintp(1))
+        low += half * np.uintp(cdf[low + half] <= u)
+        count -= half
+    width = cdf[low + np.uintp(1)] - cdf[low]
     rest = (u - cdf[low]) / width if width > _ZERO else _ZERO
-    return low, min(rest, np.float32(1.0 - 2.0**-24)), width
+    return np.int64(low), min(rest, np.float32(1.0 - 2.0**-24)), width
 
 
 @subroutine

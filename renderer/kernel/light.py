@@ -15,9 +15,11 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.kernel.fetch import row
 from renderer.kernel.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.material import emission, opacity
 from renderer.kernel.punctual import sample_punctual
+from renderer.kernel.rows import TEXTURED
 from renderer.kernel.surface import leave, sphere_uv, triangle_point, triangle_uv
 from renderer.kernel.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 
@@ -39,6 +41,7 @@ _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
 _CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
 _BLACK = (_ZERO, _ZERO, _ZERO)
+_NO_UV = (_ZERO, _ZERO)
 _NO_SAMPLE_W = (_ZERO, _ZERO, _ONE)
 
 
@@ -59,8 +62,8 @@ def _nothing():
 
 @device
 def _vertex_alpha(scene, number, b, c):
-    i, j, k = scene.triangle[number, 0], scene.triangle[number, 1], scene.triangle[number, 2]
-    return (_ONE - b - c) * scene.color[i, 3] + b * scene.color[j, 3] + c * scene.color[k, 3]
+    i, j, k = row(scene.triangle, number, 3)
+    return (_ONE - b - c) * row(scene.color, i, 4)[3] + b * row(scene.color, j, 4)[3] + c * row(scene.color, k, 4)[3]
 
 
 @device
@@ -80,10 +83,11 @@ def _sample_triangle(scene, number, area, p, u):
     projected = -vec.dot(normal, w)  # twice the area, seen from p
     if not (square > _ZERO and abs(projected) > _ZERO):
         return _nothing()
-    uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
+    material = np.uint32(scene.triangle_material[number])
+    uv = triangle_uv(scene.uv, scene.triangle, number, b, c) if scene.material_flags[material] & TEXTURED != 0 else _NO_UV
     uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
     alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else _ONE
-    radiance = _emitted(scene, scene.triangle_material[number], uv, uv1, alpha, projected > _ZERO)
+    radiance = _emitted(scene, material, uv, uv1, alpha, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
 
@@ -149,7 +153,7 @@ def choose_light(scene, p, n, choice):
 @device
 def sample_one_light(scene, light, p, u):
     """Towards p from the light of that number: a LightSample, its pdf without the choice of the light."""
-    primitive = scene.light_primitive[light]
+    primitive = np.uint32(scene.light_primitive[light])
     triangles = len(scene.triangle)
     if primitive < triangles:
         return _sample_triangle(scene, primitive, scene.light_area[light], p, u)

@@ -20,6 +20,7 @@ from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.fetch import columns
 from renderer.kernel.layers import resolve
 from renderer.kernel.normal_map import coat_normal
 from renderer.kernel.rows import (
@@ -27,6 +28,7 @@ from renderer.kernel.rows import (
     ALPHA_Y,
     BLINN_PHONG,
     COAT_NORMAL,
+    COLUMNS,
     CONDUCTOR,
     DIFFUSE,
     GLASS,
@@ -34,6 +36,7 @@ from renderer.kernel.rows import (
     LAYERED,
     METALLIC_ROUGHNESS,
     MIRROR,
+    SLOTS,
     UNLIT,
 )
 from renderer.kernel.texture import sample_texture
@@ -77,8 +80,18 @@ class Material(NamedTuple):
 
 
 @device
-def _rgb(row, number, column):
-    return row[number, column], row[number, column + 1], row[number, column + 2]
+def _rgb(table, number, column):
+    return columns(table, number, COLUMNS, column, 3)
+
+
+@device
+def _value(table, number, column):
+    return columns(table, number, COLUMNS, column, 1)[0]
+
+
+@device
+def _texture(scene, number, slot):
+    return columns(scene.material_texture, number, SLOTS, slot, 1)[0]
 
 
 @device
@@ -93,26 +106,26 @@ def fetch_material(scene, surface, frame, layers):
     kind = scene.material_kind[number]
     flags = scene.material_flags[number]
     base = _rgb(row, number, rows.BASE)
-    metallic = row[number, rows.METALLIC]
-    roughness = row[number, rows.ROUGHNESS]
+    metallic, roughness, ior = columns(row, number, COLUMNS, rows.METALLIC, 3)
     if flags & rows.TEXTURED != 0:
-        if textures[number, rows.BASE_TEXTURE] >= 0:
-            r, g, b, _ = sample_texture(scene, textures[number, rows.BASE_TEXTURE], surface.uv, surface.uv1)
+        texture = _texture(scene, number, rows.BASE_TEXTURE)
+        if texture >= 0:
+            r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
             base = (base[0] * r, base[1] * g, base[2] * b)
-        if textures[number, rows.METALLIC_ROUGHNESS_TEXTURE] >= 0:
-            _, g, b, _ = sample_texture(scene, textures[number, rows.METALLIC_ROUGHNESS_TEXTURE], surface.uv, surface.uv1)
+        texture = _texture(scene, number, rows.METALLIC_ROUGHNESS_TEXTURE)
+        if texture >= 0:
+            _, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
             roughness *= g
             metallic *= b
     base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
-    f90 = row[number, rows.SPECULAR]
+    f90 = _value(row, number, rows.SPECULAR)
     f0 = vec.scale(_rgb(row, number, rows.F0), f90)
-    ior = row[number, rows.IOR]
     eta = ior if surface.front else _ONE / ior
     if kind >= CONDUCTOR:
         pane = flags & rows.THIN != 0 or abs(ior - _ONE) < _MATCHED
-        texture, transform, texel = scene.texture, scene.texture_transform, scene.texel
+        images, transform, texel = scene.texture, scene.texture_transform, scene.texel
         uv, uv1 = surface.uv, surface.uv1
-        resolve(row, textures, texture, transform, texel, number, uv, uv1, base, metallic, roughness, pane, layers)
+        resolve(row, textures, images, transform, texel, number, uv, uv1, base, metallic, roughness, pane, layers)
         if kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0:
             layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = coat_normal(scene, surface, frame)
     return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers)
@@ -181,12 +194,12 @@ def opacity(scene, number, uv, uv1, vertex_alpha):
     flags = scene.material_flags[number]
     if flags & rows.TRANSPARENT == 0:
         return _ONE
-    alpha = scene.material[number, rows.OPACITY] * vertex_alpha
-    texture = scene.material_texture[number, rows.BASE_TEXTURE]
+    alpha = _value(scene.material, number, rows.OPACITY) * vertex_alpha
+    texture = _texture(scene, number, rows.BASE_TEXTURE)
     if texture >= 0:
         alpha *= sample_texture(scene, texture, uv, uv1)[3]
     if flags & rows.MASKED != 0:
-        return _ONE if alpha >= scene.material[number, rows.ALPHA_CUTOFF] else _ZERO
+        return _ONE if alpha >= _value(scene.material, number, rows.ALPHA_CUTOFF) else _ZERO
     return min(max(alpha, _ZERO), _ONE)
 
 
@@ -201,11 +214,10 @@ def absorption(scene, number):
 @device
 def emission(scene, number, uv, uv1, front):
     """The radiance that leaves the given side of material `number` at these texture coordinates."""
-    row = scene.material
-    if not (front or row[number, rows.DOUBLE_SIDED] != _ZERO):
+    if not (front or _value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO):
         return _BLACK
-    radiance = _rgb(row, number, rows.EMISSION)
-    texture = scene.material_texture[number, rows.EMISSION_TEXTURE]
+    radiance = _rgb(scene.material, number, rows.EMISSION)
+    texture = _texture(scene, number, rows.EMISSION_TEXTURE)
     if texture >= 0:
         r, g, b, _ = sample_texture(scene, texture, uv, uv1)
         radiance = (radiance[0] * r, radiance[1] * g, radiance[2] * b)

@@ -24,7 +24,7 @@ from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
 from renderer.kernel.rows import DISPERSIVE, UNLIT
-from renderer.kernel.sampler import uniform4
+from renderer.kernel.sampler import uniform1, uniform4
 from renderer.kernel.strategy import heuristic_weight, mistaken, power_heuristic, share_of_light, special_bounce
 from renderer.kernel.surface import departure, surface_at
 from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed, limited
@@ -39,7 +39,6 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 _ROULETTE_FROM = 4  # segments that every path may have; dark ones end soon after
-_INDIRECT = 3  # segments from which on light counts as indirect
 _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
@@ -72,7 +71,6 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
         hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
         row = segment + passed
-        limit = options.clamp if segment + 1 >= _INDIRECT else _ZERO
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_vertex(log, row, MISSED, 0, 0, hit.t, pdf, o, d, d, throughput, radiance)
@@ -85,7 +83,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                         weight = power_heuristic(pdf, light_pdf)
                     else:
                         weight = heuristic_weight(options.heuristic, pdf, light_pdf)
-                radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), limit))
+                radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), segment + 1, options.clamp))
             if row < len(log):
                 record_light(log, row, EMITTED, radiance)
             break
@@ -117,11 +115,11 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                     weight = heuristic_weight(options.heuristic, pdf, light_pdf)
             if special is not None and options.mistake != NO_MISTAKE and segment > 0:
                 weight *= mistaken(options.mistake, point, surface.point)
-            radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), limit))
+            radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), segment + 1, options.clamp))
         frame = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, frame, layers)
         if scene.material_flags[surface.material] & DISPERSIVE != 0:
-            u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))[0]
+            u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))
             material, throughput = disperse(scene, surface, material, throughput, u)
         if segment == 0:
             albedo = material.base
@@ -131,7 +129,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             object_id = 1 + surface.object
             material_id = 1 + surface.material
         if material.kind == UNLIT:
-            radiance = vec.add(radiance, limited(vec.mul(throughput, material.base), limit))
+            radiance = vec.add(radiance, limited(vec.mul(throughput, material.base), segment + 1, options.clamp))
         if row < len(log):
             record_light(log, row, EMITTED, radiance)
         if segment + 1 == options.max_depth or material.kind == UNLIT:
@@ -145,7 +143,6 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             count = 1
             if special is not None and segment == 0:
                 count = options.light_samples
-            limit = options.clamp if segment + 2 >= _INDIRECT else _ZERO
             for k in range(count):
                 number = np.uint32(sample * np.uint32(count) + np.uint32(k))
                 r = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
@@ -166,7 +163,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                                 if options.mistake != NO_MISTAKE:
                                     weight *= mistaken(options.mistake, surface.point, light.end)
                             arriving = vec.scale(vec.mul(f, light.radiance), weight)
-                            radiance = vec.add(radiance, limited(vec.mul(throughput, arriving), limit))
+                            radiance = vec.add(radiance, limited(vec.mul(throughput, arriving), segment + 2, options.clamp))
             if row < len(log):
                 record_light(log, row, DIRECT, radiance)
 

@@ -18,7 +18,7 @@ from numba.extending import intrinsic
 from renderer.jit import device, subroutine
 from renderer.settings import SAMPLERS
 
-__all__ = ["INDEPENDENT", "SOBOL", "direction_numbers", "hash4", "pixel_key", "sobol4", "uniform4"]
+__all__ = ["INDEPENDENT", "SOBOL", "direction_numbers", "hash4", "pixel_key", "sobol4", "uniform1", "uniform4"]
 
 SOBOL, INDEPENDENT = (np.int32(SAMPLERS.index(name)) for name in ("sobol", "independent"))
 
@@ -203,7 +203,7 @@ def sobol4(seed, pixel, sample, block):
     return _points(_TABLE, index, a, b, c, _mix(np.uint32(a ^ key)))
 
 
-@subroutine
+@device
 def uniform4(sampler, seed, pixel, sample, block):
     """Four numbers in [0, 1) of the sampler SOBOL or INDEPENDENT; the other arguments uint32.
 
@@ -214,3 +214,9 @@ def uniform4(sampler, seed, pixel, sample, block):
     else:
         x, y, z, w = hash4(seed, pixel, sample, block)
     return _unit(x), _unit(y), _unit(z), _unit(w)
+
+
+@subroutine
+def uniform1(sampler, seed, pixel, sample, block):
+    """The first number of `uniform4`, for what is seldom needed."""
+    return uniform4(sampler, seed, pixel, sample, block)[0]

@@ -8,6 +8,7 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
+from renderer.kernel.fetch import row
 
 __all__ = ["lifted"]
 
@@ -15,11 +16,6 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NOTHING = (_ZERO, _ZERO, _ZERO)
 _MOST_BEND = np.float32(math.cos(math.radians(45.0)))
-
-
-@device
-def _row(array, i):
-    return array[i, 0], array[i, 1], array[i, 2]
 
 
 @device
@@ -37,20 +33,19 @@ def _lift(point, corner, normal, up, side):
 
 @device
 def lifted(scene, point, number, u, v, shading, up):
-    """The point moved off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
+    """The way from a point off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
 
     A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
     the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). up: the facet's
     normal, of any length.
     """
-    i, j, k = scene.triangle[number, 0], scene.triangle[number, 1], scene.triangle[number, 2]
+    i, j, k = row(scene.triangle, number, 3)
     square = vec.dot(up, up)
     if not square > _ZERO:
-        return point
+        return _NOTHING
     up = vec.scale(up, _ONE / math.sqrt(square))
     side = _ONE if vec.dot(shading, up) > _ZERO else -_ONE
-    a = _lift(point, _row(scene.position, i), _row(scene.normal, i), up, side)
-    b = _lift(point, _row(scene.position, j), _row(scene.normal, j), up, side)
-    c = _lift(point, _row(scene.position, k), _row(scene.normal, k), up, side)
-    raised = vec.add(vec.scale(a, _ONE - u - v), vec.add(vec.scale(b, u), vec.scale(c, v)))
-    return vec.add(point, raised)
+    a = _lift(point, row(scene.position, i, 3), row(scene.normal, i, 3), up, side)
+    b = _lift(point, row(scene.position, j, 3), row(scene.normal, j, 3), up, side)
+    c = _lift(point, row(scene.position, k, 3), row(scene.normal, k, 3), up, side)
+    return vec.add(vec.scale(a, _ONE - u - v), vec.add(vec.scale(b, u), vec.scale(c, v)))

@@ -12,12 +12,13 @@ from renderer.kernel import vec
 from renderer.kernel.material import absorption, is_transparent, opacity
 from renderer.kernel.polynomial import exp
 from renderer.kernel.rows import ABSORBING
-from renderer.kernel.sampler import uniform4
+from renderer.kernel.sampler import uniform1
 
 __all__ = ["COLOR_BLOCK", "PathResult", "attenuated", "is_passed", "limited"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+INDIRECT = 3  # segments from which on light counts as indirect
 PASSING_BLOCK = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below,
 COLOR_BLOCK = 1 << 17  # and from here on those that spread colours
 
@@ -42,7 +43,7 @@ def is_passed(scene, surface, options, pixel, sample, row):
     row: how many surfaces the path has met before, passed or not: each has a chance of its own."""
     if not is_transparent(scene, surface.material):
         return False
-    u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(PASSING_BLOCK + row))[0]
+    u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(PASSING_BLOCK + row))
     return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
 
 
@@ -63,9 +64,10 @@ def attenuated(scene, material, throughput, start, end):
 
 
 @device
-def limited(light, limit):
-    """The light with its greatest channel no greater than the limit, its hue kept; limit 0: none."""
-    if limit > _ZERO:
+def limited(light, segments, limit):
+    """The light of a path of so many segments, if it is indirect with its greatest channel no greater than the limit, its hue
+    kept; limit 0: none."""
+    if limit > _ZERO and segments >= INDIRECT:
         most = vec.maximum(light)
         if most > limit:
             return vec.scale(light, limit / most)

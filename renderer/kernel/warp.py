@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from renderer.bvh.simd import select
 from renderer.jit import device
 from renderer.kernel.polynomial import sincos_turns
 
@@ -39,11 +40,10 @@ def _concentric(u):
     """The square's point as one of the unit disk, keeping neighbours together (Shirley & Chiu 1997): (radius, sin, cos)."""
     a = _TWO * u[0] - _ONE
     b = _TWO * u[1] - _ONE
-    steep = abs(b) > abs(a)  # chooses values, not branches, as it cannot be predicted
-    radius = b if steep else a
-    other = a if steep else b
-    turns = _EIGHTH * other / (radius if radius != _ZERO else _ONE)
-    sine, cosine = sincos_turns(_QUARTER - turns if steep else turns)
+    steep = abs(b) > abs(a)  # cannot be predicted
+    radius = select(steep, b, a)
+    turns = _EIGHTH * select(steep, a, b) / (radius if radius != _ZERO else _ONE)
+    sine, cosine = sincos_turns(select(steep, _QUARTER - turns, turns))
     return radius, sine, cosine
 
 

@@ -30,7 +30,7 @@ from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
 from renderer.kernel.rows import CONDUCTOR, DISPERSIVE, METALLIC_ROUGHNESS, UNLIT
-from renderer.kernel.sampler import uniform4
+from renderer.kernel.sampler import uniform1, uniform4
 from renderer.kernel.strategy import mistaken
 from renderer.kernel.surface import departure, surface_at
 from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed
@@ -155,7 +155,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
         s, q, n = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, (s, q, n), layers)
         if scene.material_flags[surface.material] & DISPERSIVE != 0:
-            u = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))[0]
+            u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))
             material, throughput = disperse(scene, surface, material, throughput, u)
         if segment == 0:
             albedo = material.base

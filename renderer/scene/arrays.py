@@ -41,6 +41,7 @@ class CompiledScene(NamedTuple):
     color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
     tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
     triangle: Array  # (T, 3) i32 into the vertices
+    triangle_margin: Array  # (T, 2) f32: renderer/scene/margins.py
     triangle_material: Array  # (T,) i32
     triangle_light: Array  # (T,) i32: its light, or -1
     triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py); an instance's counts instead
@@ -97,6 +98,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "color": ("<f4", ("V?", 4)),
     "tangent": ("<f4", ("V?", 4)),
     "triangle": ("<i4", ("T", 3)),
+    "triangle_margin": ("<f4", ("T", 2)),
     "triangle_material": ("<i4", ("T",)),
     "triangle_light": ("<i4", ("T",)),
     "triangle_object": ("<i4", ("T",)),

@@ -19,6 +19,7 @@ from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, place
 from renderer.scene.guides import list_guides
 from renderer.scene.lights import list_lights
+from renderer.scene.margins import edge_margins
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
@@ -73,6 +74,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         color=geometry.color,
         tangent=geometry.tangent,
         triangle=geometry.triangle,
+        triangle_margin=edge_margins(geometry.position, geometry.triangle),
         triangle_material=geometry.triangle_material,
         triangle_light=lights.triangle_light,
         triangle_object=geometry.triangle_object,

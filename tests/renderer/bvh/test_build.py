@@ -7,7 +7,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from renderer.bvh.build import build
-from renderer.bvh.layout import ROW_CHILD, ROW_PRIMITIVE, SPHERES, STACK_SIZE, TRIANGLES, WIDTH
+from renderer.bvh.layout import MAX_LEVELS, ROW_CHILD, ROW_PRIMITIVE, SPHERES, STACK_SIZE, TRIANGLES, WIDTH
 from tests.renderer.bvh.rays import NO_SPHERES, trace, without_a_tree
 
 NONE = np.zeros((0, 3), np.float32)
@@ -45,6 +45,7 @@ def leaves(bvh):
     assert len(nodes) == len(bvh.node)
     assert len(packets) == len(bvh.packet)
     assert (deepest + 1) * (WIDTH - 1) < STACK_SIZE
+    assert deepest < MAX_LEVELS
 
 
 def assert_whole(position, triangle, sphere):

@@ -62,7 +62,8 @@ class Subject:
             uv1=(zero, zero),
             color=white,
             tangent=(one, zero, zero, one),
-            shadow_point=nothing,
+            smooth=False,
+            lift=nothing,
         )
         self._layers = np.zeros(LAYER_SLOTS, np.float32)
 

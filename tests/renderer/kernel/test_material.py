@@ -47,7 +47,7 @@ def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True
     uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
     surface = Surface(
         point=(ZERO, ZERO, ZERO), error=ZERO, geometric=UP, shading=UP, uv=uv, front=front, material=0, light=-1, object=0,
-        uv1=uv1, color=color, tangent=(ONE, ZERO, ZERO, ONE), shadow_point=(ZERO, ZERO, ZERO),
+        uv1=uv1, color=color, tangent=(ONE, ZERO, ZERO, ONE), smooth=False, lift=(ZERO, ZERO, ZERO),
     )  # fmt: skip
     out = np.zeros(16, np.float32)
     _look(scene, surface, FRAME, np.zeros(LAYER_SLOTS, np.float32), carried, np.float32(u), out)

@@ -46,7 +46,7 @@ def frame(rgb, front=True, scale=1.0, sign=1.0):
     surface = Surface(
         point=(ZERO, ZERO, ZERO), error=ZERO, geometric=up, shading=up, uv=(ZERO, ZERO), front=front, material=0, light=-1,
         object=0, uv1=(ZERO, ZERO), color=(ONE, ONE, ONE, ONE), tangent=(ONE, ZERO, ZERO, np.float32(sign)),
-        shadow_point=(ZERO, ZERO, ZERO),
+        smooth=False, lift=(ZERO, ZERO, ZERO),
     )  # fmt: skip
     out = np.zeros((4, 3), np.float32)
     _frame(compile_scene(description), surface, up, out)

@@ -29,7 +29,7 @@ def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent,
             point[i, k] = surface.point[k]
             geometric[i, k] = surface.geometric[k]
             shading[i, k] = surface.shading[k]
-            shadow_point[i, k] = surface.shadow_point[k]
+            shadow_point[i, k] = surface.point[k] + surface.lift[k]
             start[i, k] = first[k]
         for k in range(2):
             uv[i, k] = surface.uv[k]

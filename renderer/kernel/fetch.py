@@ -1,0 +1,58 @@
+"""Rows of a scene's tables, read at once.
+
+Numba's own indexing asks of each number whether it counts from the end, and multiplies it by a width that it looks up. A
+path reads some hundred rows, and a sixth of its instructions were for that.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+__all__ = ["columns", "row"]
+
+_WORD = ir.IntType(64)
+
+
+def _index(builder, number):
+    return builder.zext(number, _WORD) if number.type.width < _WORD.width else number
+
+
+def _values(context, builder, sig, table, number, width, first):
+    """A tuple of the numbers that follow `first` in a row."""
+    data = context.make_array(sig.args[0])(context, builder, table).data
+    start = builder.add(builder.mul(_index(builder, number), _WORD(width)), first)
+    values = []
+    for k in range(sig.return_type.count):
+        value = builder.load(builder.gep(data, [builder.add(start, _WORD(k))]))
+        # A scene stays as it is while it is rendered: what has been read once need not be read again.
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        values.append(value)
+    return context.make_tuple(builder, sig.return_type, values)
+
+
+@intrinsic(prefer_literal=True)
+def row(typingctx, table, number, width):
+    """A whole row of a C-contiguous table of the scene, as a tuple.
+
+    number: not negative; width: the table's, a literal. Unchecked.
+    """
+    wide = width.literal_value
+
+    def codegen(context, builder, sig, args):
+        return _values(context, builder, sig, args[0], args[1], wide, _WORD(0))
+
+    return types.UniTuple(table.dtype, wide)(table, types.unliteral(number), width), codegen
+
+
+@intrinsic(prefer_literal=True)
+def columns(typingctx, table, number, width, first, count):
+    """`count` columns of a row from `first` on, as in `row`; width and count are literals."""
+    wide = width.literal_value
+    numbers = types.UniTuple(table.dtype, count.literal_value)
+
+    def codegen(context, builder, sig, args):
+        return _values(context, builder, sig, args[0], args[1], wide, _index(builder, args[3]))
+
+    return numbers(table, types.unliteral(number), width, types.unliteral(first), count), codegen
