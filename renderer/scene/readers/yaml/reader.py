@@ -14,7 +14,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
 from renderer.scene.readers.yaml.lights import read_environment, read_light
-from renderer.scene.readers.yaml.lines import Path, Yaml, parse
+from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
@@ -68,16 +68,7 @@ def _validate(document: Yaml) -> None:
     error = jsonschema.exceptions.best_match(_validator().iter_errors(document.data))
     if error is not None:
         path = tuple(error.absolute_path)
-        message = error.message
-        if error.validator is None:  # a field that its neighbours rule out; jsonschema gives the path of what holds it
-            message = "does not belong here"
-            path += _key_of(error.instance, document.data, path)
+        message = "does not belong here" if error.validator == "not" else error.message
         if len(message) > 300:
             message = f"{message[:120]} ... {message[-120:]}"
         raise document.error(path, f"{message}. See docs/scene-format.md")
-
-
-def _key_of(value: Any, data: Any, path: Path) -> Path:
-    for step in path:
-        data = data[step]
-    return tuple(key for key, held in data.items() if held is value)[:1] if isinstance(data, dict) else ()
