@@ -13,10 +13,11 @@ import hashlib
 import os
 import platform
 import sys
+import time
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from renderer import __version__
 
@@ -35,6 +36,7 @@ __all__ = [
     "template",
 ]
 
+COMPILE_PATIENCE_S = 300.0
 _X86 = ("x86_64", "amd64")
 _ARM = ("aarch64", "arm64")
 
@@ -215,15 +217,26 @@ def is_loaded(kernel: Any) -> bool:
 def compiling(name: str) -> Iterator[None]:
     """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
 
-    A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it.
+    A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it. Who waits
+    in vain, because the one is stopped or the file system has no locks, compiles too.
     """
     folder = cache_folder()
     folder.mkdir(parents=True, exist_ok=True)
     done = folder / f"{name}.done"
     with (folder / f"{name}.lock").open("wb") as lock:
-        if not done.exists():
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            if done.exists():
-                fcntl.flock(lock, fcntl.LOCK_UN)
+        deadline = time.monotonic() + COMPILE_PATIENCE_S
+        while not done.exists() and not _is_taken(lock) and time.monotonic() < deadline:
+            time.sleep(0.1)
         yield
         done.touch()
+
+
+def _is_taken(lock: IO[bytes]) -> bool:
+    """Take the lock; False where another process has it."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # there are no locks here
+    return True

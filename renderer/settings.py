@@ -207,13 +207,17 @@ class RenderSettings:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:
-        """The settings that `to_json` wrote. Raises SettingsError where a value is out of range."""
-        data = dict(data)
+        """The settings that `to_json` wrote, of this release or an older one. Raises SettingsError where it cannot be."""
+        optional = {field.name for field in fields(cls) if field.default is None}
+        data = {name: value for name, value in data.items() if value is not None or name in optional}
         view = View.from_json(data.pop("view"))
         for name in ("environment", "ambient"):
             if isinstance(data.get(name), list):
                 data[name] = tuple(data[name])
-        return cls(view=view, **data)
+        try:
+            return cls(view=view, **data)
+        except TypeError as error:
+            raise SettingsError(f"these settings are of another release of Rayfarm ({error})") from None
 
 
 # What a request may leave to the scene file, and the scene file to the defaults.

@@ -11,6 +11,7 @@ from typing import IO, Annotated
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.blobs import BlobStore
 from service.broadcast import Broadcast
@@ -19,6 +20,7 @@ from service.engine import Engine
 from service.film_store import FilmStore
 from service.films import Film
 from service.models import Job
+from service.problem import Problem
 from service.records import Records
 from service.settings import Settings
 
@@ -60,7 +62,11 @@ class Farm:
         """A job's film; None where the job has none yet."""
         if job.settings is None or job.tile_size is None:
             return None
-        return self.films.open(job.id, RenderSettings.from_json(job.settings), job.tile_size)
+        try:
+            settings = RenderSettings.from_json(job.settings)
+        except SettingsError as error:
+            raise Problem(409, f"The picture cannot be shown: {error}. Render it anew.") from None
+        return self.films.open(job.id, settings, job.tile_size)
 
 
 def _own(folder: Path) -> IO[str]:

@@ -281,7 +281,7 @@ class Film:
         total: Sums | None = None
         rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile))
         for (packed,) in rows:
-            sums = unpack_sums(packed, self.tiles[tile])
+            sums = unpack_sums(packed, self.tiles[tile], stored=True)
             total = sums if total is None else total + sums
         assert total is not None
         return total

@@ -9,6 +9,7 @@ import shlex
 import sqlite3
 from collections.abc import Callable
 
+from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.active_job import ActiveJob
 from service.denoising import Denoising
@@ -86,8 +87,8 @@ class Lifecycle:
             return
         try:
             film = self._films.open(id, RenderSettings.from_json(row.settings), row.tile_size, pin=True)
-        except sqlite3.DatabaseError as error:
-            self._records.failed(id, f"The film of this job cannot be read ({error}). Make a new job.")
+        except (sqlite3.DatabaseError, SettingsError) as error:
+            self._records.failed(id, f"This job cannot go on: its film or its settings cannot be read ({error}). Make a new one.")
             return
         job = ActiveJob(row, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
         self._scheduler.jobs[id] = job

@@ -23,7 +23,7 @@ from service.problem import Problem
 from service.settings import Settings
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "check_length", "keep", "receive", "under_sky"]
+__all__ = ["Upload", "check_length", "keep", "no_room", "receive", "under_sky"]
 
 DISK_CHECK_EVERY = 16 << 20
 SKY = "sky:"

@@ -270,14 +270,18 @@ def pack_sums(sums: Sums) -> bytes:
     return lz4.block.compress(np.ascontiguousarray(words.T), store_size=False)
 
 
-def unpack_sums(data: bytes, tile: Tile) -> Sums:
-    """The sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError where they are not of this tile."""
-    size = CHANNELS * tile.h * tile.w * 8
+def unpack_sums(data: bytes, tile: Tile, stored: bool = False) -> Sums:
+    """The sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError where they are not of this tile.
+
+    stored: an older release may have packed them, which knew fewer planes; those that came since are 0."""
+    plane = tile.h * tile.w * 8
+    size = CHANNELS * plane
     try:
         raw = lz4.block.decompress(data, uncompressed_size=size)
     except lz4.block.LZ4BlockError as error:
         raise ValueError(f"damaged sums: {error}") from error
-    if len(raw) != size:
+    if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
         raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
     words = np.frombuffer(raw, "<u4").reshape(2, -1)
-    return np.ascontiguousarray(words.T).view("<i8").reshape(CHANNELS, tile.h, tile.w)
+    sums = np.ascontiguousarray(words.T).view("<i8").reshape(-1, tile.h, tile.w)
+    return sums if len(sums) == CHANNELS else np.concatenate([sums, np.zeros((CHANNELS - len(sums), tile.h, tile.w), "<i8")])

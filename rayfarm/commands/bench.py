@@ -79,7 +79,7 @@ def bvh(
     tree, brute = compile_scene(descriptions[0]), compile_scene(descriptions[1], brute=True)
     summary = summarise(descriptions[0], tree)
     settings = Picture(size=size).settings(summary["cameras"], summary["defaults"])
-    warm_up()
+    warm_up(settings)
     expected = _expected_s(brute, settings, spp)
     cores = machine.cores()
     if expected * (1 + 1 / cores) > patience:

@@ -52,7 +52,7 @@ class Surface(NamedTuple):
     material: int
     light: int  # its number among the lights, or -1
     object: int  # its number in the object id AOV
-    uv1: tuple[float, float]  # the second set
+    uv1: tuple[float, float]  # the second set; the first where there is none
     color: tuple[float, float, float, float]  # the vertices' RGBA, white where they have none
     tangent: tuple[float, float, float, float]  # unit, and the bitangent's sign; zeros where the material needs none
     smooth: bool  # whether rays that scatter back start off the triangle's facet,
@@ -190,7 +190,7 @@ def surface_at(scene, o, d, hit):
     t, primitive, u, v = hit.t, np.uint32(hit.primitive), hit.u, hit.v
     wo = vec.neg(d)
     triangles = len(scene.triangle)
-    uv1, color, tangent = _NO_UV, _WHITE, _NO_TANGENT
+    color, tangent = _WHITE, _NO_TANGENT
     smooth, lift = False, _NOWHERE
     material = hit_material(scene, hit)
     if primitive < triangles:
@@ -233,8 +233,7 @@ def surface_at(scene, o, d, hit):
         if min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature:  # else it is as far from the edges as it would be moved
             point = vec.add(point, _inward(scene.position, scene.triangle, scene.to_world, hit, error, curvature))
         uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
-        if len(scene.uv1) > 0:
-            uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v)
+        uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
         if len(scene.color) > 0:
             color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
         light = scene.triangle_light[primitive]
@@ -245,6 +244,7 @@ def surface_at(scene, o, d, hit):
         geometric = normal if front else vec.neg(normal)
         shading = normal
         uv = sphere_uv(normal) if _is_textured(scene, material) else _NO_UV
+        uv1 = uv
         light = scene.sphere_light[ball]
         number = scene.sphere_object[ball]
     shading = _facing(shading, geometric, wo)

@@ -24,7 +24,7 @@ def emitted_by_triangles(packed: Packed, geometry: Geometry) -> np.ndarray:
         number = packed.material_texture[material, rows.EMISSION_TEXTURE]
         of_it = np.flatnonzero(geometry.triangle_material == material)
         mean = np.zeros((len(of_it), 3), np.float32)
-        uv1 = geometry.uv1 if len(geometry.uv1) else np.zeros_like(geometry.uv)  # as surfaces without such coordinates have them
+        uv1 = geometry.uv1 if len(geometry.uv1) else geometry.uv
         table = packed.texture, packed.texture_transform, packed.texel
         mean_texels(*table, number, geometry.uv, uv1, geometry.triangle[of_it], mean)
         factor = packed.material[material, rows.EMISSION : rows.EMISSION + 3].astype(np.float64)

@@ -104,7 +104,7 @@ def flatten(description: SceneDescription) -> Geometry:
 
 
 def _joined(parts: list[Geometry]) -> Geometry:
-    """The parts as one. What only some of them have (uv1, color, tangent) the others get neutral values for."""
+    """The parts as one. What only some of them have the others get neutral values for; for the second UVs, the first."""
     first = np.cumsum([0] + [len(p.position) for p in parts])
     vertices = int(first[-1])
 
@@ -117,13 +117,17 @@ def _joined(parts: list[Geometry]) -> Geometry:
             whole[at : at + len(array)] = array
         return whole
 
+    uv, uv1 = together("uv", 2, 0.0), together("uv1", 2, 0.0)
+    for at, part in zip(first, parts, strict=False):
+        if len(uv1) and not len(part.uv1):
+            uv1[at : at + len(part.uv)] = part.uv
     triangles = [np.zeros((0, 3), np.int32)] + [p.triangle + np.int32(f) for p, f in zip(parts, first, strict=False)]
     none = [np.zeros(0, np.int32)]
     return Geometry(
         together("position", 3, 0.0),
         together("normal", 3, 0.0),
-        together("uv", 2, 0.0),
-        together("uv1", 2, 0.0),
+        uv,
+        uv1,
         together("color", 4, 1.0),
         together("tangent", 4, 0.0),
         np.concatenate(triangles),

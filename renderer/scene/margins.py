@@ -24,4 +24,4 @@ def edge_margins(position: F32, triangle: I32) -> F32:
     twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     curvature = np.sqrt(3.0) * perimeter / np.maximum(twice_area, _TINY)
     miss = np.minimum(_SLIVER * perimeter * perimeter * curvature, _AT_MOST / np.maximum(curvature, _TINY))
-    return np.stack([curvature, miss], axis=1).astype(np.float32)
+    return np.minimum(np.stack([curvature, miss], axis=1), np.finfo(np.float32).max).astype(np.float32)

@@ -36,6 +36,7 @@ class Texels:
         self._images: dict[tuple[int, bool], tuple[int, int, float]] = {}  # to first texel, block, scale
         self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # to row, scale
         self._block_of_row: list[int] = []
+        self._means: dict[int, float] = {}
 
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
         """The row of a texture, its layers behind it, and what its texels are to be multiplied by.
@@ -64,11 +65,13 @@ class Texels:
         """The mean linear luminance of a row's texels, 0..1; of a stack, over the square 0..1 of UVs and never quite 0."""
         if self._rows[row][ABOVE] < 0:
             return _mean_luminance(self._blocks[self._block_of_row[row]], srgb=bool(self._rows[row][SRGB]))
-        uv, triangle = _patches()
-        mean = np.zeros((len(triangle), 3), np.float32)
-        mean_texels(*self.arrays(), row, uv, uv, triangle, mean)
-        gains = [self._transforms[r][GAIN] for r in self._chain(row)]
-        return max(float(luminance(mean.mean(axis=0, dtype=np.float64))), _LEAST_MEAN * sum(gains))
+        if row not in self._means:
+            uv, triangle = _patches()
+            mean = np.zeros((len(triangle), 3), np.float32)
+            mean_texels(*self._alone(row), 0, uv, uv, triangle, mean)
+            gains = [self._transforms[r][GAIN] for r in self._chain(row)]
+            self._means[row] = max(float(luminance(mean.mean(axis=0, dtype=np.float64))), _LEAST_MEAN * sum(gains))
+        return self._means[row]
 
     def looks_at_second_uvs(self, row: int) -> bool:
         """Whether the row's texture, or a layer of it, is placed by the second set of coordinates."""
@@ -85,6 +88,17 @@ class Texels:
         self._transforms.append((*texture.transform, 1.0, 1.0, 1.0))
         self._block_of_row.append(block)
         return scale
+
+    def _alone(self, row: int) -> tuple[I32, F32, np.ndarray]:
+        """What `arrays` gives, of one stack alone: its rows from 0 on, and no texels but its own."""
+        chain = list(self._chain(row))
+        blocks = sorted({self._block_of_row[r] for r in chain})
+        start = dict(zip(blocks, np.cumsum([0] + [len(self._blocks[b]) for b in blocks]), strict=False))
+        rows = np.array([self._rows[r] for r in chain], np.int32)
+        rows[:, 0] = [start[self._block_of_row[r]] for r in chain]
+        rows[:, ABOVE] = [*range(1, len(chain)), -1]
+        transforms = np.array([self._transforms[r] for r in chain], np.float32)
+        return rows, transforms, np.concatenate([self._blocks[b] for b in blocks])
 
     def _chain(self, row: int) -> Iterator[int]:
         while row >= 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from service.farm import Farm, FarmDependency
 from service.multipart import Form
 from service.problem import Problem
 from service.schemas import SceneOut
-from service.uploads import keep
+from service.uploads import keep, no_room
 
 __all__ = ["router"]
 
@@ -44,14 +45,28 @@ def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOu
     path = next((path for path in _files(farm) if path.stem == name), None)
     if path is None:
         raise Problem(404, f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
-    form = Form({"name": _described(path).title, "main": path.name})
-    for name, file in _parts(path):
-        writer = farm.blobs.writer()
-        form.files.append((name, writer))
-        writer.write(file.read_bytes())
-    scene = record(keep(form, farm.blobs, farm.settings, lambda size: None), farm)
+    try:
+        scene = record(keep(_form(path, farm), farm.blobs, farm.settings, lambda size: None), farm)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise no_room() from error
+        raise
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene
+
+
+def _form(path: Path, farm: Farm) -> Form:
+    """An example as the form by which it would be uploaded."""
+    form = Form({"name": _described(path).title, "main": path.name})
+    try:
+        for part, file in _parts(path):
+            writer = farm.blobs.writer()
+            form.files.append((part, writer))
+            writer.write(file.read_bytes())
+    except BaseException:
+        form.discard()
+        raise
+    return form
 
 
 def _files(farm: Farm) -> list[Path]:

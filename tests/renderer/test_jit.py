@@ -35,3 +35,19 @@ def test_a_kernel_that_does_not_compile_is_not_taken_for_compiled(monkeypatch, t
     with pytest.raises(ZeroDivisionError), jit.compiling("kernel"):
         _ = 1 / 0
     assert not list(tmp_path.glob("*.done"))
+
+
+def test_who_waits_in_vain_compiles_too(monkeypatch, tmp_path):
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(jit, "COMPILE_PATIENCE_S", 0.3)
+    entered = threading.Event()
+
+    def wait():
+        with jit.compiling("kernel"):
+            entered.set()
+
+    with jit.compiling("kernel"):  # as one that was stopped in the middle
+        other = threading.Thread(target=wait)
+        other.start()
+        assert entered.wait(30)
+        other.join(30)

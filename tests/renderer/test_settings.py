@@ -148,3 +148,12 @@ def test_tiles_cover_every_pixel_once(width, height, size):
 
 def test_a_colour_may_be_a_list_as_json_has_them():
     assert RenderSettings(8, 8, VIEW, ambient=[0.1, 0.2, 0.3]).ambient == (0.1, 0.2, 0.3)
+
+
+def test_settings_of_an_older_release_are_read():
+    """It wrote null for a roulette by throughput, and knew nothing of its floor."""
+    stored = RenderSettings(8, 8, VIEW).to_json() | {"roulette": None}
+    del stored["roulette_floor"]
+    assert RenderSettings.from_json(stored) == RenderSettings(8, 8, VIEW)
+    with pytest.raises(SettingsError, match="another release"):
+        RenderSettings.from_json(stored | {"of the next release": 1})

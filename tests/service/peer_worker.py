@@ -176,8 +176,8 @@ class PeerWorker:
             sha256 = hashlib.sha256(clean).hexdigest()
             self.http.put(f"/api/farm/blobs/{sha256}", content=clean).raise_for_status()
             seen = {"version": means.headers["x-film-version"], "samples": int(means.headers["x-samples"])}
+            self.denoised.append(work.job)  # first: who gets the answer may look at once
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
-            self.denoised.append(work.job)
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
+import pytest
+
+from service.blobs import BlobWriter
 from tests.service.conftest import Service
 
 
@@ -29,6 +33,22 @@ def test_an_example_of_many_files_is_all_of_them(service: Service) -> None:
     known = {example["name"]: example for example in service.http.get("/api/examples").json()}
     assert known["christmas"]["description"].startswith("A village in the snow")
     assert list(known) == sorted(known)
+
+
+def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk fills up at the third file."""
+    written: list[bytes] = []
+
+    def write(self: BlobWriter, data: bytes) -> None:
+        if len(written) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(data)
+
+    before = sorted(path for path in service.farm.settings.data.rglob("*") if path.is_file())
+    monkeypatch.setattr(BlobWriter, "write", write)
+    answer = service.http.post("/api/examples/christmas")
+    assert answer.status_code == 507
+    assert sorted(path for path in service.farm.settings.data.rglob("*") if path.is_file()) == before
 
 
 def test_an_unknown_example_gets_a_sentence(service: Service) -> None:

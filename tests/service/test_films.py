@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import tempfile
 from pathlib import Path
 
@@ -58,6 +59,27 @@ def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, 
         assert film.samples(0) == sum(len(s) * film.tiles[t].w * film.tiles[t].h for t, s in model.items())
         film.close()
         again.close()
+
+
+def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Path) -> None:
+    planes = 15
+    film = make(tmp_path / "job.sqlite")
+    old = expected_sums(film.tiles[0], 0, 2, 0)[:planes]
+    film.merge([part(film, 0, 0, 2)])
+    film.close()
+    with sqlite3.connect(tmp_path / "job.sqlite") as database:
+        database.execute("UPDATE part SET sums = ?", (pack_sums(old),))
+    database.close()
+    film = make(tmp_path / "job.sqlite")
+    sums = film.tile_sums(0, 0)
+    assert sums is not None
+    np.testing.assert_array_equal(sums[:planes], old)
+    assert not sums[planes:].any()
+    assert film.merge([part(film, 0, 2, 2)]) == [True]
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 4, 0))
+    # What a worker sends is of this release, and complete.
+    assert film.merge([Part(0, 1, 0, 2, pack_sums(expected_sums(film.tiles[1], 0, 2, 0)[:planes]))]) == [False]
+    film.close()
 
 
 def test_rows_are_folded_and_the_digest_stays(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from renderer import film as film_math
 from renderer.settings import Tile
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.contract import render_queue
+from worker.contract import RenderBatch, render_queue
 
 
 def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, worker: PeerWorker) -> None:
@@ -104,6 +104,20 @@ def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> N
     jobs = [b.job for b in worker.batches]
     first, last = jobs.index(urgent), len(jobs) - jobs[::-1].index(urgent)
     assert jobs[first:last].count(slow) <= 4, "no more than what was in the window"
+
+
+def test_a_job_whose_kernel_is_compiled_first_says_so(service: Service, worker: PeerWorker) -> None:
+    go = threading.Event()
+
+    def compiles(batch: RenderBatch) -> None:
+        worker.current = {**worker.current, "compiling": True}
+        go.wait(20)
+
+    worker.on_batch = compiles
+    job = service.submit(service.ready_scene())
+    until(lambda: "compile the kernel" in (service.job(job)["message"] or ""), "the job says what it waits for")
+    go.set()
+    assert service.wait_for(job, "finished")["message"] is None
 
 
 def test_jobs_of_one_priority_share_the_workers(service: Service, worker: PeerWorker) -> None:

@@ -34,7 +34,7 @@ const READ_BY = {
     "clamp_indirect",
     "mistake",
   ],
-  direct: ["sampling", "heuristic", "light_choice", "light_samples", "mistake"],
+  direct: ["sampling", "heuristic", "light_choice", "light_samples", "roulette", "mistake"],
   whitted: ["max_depth", "light_choice", "light_samples", "ambient", "mistake"],
   ao: ["ao_distance"],
 };

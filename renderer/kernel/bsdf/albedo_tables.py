@@ -18,7 +18,7 @@ __all__ = [
     "MOST_BEND",
     "SIZE",
     "brushed_albedo",
-    "brushed_mean",
+    "brushed_means",
     "brushed_node",
     "brushed_table",
     "ggx_albedo",
@@ -78,10 +78,11 @@ def _smith_lambda(cosine: float | F64, alpha: float) -> F64:
     return (np.sqrt(1 + alpha**2 * (1 / np.square(cosine) - 1)) - 1) / 2
 
 
-def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64) -> float:
-    """A + B as `ggx_albedo`, of microfacets with two alphas, for light from the direction wo."""
+def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64) -> tuple[float, float]:
+    """(A, B) as `ggx_albedo`, of microfacets with two alphas, for light from the direction wo."""
     h = _visible_normals(wo, alpha_x, alpha_y, steps, steps)
-    wi = 2 * np.clip(h @ wo, 0, 1)[..., None] * h - wo
+    cosine_h = np.clip(h @ wo, 0, 1)
+    wi = 2 * cosine_h[..., None] * h - wo
     up = wi[..., 2] > 1e-9
 
     def smith_lambda(w: F64) -> F64:
@@ -89,10 +90,12 @@ def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64) -> 
         return np.asarray((np.sqrt(1 + slope2) - 1) / 2)
 
     lambda_o = smith_lambda(wo)
-    return float(np.where(up, (1 + lambda_o) / (1 + lambda_o + smith_lambda(wi)), 0.0).mean())
+    shadowing = np.where(up, (1 + lambda_o) / (1 + lambda_o + smith_lambda(wi)), 0.0)
+    schlick = (1 - cosine_h) ** 5
+    return float((shadowing * (1 - schlick)).mean()), float((shadowing * schlick).mean())
 
 
-def brushed_node(i: int, j: int, k: int, n: int) -> float:
+def brushed_node(i: int, j: int, k: int, n: int) -> tuple[float, float]:
     """One node of `brushed_table`."""
     r, q, t, a = (index / (nodes - 1) for index, nodes in zip((i, j, k, n), BRUSHED_NODES, strict=True))
     alpha_x = max(r * r, _SMALLEST)
@@ -106,21 +109,21 @@ def brushed_node(i: int, j: int, k: int, n: int) -> float:
     return brushed_albedo(wo, alpha_x, alpha_y)
 
 
-def brushed_mean(plane: F64, j: int) -> float:
-    """The mean over the hemisphere of (cosines, azimuths) at the ratio's node j."""
+def brushed_means(plane: F64, j: int) -> list[float]:
+    """The means over the hemisphere of a plane of the table, (cosines, azimuths, 2), at the ratio's node j."""
     least = (j / (BRUSHED_NODES[1] - 1)) ** 2  # the lesser alpha over the greater
     turn = (np.arange(256) + 0.5) / 256 * np.pi / 2
     alpha = np.sqrt(np.cos(turn) ** 2 + (least * np.sin(turn)) ** 2)
     at = (alpha - least) / (1 - least) if least < 1 else np.zeros_like(alpha)
     node = np.linspace(0, 1, plane.shape[1])
-    return mean_over_hemisphere(np.array([np.interp(at, node, row).mean() for row in plane]))
+    return [mean_over_hemisphere(np.array([np.interp(at, node, row).mean() for row in plane[..., k]])) for k in range(2)]
 
 
 def brushed_table() -> F64:
-    """BRUSHED_NODES, the third axis one longer: its last row holds the means over the hemisphere."""
-    table = np.array([brushed_node(*index) for index in np.ndindex(BRUSHED_NODES)]).reshape(BRUSHED_NODES)
-    means = np.array([[brushed_mean(plane, j) for j, plane in enumerate(of_ratio)] for of_ratio in table])
-    return np.concatenate([table, np.repeat(means[..., None, None], BRUSHED_NODES[3], axis=3)], axis=2)
+    """BRUSHED_NODES and (A, B), the third axis one longer: its last row holds the means over the hemisphere."""
+    table = np.array([brushed_node(*index) for index in np.ndindex(BRUSHED_NODES)]).reshape(*BRUSHED_NODES, 2)
+    means = np.array([[brushed_means(plane, j) for j, plane in enumerate(of_ratio)] for of_ratio in table])
+    return np.concatenate([table, np.repeat(means[:, :, None, None], BRUSHED_NODES[3], axis=3)], axis=2)
 
 
 def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128) -> float:

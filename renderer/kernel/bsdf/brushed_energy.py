@@ -18,7 +18,6 @@ __all__ = ["brushed_albedo", "brushed_mean_albedo"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_LEAST = np.float32(1e-6)
 _TABLE = np.load(table_path("brushed_albedo"))
 _LAST_ROUGHNESS, _LAST_RATIO, _LAST_COSINE, _LAST_AZIMUTH = (np.float32(nodes - 1) for nodes in BRUSHED_NODES)
 _MEANS = BRUSHED_NODES[2]
@@ -46,13 +45,14 @@ def _lookup(w, alpha_x, alpha_y):
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
     k, c = _node(math.sqrt(max(w[2], _ZERO)), _LAST_COSINE)
-    n, a = _node((alpha - alpha_y) / (alpha_x - alpha_y), _LAST_AZIMUTH)
-    total = _ZERO
+    n, t = _node((alpha - alpha_y) / (alpha_x - alpha_y), _LAST_AZIMUTH)
+    a = b = _ZERO
     for corner in range(16):
         di, dj, dk, dn = corner & 1, corner >> 1 & 1, corner >> 2 & 1, corner >> 3
-        share = _share(di, r) * _share(dj, q) * _share(dk, c) * _share(dn, a)
-        total += share * _TABLE[i + di, j + dj, k + dk, n + dn]
-    return total
+        share = _share(di, r) * _share(dj, q) * _share(dk, c) * _share(dn, t)
+        a += share * _TABLE[i + di, j + dj, k + dk, n + dn, 0]
+        b += share * _TABLE[i + di, j + dj, k + dk, n + dn, 1]
+    return a, b
 
 
 @subroutine
@@ -60,29 +60,28 @@ def _mean_lookup(alpha_x, alpha_y):
     out_of_line()
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
-    smoother = _share(0, q) * _TABLE[i, j, _MEANS, 0] + q * _TABLE[i, j + 1, _MEANS, 0]
-    rougher = _share(0, q) * _TABLE[i + 1, j, _MEANS, 0] + q * _TABLE[i + 1, j + 1, _MEANS, 0]
-    return _share(0, r) * smoother + r * rougher
+    a = b = _ZERO
+    for corner in range(4):
+        di, dj = corner & 1, corner >> 1
+        share = _share(di, r) * _share(dj, q)
+        a += share * _TABLE[i + di, j + dj, _MEANS, 0, 0]
+        b += share * _TABLE[i + di, j + dj, _MEANS, 0, 1]
+    return a, b
 
 
 @device
 def brushed_albedo(w, roughness, alpha_x, alpha_y):
     """(A, B) as `ggx_albedo` gives them, towards w in the frame whose x axis has alpha_x >= alpha_y.
 
-    roughness: of the isotropic surface that loses about as much, whose B is taken in proportion.
-    """
-    a, b = ggx_albedo(w[2], roughness)
+    roughness: the root of both alphas where they are the same."""
     if alpha_x > alpha_y:
-        scale = _lookup(w, alpha_x, alpha_y) / max(a + b, _LEAST)
-        return a * scale, b * scale
-    return a, b
+        return _lookup(w, alpha_x, alpha_y)
+    return ggx_albedo(w[2], roughness)
 
 
 @device
 def brushed_mean_albedo(roughness, alpha_x, alpha_y):
     """(A, B), their means over the cosine-weighted hemisphere."""
-    a, b = ggx_mean_albedo(roughness)
     if alpha_x > alpha_y:
-        scale = _mean_lookup(alpha_x, alpha_y) / max(a + b, _LEAST)
-        return a * scale, b * scale
-    return a, b
+        return _mean_lookup(alpha_x, alpha_y)
+    return ggx_mean_albedo(roughness)

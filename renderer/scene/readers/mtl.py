@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from renderer.image.tonemap import encode_srgb
-from renderer.scene.description import Image, Material, Vec3
+from renderer.scene.description import Material, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_decal, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
@@ -110,9 +107,7 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
     if material.base_color_texture is None:
         said.shelf.warn(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
         return
-    codes = np.rint(encode_srgb(np.array([[color]], np.float32)) * 255)
-    image = Image(f"colour of {said.name}", np.concatenate([codes, [[[255]]]], axis=2).astype(np.uint8))
-    material.base_color_texture = with_decal(said.shelf, said.shelf.add(image), material.base_color_texture, decal)
+    material.base_color_texture = with_decal(said.shelf, material.base_color_texture, decal, color)
     material.base_color = (1.0, 1.0, 1.0)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
-from renderer.scene.description import Image, TextureLayer, UvTransform, Wrap
+from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
 from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["Map", "holds_normals", "parse_map", "with_decal", "with_opacity", "with_roughness_and_metal"]
@@ -25,6 +25,9 @@ _OPTIONS = {
     "-texres": 1,
     "-type": 1,
 }
+
+
+_MOST = 1e9  # radiance
 
 
 class Map(NamedTuple):
@@ -91,24 +94,27 @@ def holds_normals(image: Image) -> bool:
     return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
 
 
-def with_decal(shelf: TextureShelf, color: int, texture: int, decal: int) -> int | None:
-    """A stack: image `color`, and on it a texture where the decal shows it.
+def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3) -> int | None:
+    """A texture where the decal shows it, and a colour where it does not: that lies on it, by 1 - decal, looked up as the decal.
 
-    The specification of `decal`: the texture's colour times the decal, and the material's times 1 - decal.
+    Source: the specification of `decal`: the texture's colour times the decal, plus the material's times 1 - decal.
     """
-    shown = with_opacity(shelf, texture, decal)
-    return None if shown is None else shelf.stacked(shelf.texture(color), (TextureLayer(shown),))
+    codes = np.rint(encode_srgb(np.array(color, np.float32)) * 255).astype(np.uint8)
+
+    def make(image: Image) -> Image:
+        hidden = 255 - _scalar(image)
+        return Image(f"{image.name} as a decal", np.dstack([np.broadcast_to(codes, (*hidden.shape, 3)), hidden]))
+
+    over = shelf.derived(decal, f"decal on {color}", make)
+    return texture if over is None else shelf.stacked(texture, (TextureLayer(over),))
 
 
 def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | None:
     """A texture with one's colour, white where None, and the opacity that another shows: its alpha where it has some."""
 
     def make(image: Image, mask: Image) -> Image:
-        pixels, alpha = _rgba8(image).copy(), _rgba8(mask)
-        if pixels.shape[:2] == (1, 1):  # of one colour, which has room for no mask
-            pixels = np.broadcast_to(pixels, alpha.shape).copy()
-        grey = alpha[..., 3] if (alpha[..., 3] < 255).any() else alpha[..., :3].max(axis=2)
-        pixels[..., 3] = _resized(grey, pixels.shape)
+        pixels = _rgba8(image).copy()
+        pixels[..., 3] = _resized(_scalar(mask), pixels.shape)
         if color is None:
             pixels[..., :3] = 255
         return Image(f"{image.name} with opacity", pixels, image.srgb)
@@ -139,7 +145,7 @@ def _spanned(image: Image, span: tuple[float, float]) -> Image:
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
     if image.pixels.dtype != np.uint8:
-        return Image(name, np.maximum(base + gain * image.pixels, 0).astype(np.float32), image.srgb)
+        return Image(name, np.clip(base + gain * image.pixels.astype(np.float64), 0, _MOST).astype(np.float32), image.srgb)
     level = np.arange(256) / 255
     linear = decode_srgb(level) if image.srgb else level
     moved = np.clip(base + gain * linear, 0, 1).astype(np.float32)
@@ -147,6 +153,13 @@ def _spanned(image: Image, span: tuple[float, float]) -> Image:
     pixels = image.pixels.copy()
     pixels[..., :3] = codes[pixels[..., :3]]
     return Image(name, pixels, image.srgb)
+
+
+def _scalar(image: Image) -> npt.NDArray[np.uint8]:
+    """(h, w): the alpha of an image that has some, else its grey."""
+    pixels = _rgba8(image)
+    found: npt.NDArray[np.uint8] = pixels[..., 3] if (pixels[..., 3] < 255).any() else pixels[..., :3].max(axis=2)
+    return found
 
 
 def _rgba8(image: Image) -> npt.NDArray[np.uint8]:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from renderer.image.encode import encode
+
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl m\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -55,26 +57,43 @@ def test_base_and_gain_move_linear_values(material):
 
 
 def test_a_decal_shows_the_map_on_the_colour(material):
-    """The specification: map_Kd where the decal is 1, Kd where it is 0."""
+    """The specification: map_Kd where the decal is 1, Kd where it is 0; each map is looked up by its own options."""
     files = {"a.png": picture([[[250, 0, 0], [0, 250, 0]]]), "shape.png": picture([[[0, 0, 0], [200, 200, 200]]])}
-    description, found = material("Kd 0.5 0.25 1\nmap_Kd a.png\ndecal shape.png", files)
+    statements = "Kd 0.5 0.25 1\nmap_Kd -s 4 4 a.png\ndecal -clamp on -s 2 2 shape.png"
+    description, found = material(statements, files)
     lowest = description.textures[found.base_color_texture]
-    assert description.images[lowest.image].pixels.tolist() == [[[188, 137, 255, 255]]]  # Kd in sRGB
+    assert description.images[lowest.image].pixels[0].tolist() == [[250, 0, 0, 255], [0, 250, 0, 255]]
     (layer,) = lowest.layers
     assert (layer.blend, layer.strength, found.base_color) == ("over", 1, (1, 1, 1))
-    shown = description.images[description.textures[layer.texture].image]
-    assert shown.pixels[0].tolist() == [[250, 0, 0, 0], [0, 250, 0, 200]]
+    above = description.textures[layer.texture]
+    color = [188, 137, 255]  # Kd in sRGB
+    image = description.images[above.image]
+    assert image.srgb and image.pixels[0].tolist() == [[*color, 255], [*color, 55]]
+    assert (lowest.wrap_s, lowest.transform) == ("repeat", (4, 0, 0, 0, 4, -3))
+    assert (above.wrap_s, above.transform) == ("clamp", (2, 0, 0, 0, 2, -1))
 
 
 def test_a_decal_with_opacity_and_one_without_a_map(material):
-    files = {"a.png": picture([[[250, 0, 0]]]), "shape.png": picture([[[9, 9, 9]]]), "d.png": picture([[[0, 0, 0], [255] * 3]])}
+    files = {
+        "a.png": picture([[[250, 0, 0]] * 2]),
+        "shape.png": picture([[[9, 9, 9]]]),
+        "d.png": picture([[[0, 0, 0], [255] * 3]]),
+    }
     description, found = material("Kd 0 0 0\nmap_Kd a.png\ndecal shape.png\nmap_d d.png", files)
     lowest = description.textures[found.base_color_texture]
-    assert description.images[lowest.image].pixels[0].tolist() == [[0, 0, 0, 0], [0, 0, 0, 255]]
-    assert len(lowest.layers) == 1
+    assert description.images[lowest.image].pixels[0].tolist() == [[250, 0, 0, 0], [250, 0, 0, 255]]
+    (layer,) = lowest.layers
+    assert description.images[description.textures[layer.texture].image].pixels.tolist() == [[[0, 0, 0, 246]]]
     description, found = material("Kd 0.5 0.5 0.5\ndecal shape.png", files)
     assert (found.base_color_texture, found.base_color) == (None, (0.5, 0.5, 0.5))
     assert any("its decal has no map_Kd" in w for w in description.warnings)
+
+
+def test_a_gain_beyond_all_light_ends_at_the_most(material):
+    sky = encode(np.ones((1, 2, 3), np.float32), "exr")
+    description, found = material("map_Ke -mm 0 1e39 sky.exr", {"sky.exr": sky})
+    image = description.images[description.textures[found.emission_texture].image]
+    np.testing.assert_array_equal(image.pixels, np.float32(1e9))
 
 
 def test_scale_and_offset_mean_what_they_mean_in_obj(material, png):

@@ -9,7 +9,6 @@ from renderer.scene.geometry import flatten
 from renderer.scene.readers.metals import METALS
 from tests.renderer.scene.builders import cup
 
-STACK = "textures: {t: {checker: {colors: [0, 1]}}}\nshapes: [{type: quad}]\n"
 QUAD = "shapes:\n  - {type: quad}\n"
 
 
@@ -118,91 +117,6 @@ shapes: [{type: quad}]
     assert (leaf.transmission, leaf.dispersion) == (0.1, 0.3)
     raw = description.images[description.textures[found["rough"].metallic_roughness_texture].image]
     assert (raw.srgb, raw.pixels[0, -1, 0]) == (False, 128)  # as data, 0.5 is 0.5
-
-
-def test_a_list_of_textures_is_a_stack(scene, png):
-    description = scene(
-        "s.yaml",
-        """
-textures: {brick: {image: b.png}, dirt: {image: d.png, uv_set: 1}, snow: {checker: {colors: [0, 1]}}, gone: {image: gone.png}}
-materials:
-  wall:
-    texture: [brick, {texture: dirt, blend: multiply, strength: 0.5}, {texture: gone, blend: add}, snow]
-    emission_texture: [snow, {texture: snow, blend: add}]
-    metallic_roughness_texture: [dirt, {texture: snow, strength: 0}]
-  plain: {texture: [brick]}
-shapes: [{type: quad}]
-""",
-        {"b.png": png(1, 2, 3), "d.png": png(4, 5, 6)},
-    )
-    textures, images = description.textures, description.images
-    wall, plain = description.materials[:2]
-    lowest = textures[wall.base_color_texture]
-    assert images[lowest.image].name == "b.png"
-    assert [(layer.blend, layer.strength) for layer in lowest.layers] == [("multiply", 0.5), ("over", 1)]  # one is missing
-    above = [textures[layer.texture] for layer in lowest.layers]
-    assert [(images[t.image].name, images[t.image].srgb, t.uv_set) for t in above] == [("d.png", True, 1), ("snow", True, 0)]
-    rough = textures[wall.metallic_roughness_texture]
-    assert [images[t.image].srgb for t in (rough, textures[rough.layers[0].texture])] == [False, False]
-    assert textures[wall.emission_texture].layers[0].blend == "add"
-    assert textures[plain.base_color_texture].layers == ()
-    assert any("gone.png is not among" in w for w in description.warnings)
-
-
-def test_a_mesh_files_stack_is_found_among_the_scenes_textures(scene, png):
-    files = {
-        "own.png": png(1, 1, 1),
-        "a.png": png(2, 2, 2),
-        "shape.png": png(3, 3, 3),
-        "m.mtl": "newmtl m\nKd 1 0 0\nmap_Kd a.png\ndecal shape.png\n",
-        "m.obj": "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n",
-    }
-    text = "textures: {o: {image: own.png}}\nmaterials: {x: {texture: o}}\nshapes: [{type: mesh, file: m.obj}]\n"
-    description = scene("s.yaml", text, files)
-    lowest = description.textures[description.materials[1].base_color_texture]
-    assert description.images[lowest.image].name == "colour of m"
-    (layer,) = lowest.layers
-    assert description.images[description.textures[layer.texture].image].name == "a.png with opacity"
-
-
-def test_groups_are_a_tree_of_transforms(scene):
-    description = scene(
-        "s.yaml",
-        """
-shapes:
-- type: group
-  name: village
-  transform: [{translate: [100, 0, 0]}]
-  shapes:
-  - type: group
-    name: house
-    instances: [[{translate: [0, 0, 5]}], [{scale: 2}, {rotate: {axis: y, degrees: 90}}]]
-    shapes:
-    - {type: sphere, name: knob, center: [1, 0, 0], radius: 0.5, transform: [{translate: [0, 3, 0]}]}
-    - {type: mesh, name: roof, file: roof.obj, transform: [{translate: [0, 7, 0]}], instances: [[], [{translate: [0, 1, 0]}]]}
-    - {type: cube}
-""",
-        {"roof.obj": "o tiles\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"},
-    )
-    np.testing.assert_allclose(
-        [(*s.center, s.radius) for s in description.spheres], [(101, 3, 5, 0.5), (100, 6, -2, 1)], atol=1e-9
-    )
-    assert [s.name for s in description.spheres] == ["village/house [0]/knob", "village/house [1]/knob"]
-    assert len(description.meshes) == 2  # however often each is shown
-    names = [i.name for i in description.instances]
-    assert names[:4] == [f"village/house [{i}]/roof [{j}]/roof" for i in (0, 1) for j in (0, 1)]
-    assert names[4:] == [f"village/house [{i}]/cube 2" for i in (0, 1)]
-    place = description.instances[3].transform
-    np.testing.assert_allclose(place @ (1, 0, 0, 1), (100, 16, -2, 1), atol=1e-9)
-    np.testing.assert_allclose(place @ (0, 0, 0, 1), (100, 16, 0, 1), atol=1e-9)
-
-
-def test_groups_that_stand_for_billions_are_refused(scene):
-    text = "{type: cube}"
-    for _ in range(5):
-        text = f"{{type: group, shapes: [{text}], instances: [{', '.join(['[]'] * 100)}]}}"
-    with pytest.raises(SceneError, match="groups in groups show more than 1000000 shapes"):
-        scene("s.yaml", f"shapes: [{text}]")
 
 
 def test_a_sky(scene):
@@ -331,26 +245,14 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
         ("hello", "line 1: 'hello' is not of type 'object'"),
         ("name: x", "'shapes' is a required property"),
         ("shapes: []", "line 1: shapes:"),
+        ("settings:\n  roulette: 0.01\n" + QUAD, "line 2: settings.roulette: roulette is 0.01; a probability to go on"),
         ("shapes:\n  - {type: blob}", "line 2: shapes[0].type: 'blob' is not one of"),
         ("shapes:\n  - type: sphere\n    radius: -1", "line 3: shapes[0].radius"),
         ("shapes:\n  - {type: mesh}", "line 2: shapes[0]: 'file' is a required property"),
-        ("shapes:\n  - {type: group}", "line 2: shapes[0]: 'shapes' is a required property"),
-        ("shapes:\n  - {type: cube, shapes: [{type: cube}]}", "line 2: shapes[0].shapes"),
-        ("materials: {m: {}}\nshapes:\n  - {type: group, material: m, shapes: [{type: cube}]}", "line 3: shapes[0].material"),
-        ("shapes:\n  - type: group\n    shapes:\n      - {type: blob}", "line 4: shapes[0].shapes[0].type: 'blob'"),
         ("shapes:\n  - {type: mesh, file: gone.obj}", "line 2: shapes[0].file: gone.obj is not among the files"),
         ("shapes:\n  - {type: mesh, file: s.yaml}", "is no mesh file"),
         ("shapes:\n  - {type: quad}\n  - {type: quad, material: red}", "line 3: shapes[1].material: no material is called red"),
         ("materials:\n  m: {texture: t}\n" + QUAD, "line 2: materials.m.texture: no texture is called t"),
-        ("materials:\n  m: {texture: [a]}\n" + QUAD, "line 2: materials.m.texture[0]: no texture is called a"),
-        ("materials:\n  m: {texture: []}\n" + QUAD, "line 2: materials.m.texture: []"),
-        ("materials:\n  m: {texture: [{texture: t}]}\n" + STACK, "line 2: materials.m.texture[0]: lies on nothing"),
-        ("materials:\n  m: {texture: [t, 3]}\n" + STACK, "line 2: materials.m.texture[1]: 3 is not of type"),
-        ("materials:\n  m: {texture: [t, {blend: add}]}\n" + STACK, "materials.m.texture[1]: 'texture' is a required property"),
-        ("materials:\n  m: {texture: [t, {texture: t, blend: melt}]}\n" + STACK, "texture[1].blend: 'melt' is not one of"),
-        ("materials:\n  m: {texture: [t, {texture: t, strength: 2}]}\n" + STACK, "texture[1].strength: 2 is greater"),
-        ("materials:\n  m: {texture: [t, {texture: u}]}\n" + STACK, "texture[1]: no texture is called u; known are t"),
-        ("materials:\n  m: {normal_texture: [t, t]}\n" + STACK, "line 2: materials.m.normal_texture: takes one texture"),
         ("materials:\n  m: {roughness: 2}\n" + QUAD, "line 2: materials.m.roughness: 2 is greater"),
         ("materials:\n  m: {colour: 1}\n" + QUAD, "line 2: materials.m: Additional properties"),
         ("materials:\n  m: {color: [1, .nan, 1]}\n" + QUAD, "line 2: materials.m.color[1]: .nan is not a finite"),

@@ -25,7 +25,7 @@ __all__ = ["Shapes"]
 Matrix = transforms.Matrix
 Place = tuple[str, Matrix]  # a name, and where
 
-MAX_PLACES = 1_000_000  # of shapes in groups: a few nested groups of many instances could stand for billions
+MAX_PLACES = 1_000_000  # of shapes and of mesh files' parts: a few nested groups of many instances could stand for billions
 
 
 class Shapes:
@@ -45,10 +45,14 @@ class Shapes:
         placed = [(name, own)]
         if "instances" in source:
             places = [transforms.matrix(t, self._document, (*path, "instances", i)) for i, t in enumerate(source["instances"])]
-            placed = [(f"{name} [{i}]", place @ own) for i, place in enumerate(places)]
+            placed = [(f"{name} [{i}]", transforms.joined(place, own, self._document, path)) for i, place in enumerate(places)]
+        self._count(len(parents or [0]) * len(placed), path)
         if parents is not None:
-            self._count(len(parents) * len(placed), path)
-            placed = [(f"{parent}/{called}", outer @ inner) for parent, outer in parents for called, inner in placed]
+            placed = [
+                (f"{parent}/{called}", transforms.joined(outer, inner, self._document, path))
+                for parent, outer in parents
+                for called, inner in placed
+            ]
         if source["type"] == "group":
             for i, child in enumerate(source["shapes"]):
                 self.add(child, (*path, "shapes", i), placed)
@@ -64,7 +68,7 @@ class Shapes:
     def _count(self, places: int, path: Path) -> None:
         self._places += places
         if self._places > MAX_PLACES:
-            raise self._document.error(path, f"with it, groups in groups show more than {MAX_PLACES} shapes; use fewer instances")
+            raise self._document.error(path, f"with it the scene shows more than {MAX_PLACES} shapes; use fewer instances")
 
     def _made(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
         if source["type"] == "lathe":
@@ -137,6 +141,7 @@ class Shapes:
             part = SceneDescription(name=name)
             read_into(self._files, name, part)
             self._parts[name, material] = merge(part, self._description, material)
+        self._count(len(placed) * max(len(self._parts[name, material]) - 1, 0), path)  # one each was counted before
         for called, place in placed:
             self._description.instances += [
                 replace(s, transform=place @ s.transform, name=f"{called}/{s.name}" if s.name else called)

@@ -9,15 +9,17 @@ from typing import Any
 
 import jsonschema
 
+from renderer.errors import SettingsError
 from renderer.scene.description import Camera, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
 from renderer.scene.readers.yaml.lights import read_environment, read_light
-from renderer.scene.readers.yaml.lines import Path, Yaml, parse
+from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
+from renderer.settings import OPTIONAL, RenderSettings, View
 
 __all__ = ["SCHEMA_FILE", "read"]
 
@@ -31,7 +33,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
     description.name = data.get("name", description.name)
-    description.defaults.update(data.get("settings", {}))
+    _add_defaults(data.get("settings", {}), document, description)
     for i, camera in enumerate(data.get("cameras", [])):
         _add_camera(camera, i, document, description)
     if "environment" in data:
@@ -46,6 +48,16 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     shapes = Shapes(document, files, description, materials)
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))
+
+
+def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDescription) -> None:
+    for name, value in settings.items():
+        if name in OPTIONAL:
+            try:
+                RenderSettings(1, 1, View((0, 0, 1), (0, 0, 0)), **{name: value})
+            except SettingsError as error:
+                raise document.error(("settings", name), str(error)) from None
+        description.defaults[name] = value
 
 
 def _add_camera(source: dict[str, Any], index: int, document: Yaml, description: SceneDescription) -> None:
@@ -68,16 +80,7 @@ def _validate(document: Yaml) -> None:
     error = jsonschema.exceptions.best_match(_validator().iter_errors(document.data))
     if error is not None:
         path = tuple(error.absolute_path)
-        message = error.message
-        if error.validator is None:  # a field that its neighbours rule out; jsonschema gives the path of what holds it
-            message = "does not belong here"
-            path += _key_of(error.instance, document.data, path)
+        message = "does not belong here" if error.validator == "not" else error.message
         if len(message) > 300:
             message = f"{message[:120]} ... {message[-120:]}"
         raise document.error(path, f"{message}. See docs/scene-format.md")
-
-
-def _key_of(value: Any, data: Any, path: Path) -> Path:
-    for step in path:
-        data = data[step]
-    return tuple(key for key, held in data.items() if held is value)[:1] if isinstance(data, dict) else ()

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.scene.readers.yaml.lines import Path, Yaml
 
-__all__ = ["matrix", "uniform_scale"]
+__all__ = ["joined", "matrix", "uniform_scale"]
 
 Matrix = npt.NDArray[np.float64]
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -34,8 +34,17 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
             if np.linalg.norm(axis) < 1e-12:
                 raise document.error((*path, i, "rotate", "axis"), "has length 0; give a direction")
             step[:3, :3] = _rotation(axis / np.linalg.norm(axis), np.radians(value["degrees"]))
-        result = step @ result
+        result = joined(step, result, document, (*path, i))
     return result
+
+
+def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
+    """The transform that is `inner`, then `outer`. Raises SceneError where numbers do not hold it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        place: Matrix = outer @ inner
+    if not np.isfinite(place).all():
+        raise document.error(path, "with what it is joined to, its transform is beyond what numbers hold")
+    return place
 
 
 def uniform_scale(transform: Matrix) -> float | None:

@@ -1,0 +1,72 @@
+"""Scene files' stacks of textures."""
+
+import pytest
+
+from renderer.errors import SceneError
+
+CHECKER = "textures: {t: {checker: {colors: [0, 1]}}}\nshapes: [{type: quad}]\n"
+
+
+def test_a_list_of_textures_is_a_stack(scene, png):
+    description = scene(
+        "s.yaml",
+        """
+textures: {brick: {image: b.png}, dirt: {image: d.png, uv_set: 1}, snow: {checker: {colors: [0, 1]}}, gone: {image: gone.png}}
+materials:
+  wall:
+    texture: [brick, {texture: dirt, blend: multiply, strength: 0.5}, {texture: gone, blend: add}, snow]
+    emission_texture: [snow, {texture: snow, blend: add}]
+    metallic_roughness_texture: [dirt, {texture: snow, strength: 0}]
+  plain: {texture: [brick]}
+shapes: [{type: quad}]
+""",
+        {"b.png": png(1, 2, 3), "d.png": png(4, 5, 6)},
+    )
+    textures, images = description.textures, description.images
+    wall, plain = description.materials[:2]
+    lowest = textures[wall.base_color_texture]
+    assert images[lowest.image].name == "b.png"
+    assert [(layer.blend, layer.strength) for layer in lowest.layers] == [("multiply", 0.5), ("over", 1)]  # one is missing
+    above = [textures[layer.texture] for layer in lowest.layers]
+    assert [(images[t.image].name, images[t.image].srgb, t.uv_set) for t in above] == [("d.png", True, 1), ("snow", True, 0)]
+    rough = textures[wall.metallic_roughness_texture]
+    assert [images[t.image].srgb for t in (rough, textures[rough.layers[0].texture])] == [False, False]
+    assert textures[wall.emission_texture].layers[0].blend == "add"
+    assert textures[plain.base_color_texture].layers == ()
+    assert any("gone.png is not among" in w for w in description.warnings)
+
+
+def test_a_mesh_files_stack_is_found_among_the_scenes_textures(scene, png):
+    files = {
+        "own.png": png(1, 1, 1),
+        "a.png": png(2, 2, 2),
+        "shape.png": png(3, 3, 3),
+        "m.mtl": "newmtl m\nKd 1 0 0\nmap_Kd a.png\ndecal shape.png\n",
+        "m.obj": "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n",
+    }
+    text = "textures: {o: {image: own.png}}\nmaterials: {x: {texture: o}}\nshapes: [{type: mesh, file: m.obj}]\n"
+    description = scene("s.yaml", text, files)
+    lowest = description.textures[description.materials[1].base_color_texture]
+    assert description.images[lowest.image].name == "a.png"
+    (layer,) = lowest.layers
+    assert description.images[description.textures[layer.texture].image].name == "shape.png as a decal"
+
+
+@pytest.mark.parametrize(
+    ("slot", "said"),
+    [
+        ("texture: [a]", "line 2: materials.m.texture[0]: no texture is called a"),
+        ("texture: []", "line 2: materials.m.texture: []"),
+        ("texture: [{texture: t}]", "line 2: materials.m.texture[0]: lies on nothing"),
+        ("texture: [t, 3]", "line 2: materials.m.texture[1]: 3 is not of type"),
+        ("texture: [t, {blend: add}]", "materials.m.texture[1]: 'texture' is a required property"),
+        ("texture: [t, {texture: t, blend: melt}]", "texture[1].blend: 'melt' is not one of"),
+        ("texture: [t, {texture: t, strength: 2}]", "texture[1].strength: 2 is greater"),
+        ("texture: [t, {texture: u}]", "texture[1]: no texture is called u; known are t"),
+        ("normal_texture: [t, t]", "line 2: materials.m.normal_texture: takes one texture"),
+    ],
+)
+def test_errors_name_line_and_layer(scene, slot, said):
+    with pytest.raises(SceneError) as caught:
+        scene("s.yaml", f"materials:\n  m: {{{slot}}}\n{CHECKER}")
+    assert said in str(caught.value)
