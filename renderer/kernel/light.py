@@ -136,7 +136,7 @@ def _sample_sphere(scene, number, p, u):
             return _nothing()
         pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
     uv = sphere_uv(normal)
-    radiance = _emitted(scene, scene.sphere_material[number], uv, uv, _ONE, cone or cosine > _ZERO)
+    radiance = _emitted(scene, np.uint32(scene.sphere_material[number]), uv, uv, _ONE, cone or cosine > _ZERO)
     error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
     return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, False)
 
