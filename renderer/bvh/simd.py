@@ -261,8 +261,14 @@ def flip(typingctx, a, b):
 
 @intrinsic
 def select(typingctx, mask, a, b):
-    """`a` where the mask is set, else `b`."""
-    return a(mask, a, b), lambda context, builder, sig, args: builder.select(*args)
+    """`a` where the mask is set, else `b`; of plain values too, where it is a choice of values that must not become a branch."""
+
+    def codegen(context, builder, sig, args):
+        value = builder.select(*args)
+        value.set_metadata("unpredictable", builder.module.add_metadata([]))
+        return value
+
+    return a(mask, a, b), codegen
 
 
 @intrinsic

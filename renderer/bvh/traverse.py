@@ -42,6 +42,7 @@ from renderer.bvh.simd import (
     minimum,
     nearest,
     ranked,
+    select,
     splat,
     store,
     store_int,
@@ -116,21 +117,24 @@ def _boxes(node, base, x, y, z, t_max):
 
 @device
 def _axes(o, d, inverse):
-    """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin."""
+    """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin.
+
+    Choices of values, not branches: which axis it is cannot be predicted.
+    """
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
-    first = (ax > ay) & (ax > az)
-    second = (ay > az) & (not first)
+    first = ax > max(ay, az)
+    second = ay > az
     zero = np.uintp(0)
     two = _W + _W
-    kx = _W if first else (two if second else zero)
-    ky = two if first else (zero if second else _W)
-    kz = zero if first else (_W if second else two)
-    dx = d[1] if first else (d[2] if second else d[0])
-    dy = d[2] if first else (d[0] if second else d[1])
-    ox = o[1] if first else (o[2] if second else o[0])
-    oy = o[2] if first else (o[0] if second else o[1])
-    oz = o[0] if first else (o[1] if second else o[2])
-    scale = inverse[0] if first else (inverse[1] if second else inverse[2])
+    kx = select(first, _W, select(second, two, zero))
+    ky = select(first, two, select(second, zero, _W))
+    kz = select(first, zero, select(second, _W, two))
+    dx = select(first, d[1], select(second, d[2], d[0]))
+    dy = select(first, d[2], select(second, d[0], d[1]))
+    ox = select(first, o[1], select(second, o[2], o[0]))
+    oy = select(first, o[2], select(second, o[0], o[1]))
+    oz = select(first, o[0], select(second, o[1], o[2]))
+    scale = select(first, inverse[0], select(second, inverse[1], inverse[2]))
     return (kx, ky, kz), (dx * scale, dy * scale, scale), (ox, oy, oz)
 
 

@@ -19,7 +19,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
 )
-from renderer.jit import device, entry, template
+from renderer.jit import device, entry, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.ao import trace_ao
 from renderer.kernel.camera import camera_ray
@@ -27,6 +27,7 @@ from renderer.kernel.filter import filter_offset
 from renderer.kernel.options import is_special
 from renderer.kernel.path import trace_path
 from renderer.kernel.sampler import pixel_key, uniform4
+from renderer.kernel.transport import FIRST_HIT_SLOTS, first_hit
 from renderer.kernel.whitted import trace_whitted
 from renderer.settings import RenderSettings
 
@@ -87,6 +88,7 @@ def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, c
     bad_count = 0
     rays = 0
     scale = options.scale
+    hit = local_floats(FIRST_HIT_SLOTS)
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             pixel = pixel_key(x0 + x, y0 + y)
@@ -97,26 +99,27 @@ def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, c
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
-                path = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log, special)
-                rays += path.rays
-                finite = vec.is_finite(path.radiance) and vec.is_finite(path.normal) and vec.is_finite(path.albedo)
-                if not (finite and vec.is_finite(path.position)):
+                radiance, met = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log, hit, special)
+                rays += met
+                base, upright, place, distance, object_number, material_number = first_hit(hit)
+                finite = vec.is_finite(radiance) and vec.is_finite(upright) and vec.is_finite(base)
+                if not (finite and vec.is_finite(place)):
                     if bad_count < MAX_BAD:
                         bad[bad_count, 0] = x0 + x
                         bad[bad_count, 1] = y0 + y
                         bad[bad_count, 2] = sample
                     bad_count += 1
                     continue
-                value = _fixed3(path.radiance, scale)
+                value = _fixed3(radiance, scale)
                 color = _sum3(color, value)
-                albedo = _sum3(albedo, _fixed3(path.albedo, scale))
-                normal = _sum3(normal, _fixed3(path.normal, scale))
-                position = _sum3(position, _fixed3(path.position, scale))
-                depth += _fixed(path.depth, scale)
+                albedo = _sum3(albedo, _fixed3(base, scale))
+                normal = _sum3(normal, _fixed3(upright, scale))
+                position = _sum3(position, _fixed3(place, scale))
+                depth += _fixed(distance, scale)
                 samples += 1
                 if sample == 0:  # numbers cannot be averaged, so one sample has the say
-                    object_id = np.int64(path.object)
-                    material_id = np.int64(path.material)
+                    object_id = np.int64(object_number)
+                    material_id = np.int64(material_number)
                 if in_half(sample):
                     half = _sum3(half, value)
                     samples_half += 1

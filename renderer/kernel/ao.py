@@ -9,10 +9,10 @@ from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.normal_map import shading_frame
-from renderer.kernel.record import DIRECT, MISSED, PASSED, SURFACE, record_light, record_vertex
+from renderer.kernel.record import DIRECT, MISSED, record_light, record_vertex
 from renderer.kernel.sampler import uniform4
 from renderer.kernel.surface import departure, surface_at
-from renderer.kernel.transport import PathResult, is_passed
+from renderer.kernel.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.visibility import MAX_PASSED, transmittance
 from renderer.kernel.warp import square_to_cosine_hemisphere
 
@@ -27,18 +27,15 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 
 @template
-def trace_ao(scene, stack, o, d, options, pixel, sample, log, special):
+def trace_ao(scene, stack, o, d, options, pixel, sample, log, first, special):
     """As renderer.kernel.path.trace_path: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 
     What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
     sphere at distance D up to 2.
     """
     radiance = _WHITE
-    albedo = _BLACK
-    first_normal = _BLACK
-    position = _BLACK
+    forget_first_hit(first)
     depth = _ZERO
-    object_id = material_id = 0
     rays = 0
     layers = local_floats(LAYER_SLOTS)
     for passed in range(MAX_PASSED):
@@ -48,26 +45,16 @@ def trace_ao(scene, stack, o, d, options, pixel, sample, log, special):
             if passed < len(log):
                 record_vertex(log, passed, MISSED, 0, 0, hit.t, _ZERO, o, d, d, _WHITE, _BLACK)
                 record_light(log, passed, DIRECT, radiance)
-            depth = _ZERO
             break
         surface = surface_at(scene, o, d, hit)
         depth += hit.t
-        through = options.transparent and is_passed(scene, surface, options, pixel, sample, passed)
-        if passed < len(log):
-            kind = PASSED if through else SURFACE
-            record_vertex(
-                log, passed, kind, 1 + surface.object, 1 + surface.material, hit.t, _ZERO, surface.point, surface.shading, d,
-                _WHITE, _BLACK,
-            )  # fmt: skip
+        through, _ = reach(scene, surface, hit.t, d, o, options, pixel, sample, passed, _ZERO, _WHITE, _BLACK, log)
         if through:
             o = departure(surface, False, d)
             continue
         s, q, n = shading_frame(scene, surface, vec.neg(d))
         albedo = fetch_material(scene, surface, (s, q, n), layers).base
-        first_normal = n
-        position = surface.point
-        object_id = 1 + surface.object
-        material_id = 1 + surface.material
+        keep_first_hit(first, surface, albedo, n, depth)
         r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(1))
         towards = vec.to_world(s, q, n, square_to_cosine_hemisphere((r[0], r[1])))
         start = departure(surface, True, towards)
@@ -78,4 +65,4 @@ def trace_ao(scene, stack, o, d, options, pixel, sample, log, special):
         if passed < len(log):
             record_light(log, passed, DIRECT, radiance)
         break
-    return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)
+    return radiance, rays

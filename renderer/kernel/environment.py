@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from renderer.bvh.simd import select
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2, floor, sincos_turns
@@ -37,9 +38,9 @@ def choose(cdf, u):
     """The i with cdf[i] <= u < cdf[i + 1], and u stretched from that interval to [0, 1). Skips what has probability 0."""
     low = np.uintp(0)
     count = np.uintp(len(cdf) - 1)
-    while count > np.uintp(1):  # free of branches on u, which no one can predict
+    while count > np.uintp(1):
         half = np.uintp(count >> np.uintp(1))
-        low += half * np.uintp(cdf[low + half] <= u)
+        low = select(cdf[low + half] <= u, low + half, low)
         count -= half
     width = cdf[low + np.uintp(1)] - cdf[low]
     rest = (u - cdf[low]) / width if width > _ZERO else _ZERO

@@ -11,7 +11,6 @@ from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import environment_light_pdf, primitive_light_pdf, sample_light
 from renderer.kernel.material import (
     LAYER_SLOTS,
-    disperse,
     emission,
     eval_material,
     fetch_material,
@@ -22,12 +21,12 @@ from renderer.kernel.material import (
 from renderer.kernel.mixture import mixture_bounce
 from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
-from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
-from renderer.kernel.rows import DISPERSIVE, UNLIT
-from renderer.kernel.sampler import uniform1, uniform4
+from renderer.kernel.record import DIRECT, EMITTED, MISSED, record_light, record_vertex
+from renderer.kernel.rows import UNLIT
+from renderer.kernel.sampler import uniform4
 from renderer.kernel.strategy import heuristic_weight, mistaken, power_heuristic, share_of_light, special_bounce
 from renderer.kernel.surface import departure, surface_at
-from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed, limited
+from renderer.kernel.transport import forget_first_hit, keep_first_hit, limited, one_color, reach
 from renderer.kernel.visibility import MAX_PASSED, transmittance
 from renderer.settings import MAX_FLOOR
 
@@ -43,7 +42,7 @@ _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
 @template
-def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
+def trace_path(scene, stack, o, d, options, pixel, sample, log, first, special):
     """The path of one sample of one pixel, from the ray o + t d on, d unit: a PathResult.
 
     options: renderer.kernel.options.Options; log: rows for renderer.kernel.record, none in pictures. special: None compiles
@@ -51,11 +50,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
     """
     radiance = _BLACK
     throughput = _WHITE
-    albedo = _BLACK
-    first_normal = _BLACK
-    position = _BLACK
-    depth = _ZERO
-    object_id = material_id = 0
+    forget_first_hit(first)
     rays = 0
     segment = 0  # those that end at a vertex
     passed = 0  # surfaces without effect, by their alpha
@@ -68,6 +63,9 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
         lit = len(scene.punctual_kind) > 0
     layers = local_floats(LAYER_SLOTS)  # the rarer materials' textures, looked up
     while True:
+        # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
+        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
+        for_light = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 1))
         hit = closest_hit(scene.bvh, stack, o, d, _INF)
         rays += 1
         row = segment + passed
@@ -88,14 +86,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
                 record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
-        through = options.transparent and is_passed(scene, surface, options, pixel, sample, row)
-        if not (surface.front or through):
-            throughput = attenuated(scene, surface.material, throughput, point, surface.point)
-        if row < len(log):
-            record_vertex(
-                log, row, PASSED if through else SURFACE, 1 + surface.object, 1 + surface.material, hit.t, pdf, surface.point,
-                surface.shading, d, throughput, radiance,
-            )  # fmt: skip
+        through, throughput = reach(scene, surface, hit.t, d, point, options, pixel, sample, row, pdf, throughput, radiance, log)
         if through:
             passed += 1
             if passed == MAX_PASSED:
@@ -118,16 +109,10 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), segment + 1, options.clamp))
         frame = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, frame, layers)
-        if scene.material_flags[surface.material] & DISPERSIVE != 0:
-            u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))
-            material, throughput = disperse(scene, surface, material, throughput, u)
+        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, segment)
         if segment == 0:
-            albedo = material.base
-            first_normal = frame[2]
-            position = surface.point
             depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
-            object_id = 1 + surface.object
-            material_id = 1 + surface.material
+            keep_first_hit(first, surface, material.base, frame[2], depth)
         if material.kind == UNLIT:
             radiance = vec.add(radiance, limited(vec.mul(throughput, material.base), segment + 1, options.clamp))
         if row < len(log):
@@ -144,9 +129,10 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             if special is not None and segment == 0:
                 count = options.light_samples
             for k in range(count):
-                number = np.uint32(sample * np.uint32(count) + np.uint32(k))
-                r = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
-                light = sample_light(scene, surface.point, normal, r[2], (r[0], r[1]))
+                if special is not None and count > 1:
+                    number = np.uint32(sample * np.uint32(count) + np.uint32(k))
+                    for_light = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
+                light = sample_light(scene, surface.point, normal, for_light[2], (for_light[0], for_light[1]))
                 if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
                     wi = vec.to_local(s, q, n, light.direction)
                     f, scatter_pdf = eval_material(material, wo, wi)
@@ -167,7 +153,6 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
             if row < len(log):
                 record_light(log, row, DIRECT, radiance)
 
-        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
         if special is None:
             wi, weight, pdf, thinned = sample_material(material, wo, r[2], (r[0], r[1]))
         elif options.sampling == MIXTURE and not specular:
@@ -191,4 +176,4 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, special):
         point = surface.point
         o = departure(surface, wi[2] > _ZERO, d)
         segment += 1
-    return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)
+    return radiance, rays

@@ -28,6 +28,7 @@ _SHIFT = np.uint32(16)
 _FIFTEEN = np.uint32(15)
 _MIX_1 = np.uint32(0x7FEB352D)
 _MIX_2 = np.uint32(0x846CA68B)
+_GOLDEN = np.uint32(0x9E3779B9)
 _DISCARD = np.uint32(8)
 _STEP = np.float32(2.0**-24)
 _ONE = np.uint32(1)
@@ -156,19 +157,14 @@ _LANES = ir.VectorType(ir.IntType(32), _DIMENSIONS)
 
 
 @intrinsic
-def _points(typingctx, table, index, a, b, c, d):
-    """Point `index` (bits in reverse) of the sequence, its four dimensions scrambled by the seeds a, b, c, d: uint32 each.
+def _points(typingctx, table, index, key):
+    """Point `index` (bits in reverse) of the sequence, its four dimensions scrambled by what `_mix` makes of four numbers
+    that lie far from the key and from each other: uint32 each.
 
-    `_scramble` on four lanes at once, spelled out since LLVM does not find it: a third of the time.
+    `_mix` and `_scramble` on four lanes at once, spelled out since LLVM does not find it: a third of the time.
     """
 
     def codegen(context, builder, sig, args):
-        def lanes(value):
-            vector = ir.Constant(_LANES, ir.Undefined)
-            for i in range(_DIMENSIONS):
-                vector = builder.insert_element(vector, value(i), ir.IntType(32)(i))
-            return vector
-
         def constant(value):
             return ir.Constant(_LANES, [int(value)] * _DIMENSIONS)
 
@@ -180,7 +176,12 @@ def _points(typingctx, table, index, a, b, c, d):
             row = builder.load(builder.bitcast(builder.gep(data, [entry]), _LANES.as_pointer()))
             row.align = 4
             x = builder.xor(x, row)
-        seed = lanes(lambda i: args[2 + i])
+        first = builder.insert_element(ir.Constant(_LANES, ir.Undefined), args[2], ir.IntType(32)(0))
+        seed = builder.shuffle_vector(first, ir.Constant(_LANES, ir.Undefined), constant(0))
+        seed = builder.add(seed, ir.Constant(_LANES, [(i + 1) * int(_GOLDEN) % 2**32 for i in range(_DIMENSIONS)]))
+        seed = builder.mul(builder.xor(seed, builder.lshr(seed, constant(_SHIFT))), constant(_MIX_1))
+        seed = builder.mul(builder.xor(seed, builder.lshr(seed, constant(_FIFTEEN))), constant(_MIX_2))
+        seed = builder.xor(seed, builder.lshr(seed, constant(_SHIFT)))
         x = builder.xor(x, builder.mul(x, constant(_SCRAMBLE[0])))
         x = builder.add(x, seed)
         x = builder.mul(x, builder.or_(builder.lshr(seed, constant(16)), constant(1)))
@@ -192,15 +193,15 @@ def _points(typingctx, table, index, a, b, c, d):
             builder, sig.return_type, [builder.extract_element(x, ir.IntType(32)(i)) for i in range(_DIMENSIONS)]
         )
 
-    return types.UniTuple(types.uint32, _DIMENSIONS)(table, *[types.uint32] * 5), codegen
+    return types.UniTuple(types.uint32, _DIMENSIONS)(table, types.uint32, types.uint32), codegen
 
 
 @device
 def sobol4(seed, pixel, sample, block):
     """Four uint32, scrambled Sobol' points: dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers."""
-    key, a, b, c = hash4(seed, pixel, np.uint32(0), block)
+    key = _mix(np.uint32(np.uint32(_mix(seed) + np.uint32(block * _GOLDEN)) ^ pixel))
     index = _scramble(_reversed(np.uint32(sample)), key)
-    return _points(_TABLE, index, a, b, c, _mix(np.uint32(a ^ key)))
+    return _points(_TABLE, index, key)
 
 
 @device

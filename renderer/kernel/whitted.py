@@ -18,7 +18,6 @@ from renderer.kernel.environment import environment_radiance
 from renderer.kernel.light import LightSample, choose_light, sample_light, sample_one_light
 from renderer.kernel.material import (
     LAYER_SLOTS,
-    disperse,
     emission,
     eval_material,
     fetch_material,
@@ -28,12 +27,12 @@ from renderer.kernel.material import (
 )
 from renderer.kernel.normal_map import shading_frame
 from renderer.kernel.options import NO_MISTAKE
-from renderer.kernel.record import DIRECT, EMITTED, MISSED, PASSED, SURFACE, record_light, record_vertex
-from renderer.kernel.rows import CONDUCTOR, DISPERSIVE, METALLIC_ROUGHNESS, UNLIT
-from renderer.kernel.sampler import uniform1, uniform4
+from renderer.kernel.record import DIRECT, EMITTED, MISSED, record_light, record_vertex
+from renderer.kernel.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
+from renderer.kernel.sampler import uniform4
 from renderer.kernel.strategy import mistaken
 from renderer.kernel.surface import departure, surface_at
-from renderer.kernel.transport import COLOR_BLOCK, PathResult, attenuated, is_passed
+from renderer.kernel.transport import forget_first_hit, keep_first_hit, one_color, reach
 from renderer.kernel.visibility import MAX_PASSED, transmittance
 
 __all__ = ["trace_whitted"]
@@ -107,15 +106,11 @@ def _is_within(scene, light, p):
 
 
 @template
-def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
+def trace_whitted(scene, stack, o, d, options, pixel, sample, log, first, special):
     """As renderer.kernel.path.trace_path. options.max_depth counts the segments between camera and last surface."""
     radiance = _BLACK
     throughput = _WHITE
-    albedo = _BLACK
-    first_normal = _BLACK
-    position = _BLACK
-    depth = _ZERO
-    object_id = material_id = 0
+    forget_first_hit(first)
     rays = 0
     segment = 0
     passed = 0
@@ -134,14 +129,9 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
                 record_light(log, row, EMITTED, radiance)
             break
         surface = surface_at(scene, o, d, hit)
-        through = options.transparent and is_passed(scene, surface, options, pixel, sample, row)
-        if not (surface.front or through):
-            throughput = attenuated(scene, surface.material, throughput, point, surface.point)
-        if row < len(log):
-            record_vertex(
-                log, row, PASSED if through else SURFACE, 1 + surface.object, 1 + surface.material, hit.t, _ZERO, surface.point,
-                surface.shading, d, throughput, radiance,
-            )  # fmt: skip
+        through, throughput = reach(
+            scene, surface, hit.t, d, point, options, pixel, sample, row, _ZERO, throughput, radiance, log
+        )
         if through:
             passed += 1
             if passed == MAX_PASSED:
@@ -154,16 +144,10 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
             radiance = vec.add(radiance, vec.mul(throughput, emitted))
         s, q, n = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, (s, q, n), layers)
-        if scene.material_flags[surface.material] & DISPERSIVE != 0:
-            u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))
-            material, throughput = disperse(scene, surface, material, throughput, u)
+        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, segment)
         if segment == 0:
-            albedo = material.base
-            first_normal = n
-            position = surface.point
             depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
-            object_id = 1 + surface.object
-            material_id = 1 + surface.material
+            keep_first_hit(first, surface, material.base, n, depth)
         mirror = is_specular(material) or _is_polished(material)
         if material.kind == UNLIT:
             radiance = vec.add(radiance, vec.mul(throughput, material.base))
@@ -208,4 +192,4 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, special):
         o = departure(surface, wi[2] > _ZERO, d)
         point = surface.point
         segment += 1
-    return PathResult(radiance, albedo, first_normal, depth, position, object_id, material_id, rays)
+    return radiance, rays
