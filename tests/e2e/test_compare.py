@@ -103,7 +103,7 @@ def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: F
 def test_the_comparisons_that_are_shipped_can_be_asked_for() -> None:
     offered = json.loads((ROOT / "web" / "examples" / "comparisons.json").read_text())
     for example, comparisons in offered.items():
-        assert (ROOT / "scenes" / f"{example}.yaml").is_file(), example
+        assert any((ROOT / "scenes" / f"{name}.yaml").is_file() for name in (example, f"{example}/{example}")), example
         for comparison in comparisons:
             both = comparison.get("both", {})
             left, right = ({"scene": "x", **both, **comparison[side]} for side in ("left", "right"))
