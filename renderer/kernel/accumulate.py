@@ -94,11 +94,12 @@ def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, c
             pixel = pixel_key(x0 + x, y0 + y)
             color = half = albedo = normal = position = _NOTHING
             object_id = material_id = depth = samples = samples_half = np.int64(0)
+            u = uniform4(options.sampler, options.seed, pixel, np.uint32(first), _FIRST)
             for sample in range(first, first + count):
-                u = uniform4(options.sampler, options.seed, pixel, np.uint32(sample), _FIRST)
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
+                u = uniform4(options.sampler, options.seed, pixel, np.uint32(sample + 1), _FIRST)  # as in path.py: in good time
                 radiance, met = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log, hit, special)
                 rays += met
                 base, upright, place, distance, object_number, material_number = first_hit(hit)
