@@ -75,7 +75,7 @@ def importance(node, i, p, n):
 @device
 def _weights(node, child, i, p, n):
     """The importances of node i's two to four children; 0 for those that it has not."""
-    first, count = child[i, 0], child[i, 1]
+    first, count = np.int64(child[i, 0]), child[i, 1]
     a = importance(node, first, p, n)
     b = importance(node, first + 1, p, n)
     c = importance(node, first + 2, p, n) if count > 2 else _ZERO
@@ -124,7 +124,7 @@ def tree_chance(node, child, p, n, light):
         a, b, c, d, total = _weights(node, child, i, p, n)
         if not total > _ZERO:
             return _ZERO
-        first, count = child[i, 0], child[i, 1]
+        first, count = np.int64(child[i, 0]), child[i, 1]
         if light < child[first + 1, 2]:
             i, weight = first, a
         elif count < 3 or light < child[first + 2, 2]:

@@ -109,7 +109,7 @@ def trace_path(scene, stack, o, d, options, pixel, sample, log, first, special):
             radiance = vec.add(radiance, limited(vec.mul(throughput, vec.scale(emitted, weight)), segment + 1, options.clamp))
         frame = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, frame, layers)
-        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, segment)
+        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, np.uint32(segment))
         if segment == 0:
             depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
             keep_first_hit(first, surface, material.base, frame[2], depth)

@@ -117,7 +117,7 @@ def one_color(scene, surface, material, throughput, options, pixel, sample, segm
     """As `disperse`, with a number of the segment's own."""
     if scene.material_flags[surface.material] & DISPERSIVE == 0:
         return material, throughput
-    u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(COLOR_BLOCK + segment))
+    u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(np.uint32(COLOR_BLOCK) + segment))
     return disperse(scene, surface, material, throughput, u)
 
 

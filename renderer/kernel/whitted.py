@@ -144,7 +144,7 @@ def trace_whitted(scene, stack, o, d, options, pixel, sample, log, first, specia
             radiance = vec.add(radiance, vec.mul(throughput, emitted))
         s, q, n = shading_frame(scene, surface, wo_world)
         material = fetch_material(scene, surface, (s, q, n), layers)
-        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, segment)
+        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, np.uint32(segment))
         if segment == 0:
             depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
             keep_first_hit(first, surface, material.base, n, depth)
