@@ -102,7 +102,7 @@ def lookup(texture, transform, texel, number, uv, uv1):
 
     It knows whether it looks at the first or at the second coordinates; (0, 0) is then the image's upper left corner.
     """
-    color = _look_up_image(texture, transform, texel, number, uv, uv1)
+    color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1)  # of one type: compiled once
     if texture[number, ABOVE] >= 0:
         return _stacked(texture, transform, texel, number, uv, uv1, color)
     return color
