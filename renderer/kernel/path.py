@@ -43,8 +43,9 @@ _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 @template
 def trace_path(scene, stack, o, d, options, pixel, sample, log, first, special):
-    """The path of one sample of one pixel, from the ray o + t d on, d unit: a PathResult.
+    """The path of one sample of one pixel, from the ray o + t d on, d unit: (radiance, number of rays).
 
+    first: (FIRST_HIT_SLOTS,), filled with what `first_hit` of renderer.kernel.transport reads.
     options: renderer.kernel.options.Options; log: rows for renderer.kernel.record, none in pictures. special: None compiles
     the path tracer for pictures, which leaves out what `is_special` settings ask for; else all is in.
     """
