@@ -134,7 +134,8 @@ _sheet_of(
     transmission={"transmissionFactor": 1},
     volume={"thicknessFactor": 1.0, "attenuationDistance": 1.5, "attenuationColor": [0.2, 0.7, 0.9]},
 )
-_sheet_of("anisotropy", _GOLD, 1.0, 0.4, anisotropy={"anisotropyStrength": 0.7, "anisotropyRotation": 0.4})
+# No stronger: Cycles gives back what an isotropic surface would lose, and a brushed one loses more (docs/correctness.md).
+_sheet_of("anisotropy", _GOLD, 1.0, 0.4, anisotropy={"anisotropyStrength": 0.4, "anisotropyRotation": 0.4})
 _sheet_of("unlit", (0.3, 0.5, 0.2), unlit={})
 
 
