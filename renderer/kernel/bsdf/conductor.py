@@ -43,7 +43,7 @@ def _albedo(w, roughness, alpha_x, alpha_y):
 
 @device
 def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf). mean_fresnel: over the hemisphere, cosine-weighted; roughness: the isotropic twin's, for the energy."""
+    """(f |cos|, pdf). mean_fresnel: over the hemisphere, cosine-weighted; roughness: the alphas' root where they are the same."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
         return (_ZERO, _ZERO, _ZERO), _ZERO
     h = vec.normalize(vec.add(wo, wi))
