@@ -3,6 +3,7 @@
 Knows numpy, numba and files; nothing of queues, HTTP or jobs. The folders, in the order light meets them:
 
     scene/    where a scene is read and compiled into one memory-mapped file
+    arrays/   the compiled scene as arrays: what scene/ writes, and bvh/ and kernel/ read
     bvh/      where a ray meets a triangle or a sphere
     kernel/   where light is scattered, sampled and summed (compiled by Numba)
     film.py   the exact sums: channels, fixed point, sample bookkeeping (plain numpy: the service merges with it)

@@ -16,11 +16,11 @@ from renderer import jit
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
-from renderer.kernel import record
 from renderer.kernel.accumulate import MAX_BAD, renderer_of
 from renderer.kernel.camera import camera_frame
+from renderer.kernel.integrators import record
+from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.options import kernel_options
-from renderer.kernel.visibility import MAX_PASSED
 from renderer.replay import Replay, read_log
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.film import COLOR, SAMPLES, BatchSums
-from renderer.kernel import record
+from renderer.kernel.integrators import record
 from renderer.settings import Vec3
 
 __all__ = ["Replay", "Vertex", "read_log"]
@@ -70,7 +70,7 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
 
 
 def read_log(batch: BatchSums, film_exponent: int, log: npt.NDArray[np.float64]) -> Replay:
-    """The replay that a batch of one sample and its log tell: rows as renderer/kernel/record.py writes them."""
+    """The replay that a batch of one sample and its log tell: rows as renderer/kernel/integrators/record.py writes them."""
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:
         red, green, blue = (float(v) * 2.0**-film_exponent for v in batch.sums[COLOR, 0, 0])

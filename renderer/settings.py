@@ -46,7 +46,7 @@ PROJECTIONS = ("perspective", "orthographic", "panorama")
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
 MAX_LIGHT_SAMPLES = 64
-MAX_FLOOR = 0.95  # what a path goes on with at most: renderer/kernel/path.py
+MAX_FLOOR = 0.95  # what a path goes on with at most: renderer/kernel/integrators/path.py
 MAX_FILM_EXPONENT = 24
 MAX_DISTANCE = 1e15  # squares and products of it stay within float32
 MAX_RADIANCE = 1e9
@@ -112,10 +112,10 @@ class RenderSettings:
     """Everything but the scene that a sample's colour depends on.
 
     max_depth: path segments, the camera's included (1 = only what the camera sees emit).
-    sampler: where a path's numbers come from (renderer/kernel/sampler.py).
+    sampler: where a path's numbers come from (renderer/kernel/sampling/sampler.py).
     filter: the pixel filter, sampled by its own shape, so that a sample belongs to one pixel alone.
     sampling: how the path tracer finds lights: mis, or one strategy alone (light, bsdf, uniform), to compare them; mixture aims
-    at lights and marked things without shadow rays (renderer/kernel/mixture.py).
+    at lights and marked things without shadow rays (renderer/kernel/integrators/mixture.py).
     heuristic: how mis weighs the two strategies (Veach 1997): power, of the second, or balance.
     light_choice: by what chance a light is taken of many: tree, by what it may give the point that is lit; power, by its power
     alone; uniform, each as often as the others.

@@ -13,16 +13,16 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
-from service.blobs import BlobStore
-from service.broadcast import Broadcast
-from service.database import connect
-from service.engine import Engine
-from service.film_store import FilmStore
-from service.films import Film
-from service.models import Job
-from service.problem import Problem
-from service.records import Records
+from service.api.problem import Problem
+from service.scheduling.engine import Engine
 from service.settings import Settings
+from service.store.blobs import BlobStore
+from service.store.database import connect
+from service.store.film_store import FilmStore
+from service.store.films import Film
+from service.store.models import Job
+from service.store.records import Records
+from service.watching.broadcast import Broadcast
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 

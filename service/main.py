@@ -17,12 +17,12 @@ from fastapi.staticfiles import StaticFiles
 from starlette.responses import RedirectResponse, Response
 from starlette.types import Scope
 
-from service import api, problem
+from service.api import problem, routes
 from service.api.info import VERSION
-from service.broadcast import Broadcast
+from service.api.security import Door
 from service.farm import Farm
-from service.security import Door
 from service.settings import Settings
+from service.watching.broadcast import Broadcast
 
 __all__ = ["create_app"]
 
@@ -56,7 +56,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         generate_unique_id_function=_operation_name,
     )
     problem.install(app)
-    app.include_router(api.router)
+    app.include_router(routes.router)
     app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.mount("/docs", _Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():

@@ -21,10 +21,10 @@ import numpy as np
 from matplotlib import pyplot
 from PIL import Image, ImageDraw, ImageFont
 
+from renderer.arrays.scene import CompiledScene
 from renderer.film import mean
 from renderer.image.tonemap import apply
 from renderer.render import render_frame
-from renderer.scene.arrays import CompiledScene
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import LIGHT_CHOICES, RenderSettings

@@ -21,14 +21,14 @@ from renderer.film import (
 )
 from renderer.jit import device, entry, local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.ao import trace_ao
 from renderer.kernel.camera import camera_ray
-from renderer.kernel.filter import filter_offset
+from renderer.kernel.integrators.ao import trace_ao
+from renderer.kernel.integrators.path import trace_path
+from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
+from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special
-from renderer.kernel.path import trace_path
-from renderer.kernel.sampler import pixel_key, uniform4
-from renderer.kernel.transport import FIRST_HIT_SLOTS, first_hit
-from renderer.kernel.whitted import trace_whitted
+from renderer.kernel.sampling.filter import filter_offset
+from renderer.kernel.sampling.sampler import pixel_key, uniform4
 from renderer.settings import RenderSettings
 
 __all__ = ["MAX_BAD", "in_half", "renderer_of"]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.polynomial import sincos_turns
-from renderer.kernel.warp import square_to_disk
+from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings
 
 __all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "camera_frame", "camera_ray"]

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.kernel.rows import TRANSPARENT
-from renderer.scene.arrays import CompiledScene
+from renderer.arrays.rows import TRANSPARENT
+from renderer.arrays.scene import CompiledScene
 from renderer.settings import FILTERS, HEURISTICS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
 
 __all__ = [

@@ -7,7 +7,7 @@ description.py  what every reader gives: meshes, spheres, materials, textures, l
 studio.py       the light of scenes that have none
 compile.py      description -> compiled scene, by geometry.py, packing.py (materials, texels), lights.py and the BVH
 framing.py      a camera for scenes without one
-arrays.py       the compiled scene: the flat arrays that the kernel reads; compiled.py keeps them in one file
+compiled.py     the compiled scene (renderer/arrays/scene.py: the flat arrays that the kernel reads) in one file
 
 To add a format: a reader with `read(files, main, description)`, its suffix in renderer/formats.py, a branch in load.py.
 """

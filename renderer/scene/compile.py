@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
 from renderer.errors import SceneError
-from renderer.scene.arrays import CompiledScene, seal
 from renderer.scene.description import F32, Camera, SceneDescription
 from renderer.scene.emitters import emitted_by_triangles
 from renderer.scene.environment import are_accents, choose_environment, tabulate_environment

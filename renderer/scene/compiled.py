@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested, seal
 from renderer.errors import SceneError
-from renderer.scene.arrays import LAYOUT, CompiledScene, check, flat, nested, seal
 
 __all__ = ["CompiledScene", "load", "save", "seal"]
 

@@ -72,7 +72,7 @@ class Image:
 class TextureLayer:
     """A texture without layers of its own that lies on another, each looked up in its own way.
 
-    `blend` is worked out in linear light (renderer/kernel/blend.py), and mixed with what is beneath by the layer's alpha times
+    `blend` is worked out in linear light (kernel/material/blend.py), and mixed with what is beneath by the layer's alpha times
     `strength`: 0 ... 1. The colours of a surface end at 1; light does not.
     """
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.kernel import rows
-from renderer.kernel.mean_emission import mean_texels
+from renderer.arrays import rows
+from renderer.kernel.light.mean_emission import mean_texels
 from renderer.scene.geometry import Geometry
 from renderer.scene.lights import luminance
 from renderer.scene.packing import Packed

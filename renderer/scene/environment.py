@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.arrays.scene import CompiledScene
 from renderer.image.tonemap import decode_srgb
-from renderer.scene.arrays import CompiledScene
 from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative, luminance
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky

@@ -1,4 +1,4 @@
-"""The lights of a scene as a tree, for renderer/kernel/light_tree.py to choose from."""
+"""The lights of a scene as a tree, for renderer/kernel/light/light_tree.py to choose from."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.kernel.light_tree_build import build
+from renderer.kernel.light.light_tree_build import build
 from renderer.scene.description import F32, I32
 
 __all__ = ["LightBounds", "LightTree", "build_light_tree"]

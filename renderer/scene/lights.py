@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene.arrays import CompiledScene
+from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import F32, I32
 from renderer.scene.geometry import Geometry
 from renderer.scene.light_tree import LightBounds, build_light_tree

@@ -1,4 +1,4 @@
-"""How far rays keep from a triangle's edges: see `_inward` in renderer/kernel/surface.py."""
+"""How far rays keep from a triangle's edges: see `_inward` in renderer/kernel/surface/surface.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Materials as rows of numbers: what renderer/kernel/rows.py names, filled in from the description."""
+"""Materials as rows of numbers: what renderer/arrays/rows.py names, filled in from the description."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.arrays import rows
 from renderer.errors import SceneError
-from renderer.kernel import rows
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.scene.description import F32, I32, SINGLE_TEXTURES, Material, SceneDescription
 from renderer.scene.lights import luminance

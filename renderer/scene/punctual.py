@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.kernel.punctual import DIRECTIONAL, POINT, SPOT
+from renderer.kernel.light.punctual import DIRECTIONAL, POINT, SPOT
 from renderer.scene.description import F32, I32, Light
 from renderer.scene.light_tree import LightBounds
 

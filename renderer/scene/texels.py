@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from renderer.arrays.rows import ABOVE, BLEND, GAIN, SRGB, TEXTURE_COLUMNS, TRANSFORM_COLUMNS, UV_SET
 from renderer.errors import SceneError
 from renderer.image.tonemap import decode_srgb, encode_srgb
-from renderer.kernel.blend import OPERATIONS
-from renderer.kernel.mean_emission import mean_texels
-from renderer.kernel.rows import ABOVE, BLEND, GAIN, SRGB, TEXTURE_COLUMNS, TRANSFORM_COLUMNS, UV_SET
-from renderer.kernel.texture import CLAMP, MIRROR, REPEAT
+from renderer.kernel.light.mean_emission import mean_texels
+from renderer.kernel.material.blend import OPERATIONS
+from renderer.kernel.material.texture import CLAMP, MIRROR, REPEAT
 from renderer.scene.description import F32, I32, SceneDescription, Texture
 from renderer.scene.lights import luminance
 

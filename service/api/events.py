@@ -10,7 +10,7 @@ from fastapi import APIRouter
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.describe import snapshot
+from service.api.describe import snapshot
 from service.farm import Farm, FarmDependency
 
 __all__ = ["router"]

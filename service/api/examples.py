@@ -9,12 +9,12 @@ from pathlib import Path
 from fastapi import APIRouter, Response
 from pydantic import BaseModel
 
+from service.api.problem import Problem
 from service.api.scenes import record
+from service.api.schemas import SceneOut
 from service.farm import Farm, FarmDependency
-from service.multipart import Form
-from service.problem import Problem
-from service.schemas import SceneOut
-from service.uploads import keep, no_room
+from service.intake.multipart import Form
+from service.intake.uploads import keep, no_room
 
 __all__ = ["router"]
 

@@ -16,11 +16,11 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer import film as film_math
 from service.api.jobs import find_job
-from service.blobs import is_sha256
+from service.api.problem import Problem
 from service.farm import FarmDependency
-from service.models import Scene
-from service.problem import Problem
-from service.uploads import disk_checker
+from service.intake.uploads import disk_checker
+from service.store.blobs import is_sha256
+from service.store.models import Scene
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]

@@ -17,12 +17,12 @@ from renderer import film as film_math
 from renderer.errors import SettingsError
 from renderer.image import tonemap
 from service.api.jobs import find_job
-from service.denoising import Denoised
+from service.api.problem import Problem
 from service.farm import Farm, FarmDependency
-from service.films import Film
-from service.models import Scene
-from service.pictures import MEDIA, PictureWish, picture
-from service.problem import Problem
+from service.scheduling.denoising import Denoised
+from service.store.films import Film
+from service.store.models import Scene
+from service.watching.pictures import MEDIA, PictureWish, picture
 from worker.contract import SAMPLES_HEADER
 
 __all__ = ["router"]

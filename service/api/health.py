@@ -6,9 +6,9 @@ from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from sqlalchemy import text
 
-from service import metrics
+from service.api import metrics
+from service.api.problem import Problem
 from service.farm import FarmDependency
-from service.problem import Problem
 
 __all__ = ["router"]
 

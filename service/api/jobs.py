@@ -11,14 +11,14 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
+from service.api.describe import job_out
+from service.api.problem import Problem
 from service.api.scenes import record
-from service.describe import job_out
+from service.api.schemas import JobIn, JobOut, JobPatch
 from service.farm import Farm, FarmDependency
-from service.models import ACTIVE, Frame, Job, Scene
-from service.problem import Problem
-from service.resolve import resolve
-from service.schemas import JobIn, JobOut, JobPatch
-from service.uploads import under_sky
+from service.intake.resolve import resolve
+from service.intake.uploads import under_sky
+from service.store.models import ACTIVE, Frame, Job, Scene
 
 __all__ = ["find_job", "router"]
 

@@ -17,12 +17,12 @@ from collections import deque
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from starlette.concurrency import run_in_threadpool
 
-from service import tile_packet
-from service.broadcast import Listener
-from service.describe import snapshot
+from service.api.describe import snapshot
 from service.farm import Farm, FarmDependency
-from service.films import Film, FilmClosed
-from service.models import Job
+from service.store.films import Film, FilmClosed
+from service.store.models import Job
+from service.watching import tile_packet
+from service.watching.broadcast import Listener
 
 __all__ = ["router"]
 

@@ -10,13 +10,13 @@ from fastapi.responses import FileResponse
 from sqlalchemy import func, select
 from starlette.concurrency import run_in_threadpool
 
-from service.describe import scene_out
+from service.api.describe import scene_out
+from service.api.problem import Problem
+from service.api.schemas import SceneOut
 from service.farm import Farm, FarmDependency
-from service.models import ACTIVE, Job, Scene
-from service.problem import Problem
-from service.records import blobs_of
-from service.schemas import SceneOut
-from service.uploads import Upload, check_length, receive
+from service.intake.uploads import Upload, check_length, receive
+from service.store.models import ACTIVE, Job, Scene
+from service.store.records import blobs_of
 
 __all__ = ["record", "router"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import redis
 from fastapi import APIRouter
 
-from service.describe import worker_out
+from service.api.describe import worker_out
+from service.api.problem import Problem
+from service.api.schemas import WorkerOut, WorkerPatch
 from service.farm import FarmDependency
-from service.problem import Problem
-from service.schemas import WorkerOut, WorkerPatch
 
 __all__ = ["router"]
 

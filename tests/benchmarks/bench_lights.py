@@ -16,10 +16,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.arrays.scene import CompiledScene
 from renderer.film import mean
 from renderer.render import render_frame
 from renderer.scene import lights as light_lists
-from renderer.scene.arrays import CompiledScene
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.settings import LIGHT_CHOICES, RenderSettings, View

@@ -18,7 +18,7 @@ from playwright.sync_api import Page
 
 from rayfarm.local.farm import free_port
 from renderer.image import rgbe9995
-from service.tile_packet import HEADER
+from service.watching.tile_packet import HEADER
 
 __all__ = ["HEIGHT", "WIDTH", "Site", "call", "packet", "radiances"]
 

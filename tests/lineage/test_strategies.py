@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from renderer.arrays.scene import CompiledScene
 from renderer.film import COLOR, mean
 from renderer.render import render_frame
-from renderer.scene.arrays import CompiledScene
 from renderer.scene.description import Material, Sphere
 from renderer.settings import RenderSettings
 from tests.renderer.builders import emitter, gray, scene, settings, square

@@ -28,7 +28,7 @@ from renderer.settings import (
     Tile,
     View,
 )
-from service.schemas import JobIn
+from service.api.schemas import JobIn
 from worker.reproduce import batch_command
 
 CAMERAS = [

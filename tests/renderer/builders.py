@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene.arrays import CompiledScene
+from renderer.arrays.scene import CompiledScene
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.readers import shapes

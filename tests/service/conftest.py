@@ -18,8 +18,8 @@ from sqlalchemy import create_engine
 from rayfarm.local.farm import free_port
 from service.farm import Farm
 from service.main import create_app
-from service.models import Base
 from service.settings import Settings
+from service.store.models import Base
 from tests.helpers import running_redis
 from tests.service.peer_worker import PeerWorker
 

@@ -14,7 +14,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.polynomial import exp2, power, sincos_turns
-from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 
 __all__ = ["eval_and_pdf_blinn_phong", "sample_blinn_phong"]
 

@@ -12,7 +12,7 @@ from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_alb
 from renderer.kernel.bsdf.energy import multiple_scattering
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
 from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
-from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 
 __all__ = ["eval_and_pdf_conductor", "fresnel_rgb", "sample_conductor", "sample_smooth_conductor"]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 
 __all__ = ["eval_diffuse", "pdf_diffuse", "sample_diffuse"]
 

@@ -1,14 +1,16 @@
 """What each layer of the glTF surface takes of light, and what it leaves to those below.
 
-m is a layered material's row (renderer/kernel/rows.py) with its textures looked up.
+m is a layered material's row (renderer/arrays/rows.py) with its textures looked up.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from renderer.arrays import rows
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, FILM_MEAN
 from renderer.jit import device, subroutine
-from renderer.kernel import rows, vec
+from renderer.kernel import vec
 from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_albedo
 from renderer.kernel.bsdf.clearcoat import clearcoat_albedo, clearcoat_mean_albedo
 from renderer.kernel.bsdf.energy import multiple_scattering, schlick_mean
@@ -16,7 +18,6 @@ from renderer.kernel.bsdf.fresnel import schlick
 from renderer.kernel.bsdf.iridescence import film_reflectance
 from renderer.kernel.bsdf.sheen import sheen_albedo, sheen_mean_albedo
 from renderer.kernel.polynomial import power
-from renderer.kernel.rows import ALPHA_X, ALPHA_Y, FILM_MEAN
 
 __all__ = [
     "base_view",

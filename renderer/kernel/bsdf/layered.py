@@ -11,7 +11,7 @@
 Layers take light from what is below them, both ways. The diffuse base is coupled to them exactly (metallic_roughness.py);
 of what is narrow, min(T(wo), T(wi)) is left, T = 1 - albedo of the layer: reciprocal, and never too much.
 
-A layered material comes as its row (renderer/kernel/rows.py), textures looked up, by `resolve` in kernel/layers.py.
+A layered material comes as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ import math
 
 import numpy as np
 
+from renderer.arrays import rows
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, IS_PANE
 from renderer.jit import device, subroutine
-from renderer.kernel import rows, vec
+from renderer.kernel import vec
 from renderer.kernel.bsdf.clearcoat import eval_and_pdf_clearcoat, sample_clearcoat
 from renderer.kernel.bsdf.energy import schlick_mean
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric, schlick_weight
@@ -45,8 +47,7 @@ from renderer.kernel.bsdf.rough_glass import (
     sample_rough_glass,
 )
 from renderer.kernel.bsdf.sheen import eval_sheen, pdf_sheen, sample_sheen
-from renderer.kernel.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, IS_PANE
-from renderer.kernel.warp import square_to_cosine_hemisphere
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 
 __all__ = ["eval_and_pdf_layered", "sample_layered"]
 

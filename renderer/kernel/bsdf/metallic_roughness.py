@@ -17,7 +17,7 @@ from renderer.kernel import vec
 from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_scattering, schlick_mean
 from renderer.kernel.bsdf.fresnel import schlick
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, sample_visible_normal, smith_lambda
-from renderer.kernel.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 
 __all__ = ["eval_and_pdf_metallic_roughness", "sample_metallic_roughness"]
 

@@ -16,7 +16,7 @@ from renderer.kernel import vec
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric, mean_fresnel_dielectric, schlick_weight
 from renderer.kernel.bsdf.glass_energy import glass_albedo, glass_mean_albedo
 from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, sample_visible_normal, smith_lambda
-from renderer.kernel.warp import square_to_cosine_hemisphere
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 
 __all__ = ["SMOOTH_GLASS", "eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
 

@@ -15,7 +15,7 @@ from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.albedo_tables import CHARLIE_LAMBDA, SIZE, table_path
 from renderer.kernel.polynomial import exp, power
-from renderer.kernel.warp import square_to_hemisphere, square_to_hemisphere_pdf
+from renderer.kernel.sampling.warp import square_to_hemisphere, square_to_hemisphere_pdf
 
 __all__ = ["eval_sheen", "pdf_sheen", "sample_sheen", "sheen_albedo", "sheen_mean_albedo"]
 

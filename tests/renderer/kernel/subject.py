@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import entry
-from renderer.kernel.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
-from renderer.kernel.surface import Surface
+from renderer.kernel.material.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
+from renderer.kernel.surface.surface import Surface
 from renderer.scene.description import Material
 from tests.renderer.builders import scene, square
 

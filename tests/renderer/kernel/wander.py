@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
-from renderer.kernel.surface import departure, surface_at
-from renderer.kernel.warp import square_to_cosine_hemisphere
-from renderer.scene.arrays import CompiledScene
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
+from renderer.kernel.surface.surface import departure, surface_at
 
 _FAR = np.float32(np.inf)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from renderer import film
+from renderer.arrays.scene import seal
 from renderer.errors import SceneError
 from renderer.render import render_frame
-from renderer.scene.arrays import seal
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
 from renderer.scene.description import (
     Camera,

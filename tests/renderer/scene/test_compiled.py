@@ -6,11 +6,11 @@ import mmap
 import numpy as np
 import pytest
 
+from renderer.arrays.rows import ABOVE
+from renderer.arrays.scene import LAYOUT, flat
 from renderer.errors import SceneError
 from renderer.film import digest
-from renderer.kernel.rows import ABOVE
 from renderer.render import render_frame
-from renderer.scene.arrays import LAYOUT, flat
 from renderer.scene.compiled import load, save, seal
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Sphere, Texture
 from tests.renderer.builders import box, emitter, gray, scene, settings, square

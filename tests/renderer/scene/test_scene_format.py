@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from renderer.image.encode import encode
-from renderer.kernel.blend import OPERATIONS
+from renderer.kernel.material.blend import OPERATIONS
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Blend, MaterialKind
 from renderer.scene.load import read

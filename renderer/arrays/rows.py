@@ -1,0 +1,96 @@
+"""Where each property of a material stands in the compiled scene's rows: the columns of `material`, the slots of
+`material_texture`, the bits of `material_flags`; and what the rows of textures hold. Colours take three columns from theirs on.
+"""
+
+from __future__ import annotations
+
+# Kinds: how a material scatters.
+DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED = range(8)
+
+# Columns of `material`, float32.
+BASE = 0
+EMISSION = 3
+METALLIC = 6
+ROUGHNESS = 7
+IOR = 8
+DOUBLE_SIDED = 9  # 0 or 1
+OPACITY = 10
+ALPHA_CUTOFF = 11
+NORMAL_SCALE = 12
+SPECULAR = 13
+SPECULAR_COLOR = 14
+CLEARCOAT = 17
+CLEARCOAT_ROUGHNESS = 18
+CLEARCOAT_NORMAL_SCALE = 19
+SHEEN_COLOR = 20
+SHEEN_ROUGHNESS = 23
+TRANSMISSION = 24
+ABSORPTION = 25  # per unit length
+ANISOTROPY = 28
+ROTATION = 29  # cosine and sine of the anisotropy's angle to the tangent
+IRIDESCENCE = 31
+IRIDESCENCE_IOR = 32
+THICKNESS = 33  # of the thin film: least and greatest, nanometres
+DISPERSION = 35
+DIFFUSE_TRANSMISSION = 36
+DIFFUSE_TRANSMISSION_COLOR = 37
+ETA = 40  # a conductor's
+K = 43
+SHININESS = 46
+F0 = 47  # a dielectric's reflectance at normal incidence
+MEAN_FRESNEL = 50  # a conductor's, over the cosine-weighted hemisphere
+COLUMNS = 53
+
+# What renderer/kernel/material/layers.py adds to a row where it looks up a material's textures.
+COAT_NORMAL = COLUMNS  # in the shading frame
+ALPHA_X = COLUMNS + 3
+ALPHA_Y = COLUMNS + 4
+IS_PANE = COLUMNS + 5  # 0 or 1: glass does not refract
+FILM_MEAN = COLUMNS + 6  # reflectance over the hemisphere with a film: metal, then dielectric
+LAYER_SLOTS = COLUMNS + 12
+
+# Slots of `material_texture`, int32: the texture's row, or -1.
+BASE_TEXTURE = 0
+EMISSION_TEXTURE = 1
+METALLIC_ROUGHNESS_TEXTURE = 2
+NORMAL_TEXTURE = 3
+SPECULAR_TEXTURE = 4
+SPECULAR_COLOR_TEXTURE = 5
+CLEARCOAT_TEXTURE = 6
+CLEARCOAT_ROUGHNESS_TEXTURE = 7
+CLEARCOAT_NORMAL_TEXTURE = 8
+SHEEN_COLOR_TEXTURE = 9
+SHEEN_ROUGHNESS_TEXTURE = 10
+TRANSMISSION_TEXTURE = 11
+ANISOTROPY_TEXTURE = 12
+IRIDESCENCE_TEXTURE = 13
+THICKNESS_TEXTURE = 14
+DIFFUSE_TRANSMISSION_TEXTURE = 15
+DIFFUSE_TRANSMISSION_COLOR_TEXTURE = 16
+SLOTS = 17
+
+# Columns of `texture`, int32, behind the first texel, the size and how it repeats.
+SRGB = 5  # 0 or 1
+UV_SET = 6
+ABOVE = 7  # the row of the layer that lies on this one; -1 for none
+BLEND = 8  # by which operation this one lies on what is beneath (renderer/kernel/material/blend.py)
+TEXTURE_COLUMNS = 9
+
+# Columns of `texture_transform`, float32, behind the matrix: what a row means in a stack.
+STRENGTH = 6
+GAIN = 7  # what its texels are multiplied by
+MOST = 8  # that the stack may become with it
+TRANSFORM_COLUMNS = 9
+
+# Bits of `material_flags`, int32: what a kernel asks before it looks at columns.
+TEXTURED = 1  # some texture is looked up
+SECOND_UV = 2  # one of them by the second set of coordinates
+NORMAL_MAPPED = 4
+NEEDS_TANGENT = 8
+MASKED = 16  # alpha is cut at ALPHA_CUTOFF
+BLENDED = 32  # alpha is a chance of being there
+THIN = 64  # light passes without refraction
+DISPERSIVE = 128
+ABSORBING = 256  # its inside is
+TRANSMITS = 512  # scatters to the far side, too, in more than single directions
+TRANSPARENT = MASKED | BLENDED

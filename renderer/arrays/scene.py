@@ -1,0 +1,209 @@
+"""The compiled scene: the flat arrays that the kernel reads. renderer/scene/compiled.py keeps them in one file.
+
+Every array is C-contiguous and read-only (Numba compiles read-only arrays as a type of their own, so that one rule keeps
+one compiled kernel for memory-mapped and freshly built scenes alike: `seal` applies it). A primitive's number is its
+triangle's index, or T + its sphere's index; lights without a body go on from there.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.arrays.rows import ABOVE, COLUMNS, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.errors import SceneError
+
+__all__ = ["LAYOUT", "CompiledScene", "check", "flat", "nested", "seal"]
+
+Array = npt.NDArray[Any]
+
+
+class CompiledScene(NamedTuple):
+    """What the kernel reads.
+
+    I instances, V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual.
+    """
+
+    bvh: Bvh
+
+    to_world: Array  # (I, 3, 4) f64, from each instance's space: a matrix and, last column, a translation
+    instance_stretch: Array  # (I, 2) f32: the most and the least that to_world makes of a length of 1
+    instance_material: Array  # (I,) i32: its triangles' material, or -1 where they have their own
+    instance_object: Array  # (I,) i32
+
+    position: Array  # (V, 3) f32, world space; an instance's own where its triangles are
+    normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
+    uv: Array  # (V, 2) f32
+    uv1: Array  # (V, 2) f32, or no rows where no texture looks there
+    color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
+    tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
+    triangle: Array  # (T, 3) i32 into the vertices
+    triangle_margin: Array  # (T, 2) f32: renderer/scene/margins.py
+    triangle_material: Array  # (T,) i32
+    triangle_light: Array  # (T,) i32: its light, or -1
+    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py); an instance's counts instead
+    sphere: Array  # (S, 4) f32: centre, radius
+    sphere_material: Array  # (S,) i32
+    sphere_light: Array  # (S,) i32: its light, or -1
+    sphere_object: Array  # (S,) i32
+
+    material_kind: Array  # (M,) i32: kinds, flags, columns and slots are named in renderer/arrays/rows.py
+    material_flags: Array  # (M,) i32
+    material: Array  # (M, COLUMNS) f32
+    material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
+
+    # (X, 9) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set, the row of the layer
+    # above (-1: none), the operation by which it is a layer itself
+    texture: Array
+    texture_transform: Array  # (X, 9) f32: the rows of the 2x3 matrix that UVs go through; strength, gain and most in a stack
+    texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
+
+    light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
+    light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
+    light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
+    light_child: Array  # (Y, 3) i32
+    light_area: Array  # (L,) f32, 0 for punctual lights
+    guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
+    punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL
+    punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
+
+    environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
+    environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
+    environment_conditional: Array  # (H, W + 1) f32: cdf within a row
+    # (12,) f32: cos and sin of the rotation, mean luminance, probability of choosing it over the lights; the sun's direction 3,
+    # 1 - cos of its half angle (0: no sun), its radiance 3, its share of the environment's samples
+    environment_frame: Array
+
+    bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
+
+
+# Each array's element type and shape, in the file's order: what rays touch most comes first, where it is best aligned.
+# A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E, E? is E or 0.
+LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
+    "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
+    "bvh.packet": ("<f4", ("P", PACKET_ROWS, WIDTH)),
+    "bvh.to_local": ("<f8", ("I", 3, 4)),
+    "to_world": ("<f8", ("I", 3, 4)),
+    "bvh.instance_root": ("<i4", ("I",)),
+    "instance_stretch": ("<f4", ("I", 2)),
+    "instance_material": ("<i4", ("I",)),
+    "instance_object": ("<i4", ("I",)),
+    "position": ("<f4", ("V", 3)),
+    "normal": ("<f4", ("V", 3)),
+    "uv": ("<f4", ("V", 2)),
+    "uv1": ("<f4", ("V?", 2)),
+    "color": ("<f4", ("V?", 4)),
+    "tangent": ("<f4", ("V?", 4)),
+    "triangle": ("<i4", ("T", 3)),
+    "triangle_margin": ("<f4", ("T", 2)),
+    "triangle_material": ("<i4", ("T",)),
+    "triangle_light": ("<i4", ("T",)),
+    "triangle_object": ("<i4", ("T",)),
+    "sphere": ("<f4", ("S", 4)),
+    "sphere_material": ("<i4", ("S",)),
+    "sphere_light": ("<i4", ("S",)),
+    "sphere_object": ("<i4", ("S",)),
+    "material_kind": ("<i4", ("M",)),
+    "material_flags": ("<i4", ("M",)),
+    "material": ("<f4", ("M", COLUMNS)),
+    "material_texture": ("<i4", ("M", SLOTS)),
+    "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
+    "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
+    "light_primitive": ("<i4", ("L",)),
+    "light_cdf": ("<f4", ("L+1",)),
+    "light_node": ("<f4", ("Y", 12)),
+    "light_child": ("<i4", ("Y", 3)),
+    "light_area": ("<f4", ("L",)),
+    "guide": ("<i4", ("G",)),
+    "punctual_kind": ("<i4", ("K",)),
+    "punctual": ("<f4", ("K", 12)),
+    "environment": ("<f4", ("H", "W", 3)),
+    "environment_marginal": ("<f4", ("H+1",)),
+    "environment_conditional": ("<f4", ("H", "W+1")),
+    "environment_frame": ("<f4", (12,)),
+    "bounds": ("<f4", (2, 3)),
+    "texel": ("|u1", ("Q", 4)),
+}
+
+
+def flat(scene: CompiledScene) -> dict[str, Array]:
+    """The arrays by name, in the layout's order."""
+    return {name: getattr(scene.bvh, name[4:]) if name.startswith("bvh.") else getattr(scene, name) for name in LAYOUT}
+
+
+def nested(arrays: dict[str, Array]) -> CompiledScene:
+    """The scene of these arrays: the reverse of `flat`."""
+    rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
+    return CompiledScene(bvh=Bvh(*(arrays[f"bvh.{name}"] for name in Bvh._fields)), **rest)
+
+
+def seal(scene: CompiledScene) -> CompiledScene:
+    """The scene with every array C-contiguous, of its exact type and read-only, and checked. Copies only what is not so yet.
+
+    Raises SceneError where the arrays do not fit together, since the kernel checks no index.
+    """
+    arrays = {}
+    for name, array in flat(scene).items():
+        array = np.ascontiguousarray(array, LAYOUT[name][0]).view()
+        array.flags.writeable = False
+        arrays[name] = array
+    check(arrays)
+    return nested(arrays)
+
+
+def check(arrays: dict[str, Array]) -> None:
+    """Raises SceneError where shapes disagree or an index points outside."""
+    lengths: dict[str, int] = {}
+    for name, (_, shape) in LAYOUT.items():
+        actual = arrays[name].shape
+        if len(actual) != len(shape):
+            raise SceneError(f"{name} has {len(actual)} dimensions where {len(shape)} belong")
+        for length, expected in zip(actual, shape, strict=True):
+            if isinstance(expected, str) and expected.endswith("?") and length == 0:
+                continue
+            if isinstance(expected, str):
+                key, more = expected[0], 1 if expected.endswith("+1") else 0
+                if lengths.setdefault(key, length - more) != length - more:
+                    raise SceneError(f"{name} has the shape {actual}, which does not fit the other arrays")
+            elif length != expected:
+                raise SceneError(f"{name} has the shape {actual}; {expected} belongs where {length} stands")
+    primitives = lengths["T"] + lengths["S"]
+    for name, lower, upper in (
+        ("triangle", 0, lengths["V"]),
+        ("triangle_material", 0, lengths["M"]),
+        ("sphere_material", 0, lengths["M"]),
+        ("instance_material", -1, lengths["M"]),
+        ("bvh.instance_root", 0, lengths["N"]),
+        ("triangle_light", -1, lengths["L"]),
+        ("sphere_light", -1, lengths["L"]),
+        ("light_primitive", 0, primitives + lengths["K"]),
+        ("guide", 0, primitives),
+        ("light_child", -1, max(lengths["Y"], lengths["L"])),
+        ("material_texture", -1, lengths["X"]),
+    ):
+        array = arrays[name]
+        if array.size and not lower <= int(array.min()) <= int(array.max()) < upper:
+            raise SceneError(f"{name} points outside {lower} ... {upper - 1}")
+    texture = arrays["texture"].astype(np.int64)
+    if len(texture) and not (
+        texture[:, :3].min() >= 0
+        and texture[:, 1:3].min() > 0
+        and (texture[:, 0] + texture[:, 1] * texture[:, 2]).max() <= lengths["Q"]
+    ):
+        raise SceneError("a texture reaches beyond the texels")
+    above = texture[:, ABOVE]
+    if not ((above == -1) | ((above > np.arange(len(above))) & (above < len(above)))).all():
+        raise SceneError("a texture's layer is not further on in the list of textures")
+    if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
+        raise SceneError("the BVH or the environment is empty")
+    children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
+    leaves = ~children[children < 0]
+    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["P"])
+    if int(children.max()) >= lengths["N"] or not (leaves >> 2 < beyond).all():
+        raise SceneError("the BVH points outside its nodes")
+    numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
+    if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
+        raise SceneError("the BVH names a primitive that is not there")

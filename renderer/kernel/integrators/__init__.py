@@ -1,0 +1,1 @@
+"""How light is followed: path tracing, Whitted, ambient occlusion, and what only comparisons need."""

@@ -1,0 +1,144 @@
+"""Directions by a mixture of two densities: half follow the material, half aim at a target, a light or a thing worth seeing.
+
+As in Shirley, Black & Hollasch, "Ray Tracing: The Rest of Your Life": no shadow rays, one direction a bounce, weighed by the
+density of the whole mixture. Targets are chosen evenly; each one's density is asked for, so their number should be small
+(renderer/scene/guides.py). What no target covers, the material's half still finds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.material.material import eval_material, sample_material
+from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
+
+__all__ = ["aim", "mixture_bounce", "target_density"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_INV_4PI = np.float32(0.25 / math.pi)
+_BELOW_ONE = np.float32(1.0 - 2.0**-24)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+
+
+@device
+def _corner(scene, number, k):
+    i = scene.triangle[number, k]
+    return scene.position[i, 0], scene.position[i, 1], scene.position[i, 2]
+
+
+@device
+def _ball(scene, number):
+    return (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2]), scene.sphere[number, 3]
+
+
+@device
+def _one_minus_cos(square, radius):
+    """Of the half angle of the cone that a sphere at distance**2 `square` fills; 2, all directions, from inside."""
+    if square <= radius * radius:
+        return _TWO
+    sine2 = radius * radius / square
+    return sine2 / (_ONE + math.sqrt(_ONE - sine2))
+
+
+@device
+def target_density(scene, primitive, p, d):
+    """The density per steradian with which `aim` at a primitive gives the unit direction d at p; 0 where d passes it by."""
+    triangles = len(scene.triangle)
+    if primitive >= triangles:
+        center, radius = _ball(scene, primitive - triangles)
+        to_center = vec.sub(center, p)
+        square = vec.dot(to_center, to_center)
+        ahead = vec.dot(to_center, d)
+        outside = square > radius * radius
+        if outside and (ahead <= _ZERO or square - ahead * ahead > radius * radius):
+            return _ZERO
+        return square_to_cone_pdf(_one_minus_cos(square, radius)) if outside else _INV_4PI
+    # Moeller & Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997
+    a = _corner(scene, primitive, 0)
+    b = vec.sub(_corner(scene, primitive, 1), a)
+    c = vec.sub(_corner(scene, primitive, 2), a)
+    across = vec.cross(d, c)
+    determinant = vec.dot(b, across)
+    if determinant == _ZERO:
+        return _ZERO
+    inverse = _ONE / determinant
+    from_a = vec.sub(p, a)
+    u = vec.dot(from_a, across) * inverse
+    side = vec.cross(from_a, b)
+    v = vec.dot(d, side) * inverse
+    t = vec.dot(c, side) * inverse
+    if u < _ZERO or v < _ZERO or u + v > _ONE or t <= _ZERO:
+        return _ZERO
+    return _TWO * t * t / abs(determinant)  # |determinant| is twice the area times the cosine
+
+
+@device
+def aim(scene, primitive, p, u):
+    """A direction from p towards a primitive: (unit direction, density per steradian); a density of 0 where there is none.
+
+    Triangles by area, spheres by the solid angle that they fill, all directions alike from inside them."""
+    triangles = len(scene.triangle)
+    if primitive >= triangles:
+        center, radius = _ball(scene, primitive - triangles)
+        to_center = vec.sub(center, p)
+        square = vec.dot(to_center, to_center)
+        if square <= radius * radius:
+            return square_to_sphere(u), _INV_4PI
+        axis = vec.scale(to_center, _ONE / math.sqrt(square))
+        s, q = vec.basis(axis)
+        narrow = _one_minus_cos(square, radius)
+        return vec.to_world(s, q, axis, square_to_cone(u, narrow)), square_to_cone_pdf(narrow)
+    v, w = square_to_triangle(u)
+    a = _corner(scene, primitive, 0)
+    b = vec.sub(_corner(scene, primitive, 1), a)
+    c = vec.sub(_corner(scene, primitive, 2), a)
+    d = vec.sub(vec.add(a, vec.add(vec.scale(b, v), vec.scale(c, w))), p)
+    square = vec.dot(d, d)
+    if not square > _ZERO:
+        return d, _ZERO
+    d = vec.scale(d, _ONE / math.sqrt(square))
+    projected = abs(vec.dot(vec.cross(b, c), d))
+    return d, _TWO * square / projected if projected > _ZERO else _ZERO
+
+
+@subroutine
+def mixture_bounce(scene, p, frame, material, wo, choose, u):
+    """As `sample_material`, by the mixture: (wi, weight, pdf, radiance scale), the pdf 0 since lights count fully where met.
+
+    p: the point; frame: its shading frame (s, t, n). What a material scatters into single directions it keeps for its own half.
+    """
+    out_of_line()
+    s, q, n = frame
+    count = len(scene.guide)
+    if count == 0:
+        wi, weight, _, thinned = sample_material(material, wo, choose, u)
+        return wi, weight, _ZERO, thinned
+    aimed = -1
+    aimed_density = _ZERO
+    if choose < _HALF:
+        wi, weight, pdf, thinned = sample_material(material, wo, _TWO * choose, u)
+        if pdf == _ZERO:
+            return wi, vec.scale(weight, _TWO), _ZERO, thinned
+        d = vec.to_world(s, q, n, wi)
+    else:
+        aimed = min(np.int64((_TWO * choose - _ONE) * np.float32(count)), count - 1)
+        d, aimed_density = aim(scene, scene.guide[aimed], p, u)
+        if aimed_density == _ZERO:
+            return wo, _BLACK, _ZERO, _ONE
+        wi = vec.to_local(s, q, n, d)
+    f, own = eval_material(material, wo, wi)
+    total = _ZERO
+    for i in range(count):
+        # At its rim, rounding may say of a direction aimed at a target that it passes it by.
+        total += aimed_density if i == aimed else target_density(scene, scene.guide[i], p, d)
+    density = _HALF * own + _HALF * total / np.float32(count)
+    if not density > _ZERO:
+        return wi, _BLACK, _ZERO, _ONE
+    return wi, vec.scale(f, _ONE / density), _ZERO, _ONE

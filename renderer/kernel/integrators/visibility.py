@@ -1,0 +1,54 @@
+"""What lies between two points: how much of the light gets through."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.material.material import opacity
+from renderer.kernel.surface.surface import departure, surface_at
+
+__all__ = ["MAX_PASSED", "transmittance"]
+
+_ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
+MAX_PASSED = 256  # surfaces that light passes by their alpha; what lies behind more of them is dark
+
+
+@subroutine
+def _through(scene, stack, start, end):
+    """The product of what each surface between the two points leaves of the light."""
+    out_of_line()
+    left = _ONE
+    o = start
+    way = vec.sub(end, start)
+    for _ in range(MAX_PASSED):
+        rest = vec.sub(end, o)
+        if not vec.dot(rest, way) > _ZERO:
+            return left
+        distance = math.sqrt(vec.dot(rest, rest))
+        d = vec.scale(rest, _ONE / distance)
+        hit = closest_hit(scene.bvh, stack, o, d, distance)
+        if hit.primitive == NO_PRIMITIVE:
+            return left
+        surface = surface_at(scene, o, d, hit)
+        left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
+        if not left > _ZERO:
+            return _ZERO
+        o = departure(surface, False, d)
+    return _ZERO
+
+
+@device
+def transmittance(scene, stack, start, end, transparent):
+    """The fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
+
+    transparent: whether anything in the scene lets light pass by its alpha; if not, one look is enough.
+    """
+    if transparent:
+        return _through(scene, stack, start, end)
+    return _ZERO if any_hit(scene.bvh, stack, start, vec.sub(end, start), _ONE) else _ONE

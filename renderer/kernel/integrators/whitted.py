@@ -1,0 +1,195 @@
+"""Ray tracing after Whitted, "An Improved Illumination Model for Shaded Display" (1980), to compare with path tracing.
+
+Mirror and glass are followed, and nothing else: what is diffuse or glossy is lit by the lights directly, and by a constant
+for all the light that it would get from other surfaces. Where Whitted splits a ray at glass, the sampler chooses.
+
+With one light sample a light is looked at in its middle: shadows are sharp, and only the choice among several lights is
+random. With more, in as many points, so that shadows are soft. The environment has no middle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.jit import device, local_floats, template
+from renderer.kernel import vec
+from renderer.kernel.integrators.record import DIRECT, EMITTED, MISSED, record_light, record_vertex
+from renderer.kernel.integrators.strategy import mistaken
+from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, one_color, reach
+from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
+from renderer.kernel.light.environment import environment_radiance
+from renderer.kernel.light.lights import LightSample, choose_light, sample_light, sample_one_light
+from renderer.kernel.material.material import (
+    LAYER_SLOTS,
+    emission,
+    eval_material,
+    fetch_material,
+    is_specular,
+    sample_material,
+    transmits,
+)
+from renderer.kernel.options import NO_MISTAKE
+from renderer.kernel.sampling.sampler import uniform4
+from renderer.kernel.surface.normal_map import shading_frame
+from renderer.kernel.surface.surface import departure, surface_at
+
+__all__ = ["trace_whitted"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_HALF = np.float32(0.5)
+_QUARTER = np.float32(0.25)
+_INF = np.float32(np.inf)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE)
+_POLISHED = np.float32(0.15)  # roughness up to which a metal is taken for a mirror
+
+
+@device
+def _is_polished(material):
+    """Whether it is a metal so smooth that what it shows are reflections."""
+    if material.kind == METALLIC_ROUGHNESS:
+        return material.metallic > _HALF and material.roughness <= _POLISHED
+    return material.kind == CONDUCTOR and material.roughness <= _POLISHED
+
+
+@device
+def _edge2(scene, i, j):
+    d = (
+        scene.position[i, 0] - scene.position[j, 0],
+        scene.position[i, 1] - scene.position[j, 1],
+        scene.position[i, 2] - scene.position[j, 2],
+    )
+    return vec.dot(d, d)
+
+
+@device
+def _middle(scene, light):
+    """The numbers with which `sample_one_light` gives a light's middle.
+
+    A triangle's is that of its longest edge: the two of a rectangle then agree. A sphere's is the point nearest to what it
+    lights, in the direction of its centre.
+    """
+    primitive = scene.light_primitive[light]
+    if primitive >= len(scene.triangle):
+        is_sphere = primitive < len(scene.triangle) + len(scene.sphere)
+        return (_ZERO, _ZERO) if is_sphere else (_HALF, _HALF)
+    i, j, k = scene.triangle[primitive, 0], scene.triangle[primitive, 1], scene.triangle[primitive, 2]
+    ab, bc, ca = _edge2(scene, i, j), _edge2(scene, j, k), _edge2(scene, k, i)
+    # The inverse of square_to_triangle at the edges' middles
+    if ab >= bc and ab >= ca:
+        return _ONE, _HALF
+    return (_QUARTER, _ONE) if bc >= ca else (_QUARTER, _ZERO)
+
+
+@device
+def _look_at_light(scene, p, normal, middle, choice, u):
+    """As `sample_light`; with `middle`, a light is looked at in its middle, from outside."""
+    chance = scene.environment_frame[3]
+    if not middle or choice < chance or len(scene.light_primitive) == 0:
+        return sample_light(scene, p, normal, choice, u)
+    light, of_light = choose_light(scene, p, normal, (choice - chance) / (_ONE - chance) if chance > _ZERO else choice)
+    sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light))
+    pdf = sample.pdf * (_ONE - chance) * of_light
+    return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
+
+
+@device
+def _is_within(scene, light, p):
+    number = scene.light_primitive[light] - len(scene.triangle)
+    if number < 0 or number >= len(scene.sphere):
+        return False
+    d = (scene.sphere[number, 0] - p[0], scene.sphere[number, 1] - p[1], scene.sphere[number, 2] - p[2])
+    return vec.dot(d, d) < scene.sphere[number, 3] * scene.sphere[number, 3]
+
+
+@template
+def trace_whitted(scene, stack, o, d, options, pixel, sample, log, first, special):
+    """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface."""
+    radiance = _BLACK
+    throughput = _WHITE
+    forget_first_hit(first)
+    rays = 0
+    segment = 0
+    passed = 0
+    point = o  # the last vertex
+    lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
+    layers = local_floats(LAYER_SLOTS)
+    while True:
+        hit = closest_hit(scene.bvh, stack, o, d, _INF)
+        rays += 1
+        row = segment + passed
+        if hit.primitive == NO_PRIMITIVE:
+            if row < len(log):
+                record_vertex(log, row, MISSED, 0, 0, hit.t, _ZERO, o, d, d, throughput, radiance)
+            radiance = vec.add(radiance, vec.mul(throughput, environment_radiance(scene.environment, scene.environment_frame, d)))
+            if row < len(log):
+                record_light(log, row, EMITTED, radiance)
+            break
+        surface = surface_at(scene, o, d, hit)
+        through, throughput = reach(
+            scene, surface, hit.t, d, point, options, pixel, sample, row, _ZERO, throughput, radiance, log
+        )
+        if through:
+            passed += 1
+            if passed == MAX_PASSED:
+                break
+            o = departure(surface, False, d)
+            continue
+        wo_world = vec.neg(d)
+        if surface.light >= 0:
+            emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
+            radiance = vec.add(radiance, vec.mul(throughput, emitted))
+        s, q, n = shading_frame(scene, surface, wo_world)
+        material = fetch_material(scene, surface, (s, q, n), layers)
+        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, np.uint32(segment))
+        if segment == 0:
+            depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
+            keep_first_hit(first, surface, material.base, n, depth)
+        mirror = is_specular(material) or _is_polished(material)
+        if material.kind == UNLIT:
+            radiance = vec.add(radiance, vec.mul(throughput, material.base))
+        elif not mirror:
+            radiance = vec.add(radiance, vec.mul(throughput, vec.mul(material.base, options.ambient)))
+        if row < len(log):
+            record_light(log, row, EMITTED, radiance)
+        if segment + 1 >= options.max_depth or material.kind == UNLIT:
+            break
+
+        wo = vec.to_local(s, q, n, wo_world)
+        if lit and not mirror:
+            side = _BLACK if transmits(material) else n
+            count = options.light_samples
+            for k in range(count):
+                number = np.uint32(sample * np.uint32(count) + np.uint32(k))
+                r = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
+                light = _look_at_light(scene, surface.point, side, count == 1, r[2], (r[0], r[1]))
+                if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
+                    wi = vec.to_local(s, q, n, light.direction)
+                    f, _ = eval_material(material, wo, wi)
+                    if vec.maximum(f) > _ZERO:
+                        start = departure(surface, wi[2] > _ZERO, light.direction)
+                        rays += 1
+                        weight = transmittance(scene, stack, start, light.end, options.transparent)
+                        weight /= light.pdf * np.float32(count)
+                        if options.mistake != NO_MISTAKE:
+                            weight *= mistaken(options.mistake, surface.point, light.end)
+                        arriving = vec.scale(vec.mul(f, light.radiance), weight)
+                        radiance = vec.add(radiance, vec.mul(throughput, arriving))
+            if row < len(log):
+                record_light(log, row, DIRECT, radiance)
+
+        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
+        wi, weight, pdf, _ = sample_material(material, wo, r[2], (r[0], r[1]))
+        if pdf > _ZERO and not mirror:
+            break
+        throughput = vec.mul(throughput, weight)
+        if vec.maximum(throughput) <= _ZERO:
+            break
+        d = vec.to_world(s, q, n, wi)
+        o = departure(surface, wi[2] > _ZERO, d)
+        point = surface.point
+        segment += 1
+    return radiance, rays

@@ -1,0 +1,88 @@
+"""Lights without a body: points, spots and distant ones, in the units of renderer/scene/description.py's Light.
+
+With an extent they are spheres and cones of constant radiance, which soften shadows; no ray ever meets them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device, subroutine
+from renderer.kernel import vec
+from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere
+
+__all__ = ["DIRECTIONAL", "POINT", "SPOT", "sample_punctual"]
+
+POINT, SPOT, DIRECTIONAL = 0, 1, 2
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_FAR = np.float32(1e18)
+_INV_4PI = np.float32(0.25 / math.pi)
+_UP = (_ZERO, _ZERO, _ONE)
+_NOWHERE = (_ZERO, _ZERO, _ZERO)
+
+
+@device
+def _row3(array, i, k):
+    return array[i, k], array[i, k + 1], array[i, k + 2]
+
+
+@device
+def spot_falloff(cosine, scale, offset):
+    """What a spot sends at an angle to its axis, 0 ... 1: KHR_lights_punctual, "Inner and Outer Cone Angles"."""
+    inside = min(max(cosine * scale + offset, _ZERO), _ONE)
+    return inside * inside
+
+
+@device
+def _sphere_towards(axis, distance, radius, u):
+    """A direction to a sphere seen from outside, uniform in its solid angle: (direction, distance to its near side, pdf)."""
+    sine2 = (radius / distance) * (radius / distance)
+    one_minus_cos = sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
+    local = square_to_cone(u, one_minus_cos)
+    s, t = vec.basis(axis)
+    off2 = distance * distance * (local[0] * local[0] + local[1] * local[1])
+    near = distance * local[2] - math.sqrt(max(_ZERO, radius * radius - off2))
+    return vec.to_world(s, t, axis, local), near, square_to_cone_pdf(one_minus_cos)
+
+
+@subroutine
+def sample_punctual(kinds, rows, number, p, u):
+    """Light of punctual light `number` towards p: (direction, end, radiance, pdf), as in a LightSample.
+
+    Without an extent the pdf is 1 and the radiance is the irradiance at normal incidence.
+    """
+    kind = kinds[number]
+    place = _row3(rows, number, 0)
+    value = _row3(rows, number, 6)
+    extent = rows[number, 9]
+    if kind == DIRECTIONAL:
+        pdf = _ONE
+        w = place
+        if extent > _ZERO:
+            s, t = vec.basis(place)
+            w = vec.to_world(s, t, place, square_to_cone(u, extent))
+            pdf = square_to_cone_pdf(extent)
+        return w, vec.add(p, vec.scale(w, _FAR)), value, pdf
+    d = vec.sub(place, p)
+    square = vec.dot(d, d)
+    if not square > _ZERO:
+        return _UP, _NOWHERE, _NOWHERE, _ZERO
+    distance = math.sqrt(square)
+    axis = vec.scale(d, _ONE / distance)
+    strength = _ONE
+    if kind == SPOT:  # by the direction from the centre, so that an extent does not blur the cone
+        strength = spot_falloff(-vec.dot(axis, _row3(rows, number, 3)), rows[number, 10], rows[number, 11])
+    if extent == _ZERO:
+        return axis, place, vec.scale(value, strength / square), _ONE
+    if distance > extent:
+        w, far, pdf = _sphere_towards(axis, distance, extent, u)
+        return w, vec.add(p, vec.scale(w, far)), vec.scale(value, strength), pdf
+    # Inside, the same radiance comes from everywhere: on the sphere the two agree, and nothing grows without bound.
+    w = square_to_sphere(u)
+    along = vec.dot(d, w)
+    far = along + math.sqrt(max(_ZERO, along * along + extent * extent - square))
+    return w, vec.add(p, vec.scale(w, far)), vec.scale(value, strength), _INV_4PI

@@ -1,0 +1,114 @@
+"""The rarer materials' rows with their textures looked up: what the models of bsdf/ that have many properties read."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, FILM_MEAN, IS_PANE
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.bsdf.layer_balance import fresnels
+from renderer.kernel.bsdf.microfacet import MIN_ALPHA
+from renderer.kernel.material.texture import lookup
+
+__all__ = ["resolve"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_NODES = 8
+_STEP = np.float32(1.0 / _NODES)
+_HALF = np.float32(0.5)
+
+
+@device
+def _texel(textures, texture, transform, texel, number, slot, uv, uv1):
+    row = textures[number, slot]
+    if row < 0:
+        return _ONE, _ONE, _ONE, _ONE
+    return lookup(texture, transform, texel, row, uv, uv1)
+
+
+@device
+def _multiply(m, column, color):
+    m[column] *= color[0]
+    m[column + 1] *= color[1]
+    m[column + 2] *= color[2]
+
+
+@subroutine
+def resolve(material, textures, texture, transform, texel, number, uv, uv1, base, metallic, roughness, pane, m):
+    """Fills m (LAYER_SLOTS,) with the row of material `number`; base, metallic and roughness are looked up already.
+
+    pane: whether its glass does not refract. COAT_NORMAL is set to the shading normal.
+    """
+    out_of_line()
+    for column in range(rows.COLUMNS):
+        m[column] = material[number, column]
+    m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2] = base
+    m[rows.METALLIC] = metallic
+    m[IS_PANE] = _ONE if pane else _ZERO
+    m[COAT_NORMAL] = m[COAT_NORMAL + 1] = _ZERO
+    m[COAT_NORMAL + 2] = _ONE
+    _look_up(textures, texture, transform, texel, number, uv, uv1, m)
+    _spread(m, roughness)
+    if m[rows.IRIDESCENCE] > _ZERO:
+        _film_means(m)
+
+
+@subroutine
+def _look_up(textures, texture, transform, texel, number, uv, uv1, m):
+    m[rows.SPECULAR] *= _texel(textures, texture, transform, texel, number, rows.SPECULAR_TEXTURE, uv, uv1)[3]
+    _multiply(m, rows.F0, _texel(textures, texture, transform, texel, number, rows.SPECULAR_COLOR_TEXTURE, uv, uv1))
+    m[rows.CLEARCOAT] *= _texel(textures, texture, transform, texel, number, rows.CLEARCOAT_TEXTURE, uv, uv1)[0]
+    m[rows.CLEARCOAT_ROUGHNESS] *= _texel(textures, texture, transform, texel, number, rows.CLEARCOAT_ROUGHNESS_TEXTURE, uv, uv1)[
+        1
+    ]
+    _multiply(m, rows.SHEEN_COLOR, _texel(textures, texture, transform, texel, number, rows.SHEEN_COLOR_TEXTURE, uv, uv1))
+    m[rows.SHEEN_ROUGHNESS] *= _texel(textures, texture, transform, texel, number, rows.SHEEN_ROUGHNESS_TEXTURE, uv, uv1)[3]
+    m[rows.TRANSMISSION] *= _texel(textures, texture, transform, texel, number, rows.TRANSMISSION_TEXTURE, uv, uv1)[0]
+    m[rows.IRIDESCENCE] *= _texel(textures, texture, transform, texel, number, rows.IRIDESCENCE_TEXTURE, uv, uv1)[0]
+    thin, thick = m[rows.THICKNESS], m[rows.THICKNESS + 1]
+    m[rows.THICKNESS] = (
+        thin + (thick - thin) * _texel(textures, texture, transform, texel, number, rows.THICKNESS_TEXTURE, uv, uv1)[1]
+    )
+    m[rows.DIFFUSE_TRANSMISSION] *= _texel(
+        textures, texture, transform, texel, number, rows.DIFFUSE_TRANSMISSION_TEXTURE, uv, uv1
+    )[3]
+    color = _texel(textures, texture, transform, texel, number, rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE, uv, uv1)
+    _multiply(m, rows.DIFFUSE_TRANSMISSION_COLOR, color)
+    if textures[number, rows.ANISOTROPY_TEXTURE] >= 0:
+        r, g, b, _ = _texel(textures, texture, transform, texel, number, rows.ANISOTROPY_TEXTURE, uv, uv1)
+        x = _TWO * r - _ONE
+        y = _TWO * g - _ONE
+        length = math.sqrt(x * x + y * y)
+        if length > _ZERO:
+            c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
+            m[rows.ROTATION] = (c * x - s * y) / length
+            m[rows.ROTATION + 1] = (s * x + c * y) / length
+        m[rows.ANISOTROPY] *= b
+
+
+@device
+def _spread(m, roughness):
+    """Both alphas (KHR_materials_anisotropy), and the roughness of the isotropic surface that loses about as much light."""
+    alpha = max(roughness * roughness, MIN_ALPHA)
+    strength = m[rows.ANISOTROPY]
+    along = alpha + (_ONE - alpha) * strength * strength
+    m[ALPHA_X] = along
+    m[ALPHA_Y] = alpha
+    m[rows.ROUGHNESS] = math.sqrt(_HALF * (along + alpha)) if strength != _ZERO else roughness
+
+
+@subroutine
+def _film_means(m):
+    """FILM_MEAN, by midpoints in the square of the cosine."""
+    for k in range(6):
+        m[FILM_MEAN + k] = _ZERO
+    for i in range(_NODES):
+        metal, dielectric = fresnels(m, math.sqrt((np.float32(i) + _HALF) * _STEP))
+        for k in range(3):
+            m[FILM_MEAN + k] += metal[k] * _STEP
+            m[FILM_MEAN + 3 + k] += dielectric[k] * _STEP

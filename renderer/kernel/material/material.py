@@ -1,0 +1,332 @@
+"""What a surface is made of, and the one place where the models are told apart.
+
+To add a model: a file in bsdf/, a number in rows.py, a branch in each of `eval_material` and `sample_material` (or their
+`_rare` halves), and its name in renderer/scene/description.py and packing.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.rows import (
+    ALPHA_X,
+    ALPHA_Y,
+    BLINN_PHONG,
+    COAT_NORMAL,
+    COLUMNS,
+    CONDUCTOR,
+    DIFFUSE,
+    GLASS,
+    LAYER_SLOTS,
+    LAYERED,
+    METALLIC_ROUGHNESS,
+    MIRROR,
+    SLOTS,
+    UNLIT,
+)
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
+from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
+from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
+from renderer.kernel.bsdf.glass import sample_glass
+from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
+from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
+from renderer.kernel.bsdf.mirror import sample_mirror
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.material.fetch import columns
+from renderer.kernel.material.layers import resolve
+from renderer.kernel.material.texture import sample_texture
+from renderer.kernel.surface.normal_map import coat_normal
+
+__all__ = [
+    "LAYER_SLOTS",
+    "UNLIT",
+    "Material",
+    "absorption",
+    "disperse",
+    "emission",
+    "eval_material",
+    "fetch_material",
+    "is_specular",
+    "is_transparent",
+    "opacity",
+    "sample_material",
+    "transmits",
+]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_MATCHED = np.float32(5e-3)  # indices of refraction that are closer do not bend light
+_SPREAD = np.float32(0.025)  # of the index over the channels, KHR_materials_dispersion
+
+
+class Material(NamedTuple):
+    """A material at a point, its textures looked up. float32, but for the kind."""
+
+    kind: int
+    base: tuple[float, float, float]
+    metallic: float
+    roughness: float
+    f0: tuple[float, float, float]  # of the dielectric, facing,
+    f90: float  # and grazing
+    eta: float  # index of refraction beyond the surface over the one on the viewer's side
+    two_sided: bool
+    layers: Any  # (LAYER_SLOTS,), of the rarer kinds; else not filled
+
+
+@device
+def _rgb(table, number, column):
+    return columns(table, number, COLUMNS, column, 3)
+
+
+@device
+def _value(table, number, column):
+    return columns(table, number, COLUMNS, column, 1)[0]
+
+
+@device
+def _texture(scene, number, slot):
+    return columns(scene.material_texture, number, SLOTS, slot, 1)[0]
+
+
+@device
+def fetch_material(scene, surface, frame, layers):
+    """The material of a surface, at the point hit.
+
+    frame: from `shading_frame`; layers: (LAYER_SLOTS,) float32 to write to, which the Material then refers to.
+    """
+    number = surface.material
+    row = scene.material
+    textures = scene.material_texture
+    kind = scene.material_kind[number]
+    flags = scene.material_flags[number]
+    base = _rgb(row, number, rows.BASE)
+    metallic, roughness, ior = columns(row, number, COLUMNS, rows.METALLIC, 3)
+    if flags & rows.TEXTURED != 0:
+        texture = _texture(scene, number, rows.BASE_TEXTURE)
+        if texture >= 0:
+            r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
+            base = (base[0] * r, base[1] * g, base[2] * b)
+        texture = _texture(scene, number, rows.METALLIC_ROUGHNESS_TEXTURE)
+        if texture >= 0:
+            _, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
+            roughness *= g
+            metallic *= b
+    base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
+    f90 = _value(row, number, rows.SPECULAR)
+    f0 = vec.scale(_rgb(row, number, rows.F0), f90)
+    eta = ior if surface.front else _ONE / ior
+    if kind >= CONDUCTOR:
+        pane = flags & rows.THIN != 0 or abs(ior - _ONE) < _MATCHED
+        images, transform, texel = scene.texture, scene.texture_transform, scene.texel
+        uv, uv1 = surface.uv, surface.uv1
+        resolve(row, textures, images, transform, texel, number, uv, uv1, base, metallic, roughness, pane, layers)
+        if kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0:
+            layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = coat_normal(scene, surface, frame)
+    return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers)
+
+
+@device
+def transmits(material):
+    """Whether light from behind it is scattered towards the viewer, so that lights on both sides count."""
+    return material.kind == GLASS or material.two_sided
+
+
+@subroutine
+def _channel(throughput, u):
+    """A channel, chosen by what the path carries of it, and the weight that makes up for the two that are dropped."""
+    total = throughput[0] + throughput[1] + throughput[2]
+    at = u * total
+    if at < throughput[0]:
+        return 0, total / throughput[0]
+    if at < throughput[0] + throughput[1] or throughput[2] == _ZERO:
+        return 1, total / throughput[1]
+    return 2, total / throughput[2]
+
+
+@device
+def disperse(scene, surface, material, throughput, u):
+    """(material, throughput) as one colour sees it, where the material spreads colours; else as they were.
+
+    The colour is chosen by what the path carries of each, so that a path stays with it at the surfaces to come.
+    """
+    if scene.material_flags[surface.material] & rows.DISPERSIVE == 0 or vec.maximum(throughput) <= _ZERO:
+        return material, throughput
+    channel, weight = _channel(throughput, u)
+    ior = scene.material[surface.material, rows.IOR]
+    ior += (ior - _ONE) * _SPREAD * scene.material[surface.material, rows.DISPERSION] * np.float32(channel - 1)
+    throughput = (
+        throughput[0] * weight if channel == 0 else _ZERO,
+        throughput[1] * weight if channel == 1 else _ZERO,
+        throughput[2] * weight if channel == 2 else _ZERO,
+    )
+    eta = ior if surface.front else _ONE / ior
+    return (
+        Material(
+            material.kind,
+            material.base,
+            material.metallic,
+            material.roughness,
+            material.f0,
+            material.f90,
+            eta,
+            material.two_sided,
+            material.layers,
+        ),
+        throughput,
+    )
+
+
+@device
+def is_transparent(scene, number):
+    """Whether `opacity` may be below 1 somewhere on material `number`."""
+    return scene.material_flags[number] & rows.TRANSPARENT != 0
+
+
+@device
+def opacity(scene, number, uv, uv1, vertex_alpha):
+    """The chance, 0 ... 1, that light meets material `number` there rather than pass as if it were not."""
+    flags = scene.material_flags[number]
+    if flags & rows.TRANSPARENT == 0:
+        return _ONE
+    alpha = _value(scene.material, number, rows.OPACITY) * vertex_alpha
+    texture = _texture(scene, number, rows.BASE_TEXTURE)
+    if texture >= 0:
+        alpha *= sample_texture(scene, texture, uv, uv1)[3]
+    if flags & rows.MASKED != 0:
+        return _ONE if alpha >= _value(scene.material, number, rows.ALPHA_CUTOFF) else _ZERO
+    return min(max(alpha, _ZERO), _ONE)
+
+
+@device
+def absorption(scene, number):
+    """What the inside of material `number` takes from light: per unit length, rgb; (0, 0, 0) where it has no inside."""
+    if scene.material_flags[number] & rows.ABSORBING == 0:
+        return _BLACK
+    return _rgb(scene.material, number, rows.ABSORPTION)
+
+
+@device
+def emission(scene, number, uv, uv1, front):
+    """The radiance that leaves the given side of material `number` at these texture coordinates."""
+    if not (front or _value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO):
+        return _BLACK
+    radiance = _rgb(scene.material, number, rows.EMISSION)
+    texture = _texture(scene, number, rows.EMISSION_TEXTURE)
+    if texture >= 0:
+        r, g, b, _ = sample_texture(scene, texture, uv, uv1)
+        radiance = (radiance[0] * r, radiance[1] * g, radiance[2] * b)
+    return radiance
+
+
+@device
+def is_specular(material):
+    """Whether it scatters into single directions only, which light sampling cannot find."""
+    if material.kind == CONDUCTOR:
+        return material.roughness <= SMOOTH_GLASS
+    return material.kind == MIRROR or material.kind == GLASS
+
+
+@device
+def _conductor(m):
+    """A conductor's properties: eta, k, mean Fresnel, roughness and both alphas."""
+    return (
+        (m[rows.ETA], m[rows.ETA + 1], m[rows.ETA + 2]),
+        (m[rows.K], m[rows.K + 1], m[rows.K + 2]),
+        (m[rows.MEAN_FRESNEL], m[rows.MEAN_FRESNEL + 1], m[rows.MEAN_FRESNEL + 2]),
+        m[rows.ROUGHNESS],
+        m[ALPHA_X],
+        m[ALPHA_Y],
+    )
+
+
+@device
+def _turned(m, w, sign):
+    """w turned about the normal by the anisotropy's angle: into its frame (1) or back (-1)."""
+    c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
+    return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
+
+
+@device
+def _kd_ks(m):
+    return (
+        (m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]),
+        (m[rows.SPECULAR_COLOR], m[rows.SPECULAR_COLOR + 1], m[rows.SPECULAR_COLOR + 2]),
+    )
+
+
+@subroutine
+def _eval_rare(kind, m, eta, wo, wi):
+    out_of_line()
+    if kind == LAYERED:
+        return eval_and_pdf_layered(m, eta, wo, wi)
+    if kind == CONDUCTOR:
+        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
+        o, i = _turned(m, wo, _ONE), _turned(m, wi, _ONE)
+        return eval_and_pdf_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, i)
+    if kind == BLINN_PHONG:
+        kd, ks = _kd_ks(m)
+        return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
+    return _BLACK, _ZERO
+
+
+@subroutine
+def _sample_rare(kind, m, eta, wo, choose, u):
+    out_of_line()
+    if kind == LAYERED:
+        return sample_layered(m, eta, wo, choose, u)
+    if kind == CONDUCTOR:
+        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
+        if roughness <= SMOOTH_GLASS:
+            wi, weight = sample_smooth_conductor(index, k, wo)
+            return wi, weight, _ZERO, _ONE
+        o = _turned(m, wo, _ONE)
+        i, weight, pdf = sample_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
+        return _turned(m, i, -_ONE), weight, pdf, _ONE
+    if kind == BLINN_PHONG:
+        kd, ks = _kd_ks(m)
+        wi, weight, pdf = sample_blinn_phong(kd, ks, m[rows.SHININESS], wo, choose, u)
+        return wi, weight, pdf, _ONE
+    return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE
+
+
+@device
+def eval_material(material, wo, wi):
+    """(f |cos|, pdf) of a pair of local directions; wi may be below where the material `transmits`."""
+    if material.kind == METALLIC_ROUGHNESS:
+        return eval_and_pdf_metallic_roughness(
+            material.base, material.metallic, material.roughness, material.f0, material.f90, wo, wi
+        )
+    if material.kind == DIFFUSE:
+        return eval_diffuse(material.base, wo, wi), pdf_diffuse(wo, wi)
+    if material.kind >= CONDUCTOR:
+        return _eval_rare(material.kind, material.layers, material.eta, wo, wi)
+    return _BLACK, _ZERO
+
+
+@device
+def sample_material(material, wo, choose, u):
+    """A local direction: (wi, weight, pdf, radiance scale). pdf is 0 where a single direction was taken; scale is 1 but in
+    refraction: the eta**2 by which it thinned the radiance; Russian roulette undoes it.
+    """
+    if material.kind == DIFFUSE:
+        wi, weight, pdf = sample_diffuse(material.base, wo, u)
+        return wi, weight, pdf, _ONE
+    if material.kind == METALLIC_ROUGHNESS:
+        wi, weight, pdf = sample_metallic_roughness(
+            material.base, material.metallic, material.roughness, material.f0, material.f90, wo, choose, u
+        )
+        return wi, weight, pdf, _ONE
+    if material.kind >= CONDUCTOR:
+        return _sample_rare(material.kind, material.layers, material.eta, wo, choose, u)
+    if material.kind == MIRROR:
+        wi, weight = sample_mirror(material.base, wo)
+        return wi, weight, _ZERO, _ONE
+    wi, weight, transmitted = sample_glass(material.base, material.eta, wo, choose)
+    return wi, weight, _ZERO, material.eta * material.eta if transmitted else _ONE

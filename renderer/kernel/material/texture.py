@@ -1,0 +1,114 @@
+"""Texture lookups: bilinear between texels, three ways to repeat, sRGB decoded before it is mixed; and stacks of textures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.rows import ABOVE, BLEND, GAIN, MOST, SRGB, STRENGTH, UV_SET
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.material.blend import blended
+from renderer.kernel.polynomial import floor
+
+__all__ = ["CLAMP", "MIRROR", "REPEAT", "lookup", "sample_texture"]
+
+REPEAT, MIRROR, CLAMP = 0, 1, 2
+
+_CODES = np.arange(256) / 255.0
+_LINEAR = _CODES.astype(np.float32)  # decoded value of each code
+_SRGB = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055) ** 2.4).astype(np.float32)  # IEC 61966-2-1
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_HALF = np.float32(0.5)
+_LARGE = np.float32(1e6)
+
+
+@device
+def _wrap(i, size, mode):
+    """The texel that stands at place i of an endless row."""
+    if 0 <= i < size:
+        return i
+    if mode == CLAMP:
+        return min(max(i, 0), size - 1)
+    if mode == REPEAT:
+        return i % size
+    i = i % (2 * size)
+    return i if i < size else 2 * size - 1 - i
+
+
+@device
+def _decoded(texel, place, srgb):
+    r, g, b, a = texel[place, 0], texel[place, 1], texel[place, 2], texel[place, 3]
+    if srgb:
+        return _SRGB[r], _SRGB[g], _SRGB[b], _LINEAR[a]
+    return _LINEAR[r], _LINEAR[g], _LINEAR[b], _LINEAR[a]
+
+
+@device
+def _mix(a, b, t):
+    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]), a[3] + t * (b[3] - a[3])
+
+
+@device
+def _look_up_image(texture, transform, texel, number, uv, uv1):
+    """Linear RGBA, 0 ... 1, of the image of row `number` alone."""
+    first = np.int64(texture[number, 0])
+    width = np.int64(texture[number, 1])
+    height = np.int64(texture[number, 2])
+    srgb = texture[number, SRGB] != 0
+    second = texture[number, UV_SET] != 0
+    u = uv1[0] if second else uv[0]
+    v = uv1[1] if second else uv[1]
+    x = (transform[number, 0] * u + transform[number, 1] * v + transform[number, 2]) * np.float32(width) - _HALF
+    y = (transform[number, 3] * u + transform[number, 4] * v + transform[number, 5]) * np.float32(height) - _HALF
+    if not (abs(x) < _LARGE and abs(y) < _LARGE):  # beyond, float32 has no texels left to mix; also NaN
+        x = y = _ZERO
+    left = floor(x)
+    upper = floor(y)
+    s = x - np.float32(left)
+    t = y - np.float32(upper)
+    x0 = _wrap(left, width, texture[number, 3])
+    x1 = _wrap(left + 1, width, texture[number, 3])
+    y0 = first + width * _wrap(upper, height, texture[number, 4])
+    y1 = first + width * _wrap(upper + 1, height, texture[number, 4])
+    above = _mix(_decoded(texel, y0 + x0, srgb), _decoded(texel, y0 + x1, srgb), s)
+    below = _mix(_decoded(texel, y1 + x0, srgb), _decoded(texel, y1 + x1, srgb), s)
+    return _mix(above, below, t)
+
+
+@subroutine
+def _stacked(texture, transform, texel, number, uv, uv1, color):
+    """The layers above row `number`, laid on its colour one after the other. The alpha stays the lowest's: layers paint a
+    surface and do not change where it is.
+    """
+    out_of_line()
+    gain = transform[number, GAIN]
+    r, g, b, alpha = color[0] * gain, color[1] * gain, color[2] * gain, color[3]
+    number = np.int64(texture[number, ABOVE])
+    while number >= 0:
+        layer = _look_up_image(texture, transform, texel, number, uv, uv1)
+        operation = texture[number, BLEND]
+        weight = transform[number, STRENGTH] * layer[3]
+        gain, most = transform[number, GAIN], transform[number, MOST]
+        r = blended(operation, r, layer[0] * gain, weight, most)
+        g = blended(operation, g, layer[1] * gain, weight, most)
+        b = blended(operation, b, layer[2] * gain, weight, most)
+        number = np.int64(texture[number, ABOVE])
+    return r, g, b, alpha
+
+
+@subroutine
+def lookup(texture, transform, texel, number, uv, uv1):
+    """Linear RGBA of texture `number` with its layers, 0 ... 1 but for light, where layers may add up to more.
+
+    It knows whether it looks at the first or at the second coordinates; (0, 0) is then the image's upper left corner.
+    """
+    color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1)  # of one type: compiled once
+    if texture[number, ABOVE] >= 0:
+        return _stacked(texture, transform, texel, number, uv, uv1, color)
+    return color
+
+
+@device
+def sample_texture(scene, number, uv, uv1):
+    """`lookup` in a scene's textures."""
+    return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1)

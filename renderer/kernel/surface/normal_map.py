@@ -1,0 +1,127 @@
+"""The frame that a surface is shaded in: its shading normal, bent by the normal map, and where the tangent points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.arrays.rows import (
+    CLEARCOAT_NORMAL_SCALE,
+    CLEARCOAT_NORMAL_TEXTURE,
+    NEEDS_TANGENT,
+    NORMAL_MAPPED,
+    NORMAL_SCALE,
+    NORMAL_TEXTURE,
+)
+from renderer.jit import device, subroutine
+from renderer.kernel import vec
+from renderer.kernel.material.texture import sample_texture
+from renderer.kernel.polynomial import acos, atan2, sincos_turns
+
+__all__ = ["coat_normal", "map_normal", "shading_frame"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_INV_2PI = np.float32(0.5 / math.pi)
+_LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and surface,
+_OF_VIEWER = np.float32(0.9)  # or this of the viewer's own
+_LEAST_TANGENT = np.float32(1e-4)
+
+
+@subroutine
+def _tangents(n, tangent):
+    """(s, t) unit and orthogonal to n, s along the tangent (xyz and the bitangent's sign)."""
+    along = (tangent[0], tangent[1], tangent[2])
+    s = vec.sub(along, vec.scale(n, vec.dot(n, along)))
+    square = vec.dot(s, s)
+    if not square > _LEAST_TANGENT:
+        return vec.basis(n)
+    s = vec.scale(s, _ONE / math.sqrt(square))
+    t = vec.cross(n, s)
+    return s, vec.scale(t, math.copysign(_ONE, tangent[3]))
+
+
+@subroutine
+def _keep_reflection(n, geometric, wo):
+    """n turned towards the geometric normal by as little as it takes for wo's mirror direction to leave the surface.
+
+    With n = sin a x + cos a g in the plane of the geometric normal g, and wo's coordinates (p, q) there, the mirror direction
+    has the height p sin 2a + q cos 2a = r cos(2a - phi). The idea is that of Cycles (Schuessler et al., Microfacet-based
+    Normal Mapping, 2017, discuss the black spots that it avoids).
+    """
+    height = vec.dot(geometric, wo)
+    least = min(_OF_VIEWER * height, _LEAST_HEIGHT)
+    mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height
+    if mirrored >= least and vec.dot(n, wo) > _ZERO:
+        return n
+    x = vec.sub(n, vec.scale(geometric, vec.dot(n, geometric)))
+    square = vec.dot(x, x)
+    if not square > _ZERO:
+        return geometric
+    x = vec.scale(x, _ONE / math.sqrt(square))
+    along = vec.dot(x, wo)
+    reach = math.sqrt(along * along + height * height)
+    if not reach > least:
+        return geometric
+    double = atan2(along, height) + acos(least / reach)
+    sine, cosine = sincos_turns(_HALF * double * _INV_2PI)
+    return vec.normalize(vec.add(vec.scale(x, sine), vec.scale(geometric, cosine)))
+
+
+@subroutine
+def _read_normal(color, strength, s, t, n):
+    """The unit normal that a texel's linear values tell in the frame (s, t, n)."""
+    x = (_TWO * color[0] - _ONE) * strength
+    y = (_TWO * color[1] - _ONE) * strength
+    z = _TWO * color[2] - _ONE
+    square = x * x + y * y + z * z
+    if not square > _ZERO:
+        return n
+    inverse = _ONE / math.sqrt(square)
+    return vec.to_world(s, t, n, (x * inverse, y * inverse, z * inverse))
+
+
+@subroutine
+def map_normal(color, strength, s, t, n, geometric, wo):
+    """As `_read_normal`, kept where the viewer can see it lit."""
+    return _keep_reflection(_read_normal(color, strength, s, t, n), geometric, wo)
+
+
+@device
+def shading_frame(scene, surface, wo):
+    """(s, t, n), orthonormal: n on the viewer's side, s along the tangent where that counts.
+
+    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space.
+    """
+    n = surface.shading
+    flags = scene.material_flags[surface.material]
+    if flags & (NORMAL_MAPPED | NEEDS_TANGENT) == 0:
+        s, t = vec.basis(n)
+        return s, t, n
+    # Seen from behind, the whole frame is turned over: the map's bumps are then dents.
+    sign = _ONE if surface.front else -_ONE
+    tangent = surface.tangent
+    s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))
+    if flags & NORMAL_MAPPED == 0:
+        return s, t, n
+    texel = sample_texture(scene, scene.material_texture[surface.material, NORMAL_TEXTURE], surface.uv, surface.uv1)
+    color = (texel[0], texel[1], texel[2])
+    n = map_normal(color, scene.material[surface.material, NORMAL_SCALE], s, t, n, surface.geometric, wo)
+    s, t = _tangents(n, (s[0], s[1], s[2], tangent[3] * sign))
+    return s, t, n
+
+
+@device
+def coat_normal(scene, surface, frame):
+    """The clearcoat's unit normal in the shading frame: its own map's, or the surface's without the base's map."""
+    s, t, n = frame
+    normal = surface.shading
+    texture = scene.material_texture[surface.material, CLEARCOAT_NORMAL_TEXTURE]
+    if texture >= 0:
+        along, across = _tangents(normal, (s[0], s[1], s[2], vec.dot(vec.cross(n, s), t)))
+        r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
+        normal = _read_normal((r, g, b), scene.material[surface.material, CLEARCOAT_NORMAL_SCALE], along, across, normal)
+    return vec.to_local(s, t, n, normal)

@@ -1,0 +1,51 @@
+"""Where low rays start on smooth triangles: the cure of the shadow terminator's artefact."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.material.fetch import row
+
+__all__ = ["lifted"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_NOTHING = (_ZERO, _ZERO, _ZERO)
+_MOST_BEND = np.float32(math.cos(math.radians(45.0)))
+
+
+@device
+def _lift(point, corner, normal, up, side):
+    """From a facet's point up to the plane through a corner, square to the normal there; nothing where that is below it.
+
+    side: 1, or -1 where the corner's normal points to the other side than `up`, the facet's unit normal. Normals that are bent
+    further do not speak of a round surface, but of a box whose edges nobody marked as sharp.
+    """
+    height = side * vec.dot(vec.sub(point, corner), normal)
+    if height < _ZERO and side * vec.dot(normal, up) > _MOST_BEND:
+        return vec.scale(normal, -side * height)
+    return _NOTHING
+
+
+@device
+def lifted(scene, point, number, u, v, shading, up):
+    """The way from a point off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
+
+    A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
+    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). up: the facet's
+    normal, of any length.
+    """
+    i, j, k = row(scene.triangle, number, 3)
+    square = vec.dot(up, up)
+    if not square > _ZERO:
+        return _NOTHING
+    up = vec.scale(up, _ONE / math.sqrt(square))
+    side = _ONE if vec.dot(shading, up) > _ZERO else -_ONE
+    a = _lift(point, row(scene.position, i, 3), row(scene.normal, i, 3), up, side)
+    b = _lift(point, row(scene.position, j, 3), row(scene.normal, j, 3), up, side)
+    c = _lift(point, row(scene.position, k, 3), row(scene.normal, k, 3), up, side)
+    return vec.add(vec.scale(a, _ONE - u - v), vec.add(vec.scale(b, u), vec.scale(c, v)))

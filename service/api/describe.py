@@ -1,0 +1,145 @@
+"""Rows of the database, and what the engine knows on top of them, as the API gives them."""
+
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import asdict
+from typing import Any, cast
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from renderer.settings import RenderSettings
+from service.api.schemas import BadSampleOut, FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
+from service.scheduling.engine import Engine
+from service.store.films import FilmClosed
+from service.store.models import ACTIVE, Frame, Job, Scene
+from worker.contract import WorkerReport
+from worker.reproduce import sample_command
+
+__all__ = ["job_out", "scene_out", "snapshot", "worker_out"]
+
+BAD_SHOWN = 16
+
+
+def scene_out(scene: Scene, engine: Engine) -> SceneOut:
+    """A scene."""
+    info: dict[str, Any] = scene.info or {}
+    waits = scene.status == "preparing"
+    preparing = engine.preparing.progress.get(scene.id) if waits else None
+    return SceneOut(
+        id=scene.id,
+        name=scene.name,
+        status=cast(SceneStatus, scene.status),
+        error=scene.error,
+        step=preparing.step if preparing else _in_the_way(engine) or "Waits for a free worker." if waits else None,
+        progress=preparing.fraction if preparing else 0.0 if waits else None,
+        created=scene.created,
+        main=scene.main,
+        files=scene.files,
+        bytes=scene.bytes,
+        cameras=info.get("cameras", []),
+        counts=info.get("counts", {}),
+        bounds=info.get("bounds"),
+        animations=info.get("animations", []),
+        warnings=[*scene.notes, *info.get("warnings", [])],
+        defaults=info.get("defaults", {}),
+        thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+    )
+
+
+def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
+    """A job, with the engine's latest numbers where it is being rendered."""
+    live = engine.scheduler.jobs.get(job.id)
+    frames = [
+        FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
+        for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))
+    ]
+    if live is not None:
+        numbers = {"samples": live.plan.samples, "bad_samples": live.bad_samples, "progress": live.progress}
+        frames = [f.model_copy(update=numbers) if f.number == live.frame else f for f in frames]
+    for f in frames:
+        f.bad = _bad_samples(job, f, engine)
+    size = job.settings or job.request
+    return JobOut(
+        **{
+            name: getattr(job, name)
+            for name in (
+                *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
+                *("spp", "noise", "seconds", "tile_size", "kind", "settings"),
+            )
+        },
+        message=_message(job, session, engine),
+        active_s=live.active_s if live else job.active_s,
+        progress=sum(f.progress for f in frames) / max(len(frames), 1),
+        eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
+        samples=sum(f.samples for f in frames),
+        samples_per_s=live.samples_per_s if live else 0.0,
+        bad_samples=sum(f.bad_samples for f in frames),
+        width=size.get("width"),
+        height=size.get("height"),
+        frames=frames,
+    )
+
+
+def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
+    if not frame.bad_samples or job.settings is None or job.tile_size is None:
+        return []
+    settings = RenderSettings.from_json(job.settings)
+    try:
+        bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame.number)[1]
+    except (FilmClosed, sqlite3.Error):
+        return []  # the job is being deleted, or its film is broken: the job's error says so
+    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
+
+
+def worker_out(report: WorkerReport, engine: Engine) -> WorkerOut:
+    """A worker. One that is told to pause counts as paused, though it may still finish what it has in hand."""
+    why = engine.workers.orders.get(report.name)
+    return WorkerOut(**{**asdict(report), "state": report.state if why is None else "paused"}, message=why)
+
+
+def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
+    """A job, scene or worker as JSON-ready data; None where it is gone."""
+    if what == "job":
+        job = session.get(Job, id)
+        return job_out(job, session, engine).model_dump() if job else None
+    if what == "scene":
+        scene = session.get(Scene, id)
+        return scene_out(scene, engine).model_dump() if scene else None
+    report = engine.workers.reports.get(id)
+    return worker_out(report, engine).model_dump() if report else None
+
+
+def _message(job: Job, session: Session, engine: Engine) -> str | None:
+    """Why a job does not go on, where a person may want to know."""
+    if job.state == "paused" or job.state not in ACTIVE:
+        return None
+    if engine.fault:
+        return engine.fault if engine.fault != "starting" else None
+    if job.settings is None:
+        return "Waits for its scene to be prepared."
+    workers = engine.workers
+    if why := _in_the_way(engine):
+        return why
+    if job.kind is not None and not workers.slots(job.kind):
+        return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
+    slots = [slot for slot in workers.current() if slot.get("job") == job.id]
+    if slots and all(slot.get("compiling") for slot in slots):
+        return "The workers compile the kernel of these settings; the first time that takes half a minute or more."
+    live = engine.scheduler.jobs.get(job.id)
+    if live is not None and (ahead := engine.scheduler.ahead_of(live)):
+        return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
+    return None
+
+
+def _in_the_way(engine: Engine) -> str | None:
+    """Why nothing at all goes on; None where a worker takes work."""
+    workers = engine.workers
+    if workers.ready():
+        return None
+    if not workers.reports:
+        return "Waits for a worker: none is connected."
+    if all(report.state == "paused" or name in workers.orders for name, report in workers.reports.items()):
+        return "Waits: all workers are paused."
+    return "Waits for the workers to load their kernels; the first time that takes half a minute or more."

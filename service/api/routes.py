@@ -1,0 +1,11 @@
+"""The REST API: one router a resource."""
+
+from fastapi import APIRouter
+
+from service.api import events, examples, farm, frames, health, info, jobs, live, scenes, workers
+
+__all__ = ["router"]
+
+router = APIRouter()
+for module in (scenes, jobs, frames, live, workers, events, examples, info, farm, health):
+    router.include_router(module.router)

@@ -1,0 +1,147 @@
+"""multipart/form-data as a stream: files go to disk chunk by chunk, and every limit holds while they do."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from python_multipart.exceptions import MultipartParseError
+from python_multipart.multipart import MultipartParser, parse_options_header
+
+from service.api.problem import Problem
+from service.store.blobs import BlobStore, BlobWriter
+
+__all__ = ["Form", "read_form"]
+
+MAX_FIELD = 4096
+MAX_FIELDS = 32
+MAX_HEADER = 8192
+
+
+@dataclass
+class Form:
+    """What was sent. The owner of `files` commits or discards the writers."""
+
+    fields: dict[str, str] = field(default_factory=dict)
+    files: list[tuple[str, BlobWriter]] = field(default_factory=list)
+
+    def discard(self) -> None:
+        """Forget the files."""
+        for _, writer in self.files:
+            writer.discard()
+        self.files.clear()
+
+
+async def read_form(
+    content_type: str,
+    chunks: AsyncIterator[bytes],
+    store: BlobStore,
+    max_files: int,
+    max_bytes: int,
+    check_disk: Callable[[int], None],
+) -> Form:
+    """Read a form with files. Raises Problem: 413 past a limit, 415 for another media type, 422 where it is damaged."""
+    media, options = parse_options_header(content_type)
+    if media != b"multipart/form-data" or not options.get(b"boundary"):
+        raise Problem(415, "Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes")
+    reader = _Reader(store, max_files)
+    callbacks: Any = {name: getattr(reader, name) for name in dir(reader) if name.startswith("on_")}
+    parser = MultipartParser(options[b"boundary"], callbacks)
+    total = 0
+    try:
+        async for chunk in chunks:
+            total += len(chunk)
+            if total > max_bytes:
+                raise Problem(
+                    413,
+                    f"The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask who runs the farm.",
+                )
+            check_disk(len(chunk))
+            parser.write(chunk)
+        if not reader.ended:
+            raise Problem(422, "The upload ended in the middle. Send it again.")
+    except MultipartParseError as error:
+        reader.discard()
+        raise Problem(422, f"The upload is not well-formed multipart/form-data ({error}). Send it again.") from error
+    except BaseException:
+        reader.discard()
+        raise
+    return reader.form
+
+
+class _Reader:
+    """Takes the parser's callbacks; data comes as (buffer, start, end)."""
+
+    def __init__(self, store: BlobStore, max_files: int) -> None:
+        self.form = Form()
+        self.ended = False
+        self._store = store
+        self._max_files = max_files
+        self._name = b""
+        self._value = b""
+        self._disposition = b""
+        self._field = ""
+        self._text = bytearray()
+        self._writer: BlobWriter | None = None
+
+    def discard(self) -> None:
+        self.form.discard()
+
+    def on_part_begin(self) -> None:
+        self._disposition = self._name = self._value = b""
+        self._text = bytearray()
+        self._writer = None
+
+    def on_header_field(self, data: bytes, start: int, end: int) -> None:
+        self._name = self._bounded(self._name + data[start:end])
+
+    def on_header_value(self, data: bytes, start: int, end: int) -> None:
+        self._value = self._bounded(self._value + data[start:end])
+
+    def on_header_end(self) -> None:
+        if self._name.lower() == b"content-disposition":
+            self._disposition = self._value
+        self._name = self._value = b""
+
+    def on_headers_finished(self) -> None:
+        _, options = parse_options_header(self._disposition)
+        try:
+            self._field = options.get(b"name", b"").decode()
+            filename = _unescape(options[b"filename"].decode()) if b"filename" in options else None
+        except UnicodeDecodeError:
+            raise Problem(422, "A name in the upload is not UTF-8. Rename the file and send it again.") from None
+        if filename is None:
+            if len(self.form.fields) >= MAX_FIELDS:
+                raise Problem(413, f"The form has more than {MAX_FIELDS} fields.")
+            return
+        if len(self.form.files) >= self._max_files:
+            raise Problem(413, f"The upload has more than {self._max_files} files. Pack only what the scene needs.")
+        self._writer = self._store.writer()
+        self.form.files.append((filename, self._writer))
+
+    def on_part_data(self, data: bytes, start: int, end: int) -> None:
+        if self._writer is not None:
+            self._writer.write(data[start:end])
+        elif len(self._text) + end - start > MAX_FIELD:
+            raise Problem(413, f"The field {self._field!r} is longer than {MAX_FIELD} bytes.")
+        else:
+            self._text += data[start:end]
+
+    def on_part_end(self) -> None:
+        if self._writer is None:
+            self.form.fields[self._field] = self._text.decode("utf-8", "replace")
+
+    def on_end(self) -> None:
+        self.ended = True
+
+    @staticmethod
+    def _bounded(header: bytes) -> bytes:
+        if len(header) > MAX_HEADER:
+            raise Problem(413, f"A header in the upload is longer than {MAX_HEADER} bytes.")
+        return header
+
+
+def _unescape(filename: str) -> str:
+    """Undo the three escapes that browsers make in names (HTML, "multipart/form-data encoding algorithm")."""
+    return filename.replace("%22", '"').replace("%0D", "\r").replace("%0A", "\n")

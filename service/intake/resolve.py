@@ -1,0 +1,91 @@
+"""From what was asked and what the scene has to the settings that fix every sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from renderer.errors import SettingsError
+from renderer.settings import RenderSettings, View, chosen
+from service.store.models import Job, Scene
+
+__all__ = ["DEFAULT_SPP", "NOISE_SPP", "default_tile_size", "resolve"]
+
+DEFAULT_SIZE = (640, 360)
+DEFAULT_SPP = 64
+NOISE_SPP = 16384  # the cap where only a noise level is asked for
+SECONDS_SPP = 1 << 20
+
+
+def default_tile_size(width: int, height: int) -> int:
+    """Tiles small enough that all slots have work and a watcher sees it grow, large enough that batches are few.
+
+    A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile.
+    """
+    pixels = width * height
+    return 32 if pixels <= 128 * 128 else 64 if pixels <= 256 * 256 else 128 if pixels <= 2200 * 1300 else 256
+
+
+def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
+    """Fill in the job's settings, sample count and tile size. Raises SettingsError where the scene cannot give them."""
+    request = job.request
+    info = scene.info or {}
+    defaults = info.get("defaults") or {}
+    width, height = _size(request, defaults)
+    if width * height > max_pixels:
+        raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
+    environment = request.get("environment") or {}
+    settings = RenderSettings(
+        width=width,
+        height=height,
+        view=_view(request, info.get("cameras") or []),
+        environment=tuple(environment["color"]) if environment.get("color") is not None else None,
+        environment_strength=environment.get("strength", 1.0),
+        environment_rotation=environment.get("rotation", 0.0),
+        **chosen(request, defaults),
+    )
+    if job.spp is None:
+        if job.noise is not None:
+            job.spp = NOISE_SPP
+        elif job.seconds is not None:
+            job.spp = SECONDS_SPP
+        else:
+            job.spp = int(defaults.get("spp") or DEFAULT_SPP)
+    job.tile_size = job.tile_size or default_tile_size(width, height)
+    job.settings = settings.to_json()
+
+
+def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
+    """Where only one side is asked for, the other keeps the shape of the scene's own size."""
+    own = (int(defaults.get("width") or DEFAULT_SIZE[0]), int(defaults.get("height") or DEFAULT_SIZE[1]))
+    width, height = request.get("width"), request.get("height")
+    if width and height:
+        return width, height
+    if width:
+        return width, max(1, round(width * own[1] / own[0]))
+    if height:
+        return max(1, round(height * own[0] / own[1])), height
+    return own
+
+
+def _view(request: dict[str, Any], cameras: list[dict[str, Any]]) -> View:
+    wanted = request.get("view")
+    if wanted is None:
+        camera = request.get("camera")
+        names = [c["name"] for c in cameras]
+        if not cameras:
+            raise SettingsError("the scene has no camera; give a view")
+        if camera is None:
+            index = 0
+        elif isinstance(camera, int):
+            index = camera
+        elif camera in names:
+            index = names.index(camera)
+        elif camera.isdigit():
+            index = int(camera)
+        else:
+            raise SettingsError(f"camera is {camera!r}; the scene has {', '.join(map(repr, names))}")
+        if not 0 <= index < len(cameras):
+            raise SettingsError(f"camera is number {index}; the scene has {len(cameras)}, counted from 0")
+        wanted = cameras[index]["view"]
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in wanted.items() if v is not None}
+    return View(**values)

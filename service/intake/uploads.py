@@ -1,0 +1,223 @@
+"""An upload becomes a scene's files: all of them, whole and checked, or none."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import shutil
+from collections.abc import AsyncIterator, Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePosixPath
+
+from starlette.concurrency import run_in_threadpool
+
+from renderer.errors import SceneError
+from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
+from service.api.problem import Problem
+from service.intake.archives import expand
+from service.intake.multipart import Form, read_form
+from service.intake.names import safe_name
+from service.settings import Settings
+from service.store.blobs import BlobStore, BlobWriter
+from service.store.models import Scene
+from worker.contract import BlobRef
+
+__all__ = ["Upload", "check_length", "keep", "no_room", "receive", "under_sky"]
+
+DISK_CHECK_EVERY = 16 << 20
+SKY = "sky:"
+
+
+@dataclass(frozen=True)
+class Upload:
+    """The stored files of a scene. `id` is a hash of all that follows but the name and the notes.
+
+    environment: an image among the files, or a sky as renderer.scene.sky writes it.
+    """
+
+    id: str
+    name: str
+    main: str
+    environment: str | None
+    files: list[BlobRef]
+    notes: list[str]
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files together."""
+        return sum(file.size for file in self.files)
+
+
+def check_length(length: str | None, limit: int) -> None:
+    """Refuse by the Content-Length header, before the body is read."""
+    if length is not None and length.isdigit() and int(length) > limit:
+        raise Problem(
+            413,
+            f"The upload has {int(length)} bytes; at most {limit} are taken. Leave files out, or ask who runs the farm.",
+            headers={"Connection": "close"},
+        )
+
+
+def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
+    """A function of the bytes about to be written; raises Problem 507 where the disk would fall below `keep_free`."""
+    since_check = DISK_CHECK_EVERY
+
+    def check(size: int) -> None:
+        nonlocal since_check
+        since_check += size
+        if since_check >= DISK_CHECK_EVERY:
+            since_check = 0
+            if shutil.disk_usage(folder).free < keep_free + DISK_CHECK_EVERY:
+                raise no_room()
+
+    return check
+
+
+def no_room() -> Problem:
+    """The answer where the disk is full."""
+    return Problem(507, "The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
+
+
+async def receive(content_type: str, chunks: AsyncIterator[bytes], store: BlobStore, settings: Settings) -> Upload:
+    """Read, expand, check and store an upload. Raises Problem; then nothing of it is left."""
+    check_disk = disk_checker(settings.data, settings.min_free_bytes)
+    try:
+        form = await read_form(content_type, chunks, store, settings.max_upload_files, settings.max_upload_bytes, check_disk)
+        return await run_in_threadpool(keep, form, store, settings, check_disk)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise no_room() from error
+        raise
+
+
+def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]) -> Upload:
+    """Expand, check and store what was sent. Raises Problem; then nothing of it is left."""
+    files: dict[str, BlobWriter] = {}
+    notes: list[str] = []
+    try:
+        for name, writer in _expanded(form, store, settings, check_disk):
+            if name in files:
+                writer.discard()
+                raise Problem(422, f"The file {name} is there twice. Send it once.")
+            files[name] = writer
+        _refuse_files_as_folders(files)
+        main, environment = _choose(form, files, notes)
+        chosen = _strip_common_folder(files, main)
+        refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+    finally:
+        form.discard()
+        for writer in files.values():
+            writer.discard()
+    if environment is not None and not environment.startswith(SKY):
+        environment = chosen.strip(environment)
+    name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
+    return Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
+
+
+def under_sky(scene: Scene, elevation: float, azimuth: float) -> Upload:
+    """The scene's files under a clear sky with the sun there (degrees): another scene, without another upload."""
+    files = [BlobRef(**ref) for ref in scene.files]
+    environment = sky_text(elevation, azimuth)
+    return Upload(_id(files, scene.main, environment), scene.name, scene.main, environment, files, scene.notes)
+
+
+def sky_text(elevation: float, azimuth: float) -> str:
+    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Problem where there is none such."""
+    if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
+        raise Problem(422, "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
+    return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
+
+
+def _sky_of(text: str) -> str:
+    try:
+        elevation, azimuth = (float(part) for part in (text.removeprefix(SKY) + ",0").split(",")[:2])
+    except ValueError:
+        raise Problem(422, f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
+    return sky_text(elevation, azimuth)
+
+
+def _id(files: list[BlobRef], main: str, environment: str | None) -> str:
+    content = json.dumps([[asdict(ref) for ref in files], main, environment], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()[:20]
+
+
+def _refuse_files_as_folders(names: Iterable[str]) -> None:
+    """A folder on a worker's disk cannot hold both a file `a` and a file `a/b`."""
+    known = set(names)
+    for name in known:
+        for folder in PurePosixPath(name).parents:
+            if str(folder) in known:
+                raise Problem(422, f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
+
+
+def _expanded(
+    form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]
+) -> list[tuple[str, BlobWriter]]:
+    """The form's files with archives replaced by what is in them; junk left out."""
+    found: list[tuple[str, BlobWriter]] = []
+    left_files, left_bytes = settings.max_upload_files, settings.max_unzipped_bytes
+    try:
+        for name, writer in form.files:
+            if not name and writer.size == 0:
+                continue  # what a browser sends for a file field with nothing chosen
+            path = safe_name(name)
+            if is_junk(path):
+                continue
+            if PurePosixPath(path).suffix.lower() not in ARCHIVE_SUFFIXES:
+                found.append((path, writer))
+                continue
+            archive = expand(writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk)
+            for entry in archive:
+                found.append(entry)
+                left_files -= 1
+                left_bytes -= entry[1].size
+    except BaseException:
+        for _, writer in found:
+            writer.discard()
+        raise
+    return found
+
+
+def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
+    """The scene file, and the environment: an image among the files, or a sky."""
+    if not files or all(writer.size == 0 for writer in files.values()):
+        raise Problem(422, "The upload is empty. Choose a scene file, and the textures that it needs.")
+    main = form.fields.get("main", "").strip()
+    if main:
+        main = safe_name(main)
+        if main not in files:
+            raise Problem(422, f"main: there is no file {main} in the upload.")
+    try:
+        picked, warnings = pick_main([main] if main else list(files))
+    except SceneError as error:
+        raise Problem(422, str(error)) from None
+    if files[picked].size == 0:
+        raise Problem(422, f"The scene file {picked} is empty.")
+    notes += warnings
+    environment = form.fields.get("environment", "").strip() or None
+    if environment is not None and environment.startswith(SKY):
+        environment = _sky_of(environment)
+    elif environment is not None:
+        environment = safe_name(environment)
+        if environment not in files:
+            raise Problem(422, f"environment: there is no file {environment} in the upload.")
+    return picked, environment
+
+
+@dataclass(frozen=True)
+class _Stripped:
+    files: dict[str, BlobWriter]
+    main: str
+    folder: str
+
+    def strip(self, name: str) -> str:
+        return name.removeprefix(self.folder)
+
+
+def _strip_common_folder(files: dict[str, BlobWriter], main: str) -> _Stripped:
+    """Drop the folders that all files share: a folder or its zip, dropped whole, is the same scene as its content."""
+    folder = "".join(f"{part}/" for part in PurePosixPath(main).parts[:-1])
+    while folder and not all(name.startswith(folder) for name in files):
+        folder = folder[: folder.rstrip("/").rfind("/") + 1]
+    return _Stripped({name.removeprefix(folder): w for name, w in files.items()}, main.removeprefix(folder), folder)

@@ -1,0 +1,67 @@
+"""What is handed out and not back yet. A lease ends with its result, its deadline, or when it is plainly lost."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from service.scheduling.plan import Range
+
+__all__ = ["Lease", "Leases"]
+
+HELD_FACTOR = 4
+
+
+@dataclass
+class Lease:
+    """A batch of a job, or (without a range) the preparing of a scene, in somebody's hands."""
+
+    owner: str  # the job or the scene
+    kind: str
+    batch: Range | None
+    patience_s: float  # until it is handed out again
+    expected_s: float = 0.0
+    id: str = field(default_factory=lambda: uuid.uuid4().hex)
+    issued: float = field(default_factory=time.monotonic)
+    holder: str | None = None  # the worker that was last seen with it
+    is_held: bool = False  # whether it was seen there at the last look
+    unseen: int = 0  # looks in a row at which it neither waited nor was worked on
+    doubled: bool = False
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether to wait no longer. What a worker says it works on gets more time: a tile may be slower than was guessed."""
+        patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
+        return time.monotonic() - self.issued > patience
+
+
+class Leases:
+    """All leases, by id and by owner."""
+
+    def __init__(self) -> None:
+        self._all: dict[str, Lease] = {}
+
+    def __iter__(self) -> Iterator[Lease]:
+        return iter(list(self._all.values()))
+
+    def add(self, lease: Lease) -> None:
+        """Begin a lease."""
+        self._all[lease.id] = lease
+
+    def get(self, lease: str) -> Lease | None:
+        """The lease of this id."""
+        return self._all.get(lease)
+
+    def end(self, lease: str) -> Lease | None:
+        """End a lease; None where it has ended before."""
+        return self._all.pop(lease, None)
+
+    def of(self, owner: str) -> list[Lease]:
+        """The leases of a job or a scene."""
+        return [lease for lease in self._all.values() if lease.owner == owner]
+
+    def batches(self, kind: str) -> int:
+        """How many batches are out with workers of a kind."""
+        return sum(1 for lease in self._all.values() if lease.kind == kind and lease.batch is not None)

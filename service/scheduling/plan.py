@@ -1,0 +1,194 @@
+"""What a frame still needs: which tile is rendered next, and how many samples of it. No clock, no queue, no film.
+
+The first wave is one sample of every tile, from the middle outwards, so that the whole picture is there at once. After it
+the tile with the fewest samples comes next, and what it gets grows with what it has. Where a noise level is asked for, a
+tile stops at fixed sample counts only and by its own film alone, so that the picture does not depend on who was faster.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from renderer.settings import Tile
+from service.store.coverage import Coverage
+
+__all__ = ["FramePlan", "Range", "checkpoints"]
+
+FIRST_CHECK = 32  # samples: below it the noise estimate of a tile says little
+FIRST_GUESS = 128  # samples that a tile is expected to need before its noise was looked at
+GROWTH = 7  # a batch has at most this many times the samples that its tile has
+
+
+class Range(NamedTuple):
+    """Samples first ... first + count - 1 of a tile, by its index."""
+
+    tile: int
+    first: int
+    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+
+
+def checkpoints(covered: int, spp: int, noise: float | None) -> int:
+    """The sample count up to which a tile with `covered` samples is rendered before its noise is looked at."""
+    if noise is None:
+        return spp
+    check = FIRST_CHECK
+    while check < covered:
+        check *= 2
+    return min(check, spp)
+
+
+class FramePlan:
+    """The plan of one frame. `coverage` and `tile_noise` (of a tile by its index) look into its film."""
+
+    def __init__(
+        self,
+        tiles: list[Tile],
+        spp: int,
+        noise: float | None,
+        coverage: Callable[[int], Coverage],
+        tile_noise: Callable[[int], float],
+    ) -> None:
+        self.tiles = tiles
+        self.noise = noise
+        self.spp = spp
+        self._coverage = coverage
+        self._tile_noise = tile_noise
+        self._order = _from_the_middle(tiles)
+        self._lost: deque[Range] = deque()
+        self._open: set[int] = set()
+        self._planned = [0] * len(tiles)
+        self._limit = [0] * len(tiles)
+        self._guess = [0] * len(tiles)  # samples at which a tile is expected to stop
+        self._heap: list[tuple[int, int, int]] = []
+        self.covered = [0] * len(tiles)
+        self.extend(spp)
+
+    def extend(self, spp: int) -> None:
+        """Begin, or begin anew from the film with another number of samples. What was handed out counts as lost."""
+        self.spp = spp
+        self._lost.clear()
+        self._open.clear()
+        self._heap.clear()
+        for tile in range(len(self.tiles)):
+            covered = self._coverage(tile)
+            self.covered[tile] = covered.total
+            self._planned[tile] = covered.prefix
+            self._limit[tile] = checkpoints(covered.prefix, spp, self.noise)
+            self._guess[tile] = spp if self.noise is None else min(spp, FIRST_GUESS)
+            if not self._is_complete(tile, covered):
+                self._open.add(tile)
+                self._go_on(tile, covered.prefix)
+
+    @property
+    def done(self) -> bool:
+        """Whether every tile has what was asked for."""
+        return not self._open
+
+    @property
+    def has_first_wave(self) -> bool:
+        """Whether every tile has a sample."""
+        return all(self.covered)
+
+    @property
+    def target_samples(self) -> int:
+        """What the frame is expected to come to, all pixels together; exact where no noise level ends it."""
+        ends = (max(self._guess[i], self._limit[i]) if i in self._open else self.covered[i] for i in range(len(self.tiles)))
+        return sum(t.w * t.h * end for t, end in zip(self.tiles, ends, strict=True))
+
+    @property
+    def samples(self) -> int:
+        """What the frame has, all pixels together."""
+        return sum(t.w * t.h * covered for t, covered in zip(self.tiles, self.covered, strict=True))
+
+    def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
+        """The next batch, or None where all is handed out. samples_wanted(tile): how many samples suit the workers."""
+        while self._lost:
+            lost = self._lost.popleft()
+            if not self._coverage(lost.tile).overlaps(lost.first, lost.count):
+                return lost
+            self._lose_gaps(lost)
+        while self._heap:
+            planned, _, tile = heapq.heappop(self._heap)
+            if tile not in self._open or planned != self._planned[tile]:
+                continue
+            gap = next(self._coverage(tile).gaps(planned, self._limit[tile]), None)
+            if gap is None:
+                self._planned[tile] = self._limit[tile]
+                continue
+            start, end = gap
+            most = 1 if start == 0 else min(max(1, samples_wanted(tile)), GROWTH * start)
+            left = end - start
+            count = left if left <= most else min(most, (left + 1) // 2 if left < 2 * most else most)
+            self._planned[tile] = start + count
+            if self._planned[tile] < self._limit[tile]:
+                self._push(tile)
+            return Range(tile, start, count)
+        return None
+
+    def wants(self, batch: Range) -> bool:
+        """Whether these samples belong to the frame: a tile that is complete takes no more, so that its end stays exact."""
+        return (
+            batch.tile in self._open
+            and batch.count > 0
+            and batch.first >= 0
+            and batch.first + batch.count <= self._limit[batch.tile]
+        )
+
+    def lose(self, lost: Range) -> None:
+        """A batch did not come back: it is the first to be handed out again."""
+        if lost.tile in self._open:
+            self._lost.append(lost)
+
+    def settle(self, back: Range) -> None:
+        """A batch came back and the film took it or dropped it; the film says what the tile has now."""
+        covered = self._coverage(back.tile)
+        self.covered[back.tile] = covered.total
+        if back.tile not in self._open:
+            return
+        self._lose_gaps(back)
+        if covered.prefix < self._limit[back.tile]:
+            return
+        if self._is_complete(back.tile, covered):
+            self._open.discard(back.tile)
+            return
+        self._go_on(back.tile, covered.prefix)
+
+    def _go_on(self, tile: int, prefix: int) -> None:
+        if prefix >= self._limit[tile]:
+            self._limit[tile] = checkpoints(prefix + 1, self.spp, self.noise)
+        self._planned[tile] = max(self._planned[tile], prefix)
+        self._push(tile)
+
+    def _lose_gaps(self, of: Range) -> None:
+        for start, end in self._coverage(of.tile).gaps(of.first, of.first + of.count):
+            self._lost.append(Range(of.tile, start, end - start))
+
+    def _is_complete(self, tile: int, covered: Coverage) -> bool:
+        if covered.prefix >= self.spp:
+            return True
+        if self.noise is None or covered.prefix < FIRST_CHECK or covered.total != self._limit[tile]:
+            return False
+        noise = self._tile_noise(tile)
+        # The standard error falls with the square root of the samples.
+        self._guess[tile] = int(min(self.spp, covered.prefix * min((noise / self.noise) ** 2, self.spp)))
+        return noise <= self.noise
+
+    def _push(self, tile: int) -> None:
+        heapq.heappush(self._heap, (self._planned[tile], self._order[tile], tile))
+
+
+def _from_the_middle(tiles: list[Tile]) -> list[int]:
+    """Each tile's place in the order of distance from the frame's middle."""
+    middle_x = max(t.x + t.w for t in tiles) / 2
+    middle_y = max(t.y + t.h for t in tiles) / 2
+
+    def distance(i: int) -> float:
+        return (tiles[i].x + tiles[i].w / 2 - middle_x) ** 2 + (tiles[i].y + tiles[i].h / 2 - middle_y) ** 2
+
+    place = [0] * len(tiles)
+    for rank, i in enumerate(sorted(range(len(tiles)), key=distance)):
+        place[i] = rank
+    return place

@@ -1,0 +1,102 @@
+"""Scenes on their way from files to what a kernel reads: asked for, watched, and asked for again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import redis
+
+from service.scheduling.dispatch import Dispatcher
+from service.scheduling.leases import Lease, Leases
+from service.scheduling.scheduler import UNSEEN_ALLOWED
+from service.scheduling.workers import Workers
+from worker.contract import prepare_queue
+
+__all__ = ["Preparing", "Progress"]
+
+LOSSES_ALLOWED = 3
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far preparing is: a phrase, and 0 ... 1."""
+
+    step: str
+    fraction: float
+
+
+class Preparing:
+    """The scenes to prepare, each for a kind of worker, or (None) for whichever kind there is most of."""
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._deadline_s = deadline_s
+        self._wanted: dict[tuple[str, str | None], int] = {}  # -> how often it was lost
+        self.leases = Leases()
+        self.progress: dict[str, Progress] = {}
+
+    def want(self, scene: str, kind: str | None) -> None:
+        """Prepare a scene."""
+        self._wanted.setdefault((scene, kind), 0)
+
+    def forget(self, scene: str) -> None:
+        """The scene is deleted, or prepared, or failed."""
+        for key in [key for key in self._wanted if key[0] == scene]:
+            del self._wanted[key]
+        self.progress.pop(scene, None)
+        for lease in self.leases.of(scene):
+            self.leases.end(lease.id)
+
+    def forget_kind(self, scene: str, kind: str) -> None:
+        """The scene is prepared for a kind, and perhaps wanted for another."""
+        self._wanted.pop((scene, kind), None)
+        self._wanted.pop((scene, None), None)
+        self.progress.pop(scene, None)
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+
+    def fill(self) -> None:
+        """Hand out what is wanted and not in hand. Raises QueueError."""
+        for scene, wanted_kind in list(self._wanted):
+            kind = wanted_kind or self._workers.best_kind()
+            out = self.leases.of(scene)
+            if kind is None or not self._workers.slots(kind) or any(wanted_kind in (None, lease.kind) for lease in out):
+                continue
+            lease = Lease(scene, kind, None, self._deadline_s)
+            self._dispatcher.send_prepare(scene, kind, lease.id)
+            self.leases.add(lease)
+
+    def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
+        """A worker says that it is at it."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                lease.holder = worker
+                lease.unseen = 0
+        if progress is not None:
+            self.progress[scene] = progress
+
+    def review(self) -> list[tuple[str, str | None]]:
+        """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often."""
+        waiting = {id for kind in {lease.kind for lease in self.leases} for id in self._waiting(kind)}
+        in_hand = {doing["scene"] for doing in self._workers.current() if "scene" in doing}
+        hopeless = []
+        for lease in self.leases:
+            lease.is_held = lease.owner in in_hand
+            lease.unseen = 0 if lease.is_held or lease.id in waiting else lease.unseen + 1
+            if lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue:
+                continue
+            self.leases.end(lease.id)
+            for key in [(lease.owner, lease.kind), (lease.owner, None)]:
+                if key in self._wanted:
+                    self._wanted[key] += lease.holder is not None
+                    if self._wanted[key] >= LOSSES_ALLOWED:
+                        hopeless.append(key)
+        return hopeless
+
+    def _waiting(self, kind: str) -> dict[str, bytes]:
+        try:
+            return self._dispatcher.waiting(prepare_queue(kind))
+        except redis.RedisError:
+            return {}

@@ -1,0 +1,1 @@
+"""What is kept: rows in the database, blobs by hash, films with every sample once."""

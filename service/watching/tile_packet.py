@@ -1,0 +1,33 @@
+"""A live tile on the wire, little-endian:
+
+u8 version = 1, u8 kind = 1, u16 frame, u32 seq, u16 x, y, w, h, u32 spp, then w * h words RGB9E5, rows from the top.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from renderer import film as film_math
+from renderer.image import rgbe9995
+from service.store.films import Film
+
+__all__ = ["KIND_TILE", "VERSION", "body", "packet"]
+
+VERSION = 1
+KIND_TILE = 1
+HEADER = struct.Struct("<BBHIHHHHI")
+
+
+def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
+    """A tile's samples a pixel and its mean as RGB9E5 words; None where no sample is in."""
+    sums = film.tile_sums(frame, tile)
+    if sums is None:
+        return None
+    spp = film.coverage(frame, tile).total
+    return spp, rgbe9995.pack(film_math.mean(sums, film.film_exponent)).astype("<u4").tobytes()
+
+
+def packet(film: Film, frame: int, tile: int, seq: int, spp: int, words: bytes) -> bytes:
+    """The whole message."""
+    x, y, w, h = film.tiles[tile]
+    return HEADER.pack(VERSION, KIND_TILE, frame, seq & 0xFFFFFFFF, x, y, w, h, spp) + words

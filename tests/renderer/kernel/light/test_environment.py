@@ -1,0 +1,167 @@
+"""Light from infinitely far: its image stands as described, and its tables choose what they say."""
+
+import numpy as np
+import pytest
+
+from renderer.jit import entry
+from renderer.kernel.light.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.scene.description import Environment, Image, SceneDescription
+from renderer.scene.environment import tabulate_environment
+from tests.renderer.judge import chi_squared
+
+N = 300_000
+
+
+@entry
+def _run(which, environment, marginal, conditional, frame, given, direction, value):
+    for i in range(len(given)):
+        if which == 0:
+            direction_i, value[i, 0] = sample_environment(marginal, conditional, frame, given[i, 2], (given[i, 0], given[i, 1]))
+            for k in range(3):
+                direction[i, k] = direction_i[k]
+        else:
+            d = (given[i, 0], given[i, 1], given[i, 2])
+            value[i, 0] = environment_pdf(marginal, conditional, frame, d)
+            radiance = environment_radiance(environment, frame, d)
+            for k in range(3):
+                direction[i, k] = radiance[k]
+
+
+@entry
+def _choose(cdf, u, index, rest, width):
+    for i in range(len(u)):
+        index[i], rest[i], width[i] = choose(cdf, u[i])
+
+
+class Sky:
+    """An environment's tables, and the kernel's functions over them."""
+
+    def __init__(self, pixels, rotation=0.0):
+        description = SceneDescription(images=[Image("sky", np.asarray(pixels, np.float32), srgb=False)])
+        description.environment = Environment(image=0, rotation=rotation)
+        tables = tabulate_environment(description)
+        self.radiance, self.marginal, self.conditional = tables.radiance, tables.marginal, tables.conditional
+        self.frame = tables.frame(1.0)
+        self.rotation = np.radians(rotation)
+
+    def _run(self, which, given):
+        given = np.ascontiguousarray(given, np.float32)
+        direction, value = np.zeros((len(given), 3), np.float32), np.zeros((len(given), 1), np.float32)
+        _run(which, self.radiance, self.marginal, self.conditional, self.frame, given, direction, value)
+        return direction, value[:, 0]
+
+    def sample(self, n=N, seed=0):
+        return self._run(0, np.random.default_rng(seed).random((n, 3), np.float32))
+
+    def pdf(self, direction):
+        return self._run(1, direction)[1]
+
+    def at(self, direction):
+        return self._run(1, direction)[0]
+
+    def texel(self, direction):
+        """(row, column) by double precision."""
+        height, width = self.radiance.shape[:2]
+        x, y, z = np.asarray(direction, float).T
+        turned = np.arctan2(x, -z) + self.rotation  # counter-clockwise, seen from above, is towards the image's left
+        row = np.clip((np.arccos(np.clip(y, -1, 1)) / np.pi * height).astype(int), 0, height - 1)
+        return row, ((turned / (2 * np.pi) + 0.5) % 1 * width).astype(int) % width
+
+
+def random_sky(height=8, width=16, seed=1):
+    return np.random.default_rng(seed).gamma(0.6, size=(height, width, 1)).repeat(3, 2)
+
+
+def solid_angles(height, width):
+    edge = np.cos(np.arange(height + 1) * np.pi / height)
+    return (edge[:-1] - edge[1:])[:, None] * 2 * np.pi / width * np.ones(width)
+
+
+@pytest.mark.parametrize("rotation", [0.0, 77.0, -160.0])
+def test_samples_fall_on_texels_as_the_density_says(rotation):
+    """Chi-squared over the texels themselves, within which the density is constant; so is that over their quarters."""
+    sky = Sky(random_sky(), rotation)
+    direction, pdf = sky.sample()
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
+    row, column = sky.texel(direction)
+    counts = np.bincount(row * 16 + column, minlength=128)
+    middle_v, middle_u = np.meshgrid((np.arange(8) + 0.5) / 8 * np.pi, (np.arange(16) + 0.5) / 16 * 2 * np.pi, indexing="ij")
+    turn = middle_u - np.pi - sky.rotation
+    middles = np.stack([np.sin(middle_v) * np.sin(turn), np.cos(middle_v), -np.sin(middle_v) * np.cos(turn)], -1).reshape(-1, 3)
+    mass = sky.pdf(middles) * solid_angles(8, 16).ravel()
+    assert mass.sum() == pytest.approx(1, abs=1e-5)
+    edge = counts[mass == 0].sum()  # rounding may take a sample over a border
+    assert edge < 1e-4 * N
+    chi_squared(counts[mass > 0], mass[mass > 0] * counts[mass > 0].sum(), 3, f"rotation {rotation}")
+    again = sky.pdf(direction)
+    assert np.isclose(again, pdf, rtol=1e-4).mean() > 0.9999
+
+
+def test_the_density_exceeds_zero_where_the_sky_exceeds_its_mean():
+    pixels = random_sky()
+    sky = Sky(pixels)
+    weight = solid_angles(8, 16)
+    mean = (pixels[..., 0] * weight).sum() / weight.sum()
+    assert sky.frame[2] == pytest.approx(mean, rel=1e-5)
+    row, column = sky.texel(sky.sample()[0])
+    chosen = np.zeros((8, 16))
+    np.add.at(chosen, (row, column), 1)
+    assert (chosen[pixels[..., 0] > 1.2 * mean] > 0).all()
+    assert chosen[pixels[..., 0] < mean].sum() < 1e-4 * N
+
+
+@pytest.mark.parametrize("height", [1, 2, 64, 1024, 4096, 16384])
+def test_every_row_of_a_tall_image_has_its_solid_angle(height):
+    """Near the poles of a 16k image cosines differ by 1e-8: less than float32 tells, if they are subtracted."""
+    pixels = np.zeros((height, 2, 3), np.float32)
+    rows = np.unique(np.clip(np.r_[0:4, height // 3, height // 2, height - 4 : height], 0, height - 1))
+    for row in rows:
+        pixels[:] = 0
+        pixels[row] = 1.0
+        direction, pdf = Sky(pixels).sample(2000)
+        expected = 1 / (2 * solid_angles(height, 2)[row, 0])
+        np.testing.assert_allclose(pdf, expected, rtol=2e-3)
+        assert np.isfinite(direction).all()
+        angle = np.arccos(np.clip(direction[:, 1].astype(float), -1, 1)) / np.pi * height
+        step = 1e-3 * height if row in (0, height - 1) else 1e-6 * height / np.sin((row + 0.5) * np.pi / height)
+        assert (angle > row - step - 1e-3).all()
+        assert (angle < row + 1 + step + 1e-3).all()
+
+
+@pytest.mark.parametrize("rotation", [0.0, 30.0, 90.0])
+def test_radiance_is_bilinear_between_texels(rotation):
+    """Against numpy in double precision; the middle column looks along -z, the top row up."""
+    pixels = np.random.default_rng(3).random((5, 7, 3))
+    sky = Sky(pixels, rotation)
+    d = np.random.default_rng(4).standard_normal((20_000, 3))
+    d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+    turn = np.arctan2(d[:, 0].astype(float), -d[:, 2].astype(float)) + sky.rotation
+    x = ((turn / (2 * np.pi) + 0.5) % 1) * 7 - 0.5
+    y = np.arccos(d[:, 1].astype(float)) / np.pi * 5 - 0.5
+    x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
+    s, t = (x - x0)[:, None], (y - y0)[:, None]
+    rows, columns = (np.clip(y0, 0, 4), np.clip(y0 + 1, 0, 4)), (x0 % 7, (x0 + 1) % 7)
+    expected = (pixels[rows[0], columns[0]] * (1 - s) + pixels[rows[0], columns[1]] * s) * (1 - t) + (
+        pixels[rows[1], columns[0]] * (1 - s) + pixels[rows[1], columns[1]] * s
+    ) * t
+    np.testing.assert_allclose(sky.at(d), expected, atol=2e-5)
+
+
+@pytest.mark.parametrize("d", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.0, 0, 1), (0, 0, -1), (np.nan,) * 3, (0, 1.0000001, 0)])
+def test_every_direction_has_a_density(d):
+    """The poles, the seam, and what is no direction: nothing reads outside the tables."""
+    sky = Sky(random_sky())
+    assert sky.pdf([d])[0] >= 0
+    assert np.isfinite(sky.at([d])).all() or np.isnan(d).any()
+
+
+def test_choose_finds_the_interval_and_skips_what_is_empty():
+    cdf = np.array([0, 0, 0.25, 0.25, 0.25, 1, 1], np.float32)
+    cdf.flags.writeable = False
+    u = np.array([0, 0.1, 0.2499, 0.25, 0.5, 1 - 2**-24], np.float32)
+    index, rest, width = np.empty(6, np.int64), np.empty(6, np.float32), np.empty(6, np.float32)
+    _choose(cdf, u, index, rest, width)
+    np.testing.assert_array_equal(index, [1, 1, 1, 4, 4, 4])
+    np.testing.assert_allclose(rest, [0, 0.4, 0.9996, 0, 1 / 3, 1], atol=1e-6)
+    assert rest.max() < 1
+    np.testing.assert_array_equal(width, [0.25] * 3 + [0.75] * 3)

@@ -1,0 +1,167 @@
+"""The tree of lights: it chooses as it says, for every point, and passes over no light that reaches the point."""
+
+import numpy as np
+import pytest
+
+from renderer.jit import entry
+from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
+from renderer.scene.description import Light, Material, Sphere
+from renderer.scene.lights import TREE_FROM, chosen_by
+from tests.renderer.builders import emitter, gray, scene, square
+from tests.renderer.judge import chi_squared, limit
+
+POINTS = 40
+
+
+@entry
+def _choose(made, p, n, u, light, chance, again):
+    point, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
+    for i in range(len(u)):
+        light[i], chance[i] = choose_from_tree(made.light_node, made.light_child, point, normal, u[i])
+        again[i] = tree_chance(made.light_node, made.light_child, point, normal, light[i])
+
+
+@entry
+def _chances(made, p, n, chance):
+    for light in range(len(chance)):
+        chance[light] = tree_chance(made.light_node, made.light_child, (p[0], p[1], p[2]), (n[0], n[1], n[2]), light)
+
+
+def chances(made, p, n):
+    out = np.zeros(len(made.light_primitive), np.float32)
+    _chances(made, np.array(p, np.float32), np.array(n, np.float32), out)
+    return out
+
+
+def room(seed=0, spheres=60, squares=60, points=40, spots=30, suns=3):
+    """Lights of all kinds, of powers that differ by a factor of a million, in a box of side 20."""
+    rng = np.random.default_rng(seed)
+    materials = [Material(), *(emitter(10 ** rng.uniform(-3, 3), double_sided=bool(i % 2)) for i in range(20))]
+
+    def place():
+        return tuple(rng.uniform(-10, 10, 3))
+
+    def some_material():
+        return int(rng.integers(1, 21))
+
+    meshes = [square(place(), *rng.normal(0, 0.3, (2, 3)), some_material()) for _ in range(squares)]
+    balls = tuple(Sphere(place(), rng.uniform(0.01, 0.5), some_material()) for _ in range(spheres))
+    lights = [
+        *(Light("point", gray(10 ** rng.uniform(-3, 3)), place(), radius=0.1 * (i % 2)) for i in range(points)),
+        *(
+            Light("spot", gray(10 ** rng.uniform(-3, 3)), place(), tuple(rng.normal(size=3)), outer_cone=rng.uniform(1, 120))
+            for _ in range(spots)
+        ),
+        *(Light("directional", gray(0.5), direction=tuple(rng.normal(size=3)), angle=2.0 * i) for i in range(suns)),
+    ]
+    return scene(materials, tuple(meshes), balls, lights=tuple(lights))
+
+
+@pytest.fixture(scope="module")
+def made():
+    return room()
+
+
+def points_and_normals(seed=1, count=POINTS):
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal[::4] = 0  # lit from all sides
+    return rng.uniform(-14, 14, (count, 3)), normal
+
+
+def test_every_light_is_a_leaf_once(made):
+    leaves = made.light_child[made.light_child[:, 0] < 0, 2]
+    assert len(made.light_primitive) >= TREE_FROM
+    assert np.array_equal(np.sort(leaves), np.arange(len(made.light_primitive)))
+    assert len(set(made.light_primitive.tolist())) == len(made.light_primitive)
+    for primitive, light in enumerate([*made.triangle_light, *made.sphere_light]):
+        assert light < 0 or made.light_primitive[light] == primitive
+
+
+def test_chances_sum_to_one_but_for_dead_ends(made):
+    """A node's bounds may reach where neither of its children's does; then nothing is sampled, and rightly so."""
+    sums = np.array([chances(made, p, n).astype(float).sum() for p, n in zip(*points_and_normals(), strict=True)])
+    assert sums.max() < 1 + 1e-5
+    assert sums.mean() > 0.7  # of spots that point anywhere, of powers like these, many ways end
+
+
+def test_lights_are_chosen_as_often_as_the_tree_says(made):
+    rng = np.random.default_rng(3)
+    count = 100_000
+    for p, n in zip(*points_and_normals(count=12), strict=True):
+        light, chance, again = np.zeros(count, np.int64), np.zeros(count, np.float32), np.zeros(count, np.float32)
+        _choose(made, p.astype(np.float32), n.astype(np.float32), rng.random(count, np.float32), light, chance, again)
+        assert np.array_equal(chance[chance > 0], again[chance > 0])
+        expected = chances(made, p, n)
+        ended = chance == 0
+        assert np.array_equal(chance[~ended], expected[light[~ended]])
+        counts = np.append(np.bincount(light[~ended], minlength=len(expected)), ended.sum())
+        rest = max(1 - expected.astype(float).sum(), 0)
+        chi_squared(counts, np.append(expected, rest) * (count / (expected.astype(float).sum() + rest)), 12)
+
+
+def reaches(made, light, p, n):
+    """Whether any of a light's points surely lights p, which faces n, by double precision and with a margin."""
+
+    def above(q):
+        return not n.any() or ((q - p) @ n / np.linalg.norm(q - p, axis=-1)).max() > 1e-3
+
+    primitive, triangles, spheres = made.light_primitive[light], len(made.triangle), len(made.sphere)
+    if primitive < triangles:
+        a, b, c = made.position[made.triangle[primitive]].astype(float)
+        normal = np.cross(b - a, c - a)
+        towards = normal @ (p - a) / np.linalg.norm(normal) / np.linalg.norm(p - a)
+        both = made.material[made.triangle_material[primitive], 9] != 0
+        return above(np.array([a, b, c])) and (abs(towards) if both else towards) > 1e-3
+    if primitive < triangles + spheres:
+        x = made.sphere[primitive - triangles].astype(float)
+        return above(x[:3] + x[3] * n)
+    row = made.punctual[primitive - triangles - spheres].astype(float)
+    kind = made.punctual_kind[primitive - triangles - spheres]
+    if kind == 2:
+        return not n.any() or row[:3] @ n > 1e-3
+    if kind == 1:
+        cosine = row[3:6] @ (p - row[:3]) / np.linalg.norm(p - row[:3])
+        if cosine * row[10] + row[11] <= 1e-3:
+            return False
+    return above(row[:3])
+
+
+def test_no_light_that_reaches_a_point_is_passed_over(made):
+    judged = 0
+    for p, n in zip(*points_and_normals(), strict=True):
+        chance = chances(made, p, n)
+        for light in range(len(chance)):
+            if reaches(made, light, p, n):
+                judged += 1
+                assert chance[light] > 0, (light, made.light_primitive[light], p, n)
+    assert judged > 20 * POINTS
+
+
+def test_a_near_lamp_is_chosen_over_a_far_one():
+    """In a row of equal lamps, that above the point is chosen far more often than one in `count`; those behind never."""
+    lamps = tuple(Light("point", gray(1.0), (float(x), 1.0, 0.0)) for x in range(0, 100, 2))
+    made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
+    chance = chances(made, (40.0, 0.0, 0.0), (0, 1, 0))
+    by_place = {round(float(made.punctual[made.light_primitive[i] - 2, 0])): float(chance[i]) for i in range(len(chance))}
+    assert max(by_place, key=by_place.get) == 40
+    assert by_place[40] > 0.3
+    assert chances(made, (40.0, 0.0, 0.0), (0, -1, 0)).sum() == 0
+
+
+def test_power_and_uniform_choices_can_be_had_to_compare_with(made):
+    assert len(chosen_by(made, "power").light_node) == 0
+    assert chosen_by(made, "tree") is made
+    uniform = np.diff(chosen_by(made, "uniform").light_cdf)
+    np.testing.assert_allclose(uniform, 1 / len(uniform), rtol=1e-3)
+    powers = np.diff(made.light_cdf)
+    assert powers.max() / powers.min() > 100 > limit(1)
+
+
+def test_lamps_in_one_place_can_still_be_told_apart():
+    lamps = tuple(Light("point", gray(1.0 + i), (0.0, 1.0, 0.0)) for i in range(9))
+    made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
+    chance = chances(made, (0.0, 0.0, 0.0), (0, 1, 0)).astype(float)
+    order = made.light_primitive - 2
+    np.testing.assert_allclose(chance[np.argsort(order)], np.arange(1, 10) / 45, rtol=1e-5)

@@ -1,0 +1,130 @@
+"""What a material is at a point: textures, vertex colours, alpha, absorption, dispersion."""
+
+import numpy as np
+import pytest
+
+from renderer.jit import entry
+from renderer.kernel.material.material import LAYER_SLOTS, absorption, disperse, emission, fetch_material, opacity
+from renderer.kernel.surface.surface import Surface
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
+from tests.renderer.builders import square
+
+ZERO, ONE = np.float32(0), np.float32(1)
+UP = (ZERO, ZERO, ONE)
+FRAME = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), UP)
+
+
+@entry
+def _look(scene, surface, frame, layers, throughput, u, out):
+    """out: base, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
+    material = fetch_material(scene, surface, frame, layers)
+    values = material.base[0], material.base[1], material.base[2], material.metallic, material.roughness
+    for k in range(5):
+        out[k] = values[k]
+    out[5] = opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
+    taken = absorption(scene, surface.material)
+    light = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
+    spread, left = disperse(scene, surface, material, throughput, u)
+    for k in range(3):
+        out[6 + k] = taken[k]
+        out[9 + k] = light[k]
+        out[13 + k] = left[k]
+    out[12] = spread.eta
+
+
+def compiled(material, images=(), textures=()):
+    """A scene of one square."""
+    mesh = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
+    mesh.uvs = mesh.uvs1 = np.zeros((4, 2), np.float32)
+    description = SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[material])
+    description.images, description.textures = list(images), list(textures)
+    return compile_scene(description)
+
+
+def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True, u=0.5, carried=(1, 1, 1)):
+    """A dict of what the kernel finds."""
+    uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
+    surface = Surface(
+        point=(ZERO, ZERO, ZERO), error=ZERO, geometric=UP, shading=UP, uv=uv, front=front, material=0, light=-1, object=0,
+        uv1=uv1, color=color, tangent=(ONE, ZERO, ZERO, ONE), smooth=False, lift=(ZERO, ZERO, ZERO),
+    )  # fmt: skip
+    out = np.zeros(16, np.float32)
+    _look(scene, surface, FRAME, np.zeros(LAYER_SLOTS, np.float32), carried, np.float32(u), out)
+    return {
+        "base": out[:3], "metallic": out[3], "roughness": out[4], "opacity": out[5], "absorption": out[6:9],
+        "emission": out[9:12], "eta": out[12], "throughput": out[13:],
+    }  # fmt: skip
+
+
+def look(material, images=(), textures=(), **at):
+    """As `look_at`, of a scene of this material."""
+    return look_at(compiled(material, images, textures), **at)
+
+
+def texels(*rows):
+    """An image of uint8 RGBA rows."""
+    return Image("i", np.array(rows, np.uint8), srgb=False)
+
+
+GRAY_HALF = texels([[51, 102, 153, 128]])
+
+
+def test_textures_and_vertex_colours_multiply():
+    material = Material(
+        kind="metallic_roughness", base_color=(0.5, 1, 1), metallic=0.5, roughness=1.0, base_color_texture=0,
+        metallic_roughness_texture=0,
+    )  # fmt: skip
+    found = look(material, [GRAY_HALF], [Texture(0)], color=(1, 0.5, 1, 1))
+    np.testing.assert_allclose(found["base"], (0.1, 0.2, 0.6), rtol=1e-5)
+    assert found["metallic"] == pytest.approx(0.3)
+    assert found["roughness"] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("mode", "alpha", "expected"),
+    [("opaque", 0.2, 1), ("blend", 0.5, 0.5 * 128 / 255 * 0.8), ("mask", 1.0, 0), ("mask", 1.3, 1)],
+)
+def test_alpha_is_factor_times_texture_times_vertex(mode, alpha, expected):
+    material = Material(opacity=alpha, alpha_mode=mode, alpha_cutoff=0.5, base_color_texture=0)
+    assert look(material, [GRAY_HALF], [Texture(0)], color=(1, 1, 1, 0.8))["opacity"] == pytest.approx(expected)
+
+
+def test_a_texture_knows_its_uv_set_and_transform():
+    checks = texels([[0, 0, 0, 255], [255, 255, 255, 255]])
+    plain = Material(base_color=(1, 1, 1), base_color_texture=0)
+    assert look(plain, [checks], [Texture(0)], uv=(0.25, 0), uv1=(0.75, 0))["base"][0] == 0
+    assert look(plain, [checks], [Texture(0, uv_set=1)], uv=(0.25, 0), uv1=(0.75, 0))["base"][0] == 1
+    moved = Texture(0, transform=(0.0, 1.0, 0.5, 1.0, 0.0, 0.0))
+    assert look(plain, [checks], [moved], uv=(0.9, 0.25))["base"][0] == 1
+
+
+def test_emission_shines_from_the_front_or_both():
+    assert (look(Material(emission=(1, 2, 3)))["emission"] == (1, 2, 3)).all()
+    assert not look(Material(emission=(1, 2, 3)), front=False)["emission"].any()
+    assert look(Material(emission=(1, 2, 3), double_sided=True), front=False)["emission"].any()
+
+
+def test_absorption_leaves_the_attenuation_colour_after_its_distance():
+    inside = Material(kind="glass", attenuation_color=(0.5, 0.25, 1), attenuation_distance=2.0)
+    np.testing.assert_allclose(np.exp(-2 * look(inside)["absorption"]), (0.5, 0.25, 1), rtol=1e-5)
+    assert not look(Material(attenuation_color=(0.5, 0.5, 0.5), attenuation_distance=1.0))["absorption"].any()
+    assert not look(Material(kind="glass"))["absorption"].any()
+
+
+@pytest.mark.parametrize("front", [True, False])
+def test_dispersion_keeps_one_colour_and_the_expectation(front):
+    """KHR_materials_dispersion: the indices of red and blue lie (n - 1) 0.025 dispersion from green's."""
+    prism = compiled(Material(kind="glass", ior=1.5, dispersion=2.0))
+    carried = np.array((0.2, 0.3, 0.5))
+    mean, steps = np.zeros(3), 1000
+    for i in range(steps):
+        found = look_at(prism, front=front, u=(i + 0.5) / steps, carried=carried)
+        mean += found["throughput"] / steps
+        channel = int(np.flatnonzero(found["throughput"])[0])
+        assert np.count_nonzero(found["throughput"]) == 1
+        ior = 1.5 + (channel - 1) * 0.5 * 0.025 * 2
+        assert found["eta"] == pytest.approx(ior if front else 1 / ior)
+    np.testing.assert_allclose(mean, carried, rtol=1e-3)
+    again = look_at(prism, front=front, u=0.9, carried=(0.0, 0.7, 0.0))
+    np.testing.assert_allclose(again["throughput"], (0, 0.7, 0), rtol=1e-6)

@@ -1,0 +1,265 @@
+"""Texture lookups and stacks of textures against the same worked out in float64, and in pictures."""
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.film import ALBEDO, mean
+from renderer.jit import entry
+from renderer.kernel.material.blend import OPERATIONS
+from renderer.kernel.material.texture import sample_texture
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import (
+    SINGLE_TEXTURES,
+    Image,
+    Instance,
+    Material,
+    Mesh,
+    SceneDescription,
+    Sphere,
+    Texture,
+    TextureLayer,
+)
+from renderer.scene.packing import pack
+from tests.renderer.builders import settings
+from tests.renderer.judge import assert_mean
+
+RANDOM = np.random.default_rng(7)
+COLORS = RANDOM.integers(0, 256, (5, 4, 4), np.uint8)
+MASKED = RANDOM.integers(0, 256, (3, 6, 4), np.uint8)
+IMAGES = [Image("colors", COLORS), Image("masked", MASKED), Image("data", MASKED, srgb=False)]
+MOVED = (2.0, 0.5, 0.1, -0.25, 1.5, -0.3)
+SLACK = 2e-6  # rounding of float32, at values of about 1
+BLENDS = {
+    "over": lambda b, t: t,
+    "multiply": lambda b, t: b * t,
+    "add": lambda b, t: b + t,
+    "subtract": lambda b, t: b - t,
+    "divide": lambda b, t: b / np.maximum(t, 1 / 255),
+    "screen": lambda b, t: 1 - (1 - b) * (1 - t),
+    "signed_add": lambda b, t: b + t - 0.5,
+    "darken": np.minimum,
+    "lighten": np.maximum,
+    "difference": lambda b, t: np.abs(b - t),
+}
+
+
+def square(uvs=((0, 1), (1, 1), (1, 0), (0, 0)), uvs1=None, material=0, z=0.0):
+    """2 x 2 at a depth, facing +z."""
+    corners = np.array([(-1, -1, z), (1, -1, z), (1, 1, z), (-1, 1, z)], np.float32)
+    second = None if uvs1 is None else np.array(uvs1, np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh("square", corners, faces, uvs=np.array(uvs, np.float32), uvs1=second, material=material)
+
+
+def compiled(textures, material, images=IMAGES, meshes=None, spheres=()):
+    meshes = [square()] if meshes is None else meshes
+    return compile_scene(
+        SceneDescription(
+            meshes=meshes,
+            instances=[Instance(i) for i in range(len(meshes))],
+            spheres=list(spheres),
+            materials=material if isinstance(material, list) else [material],
+            textures=textures,
+            images=list(images),
+        )
+    )
+
+
+@entry
+def _look_up(scene, number, uv, uv1, found):
+    for i in range(len(uv)):
+        r, g, b, a = sample_texture(scene, number, (uv[i, 0], uv[i, 1]), (uv1[i, 0], uv1[i, 1]))
+        found[i, 0], found[i, 1], found[i, 2], found[i, 3] = r, g, b, a
+
+
+def looked_up(scene, slot=0, count=2000):
+    """(uv, uv1, RGBA) of a texture at random places."""
+    uv, uv1 = np.random.default_rng(3).uniform(-2, 3, (2, count, 2)).astype(np.float32)
+    found = np.empty((count, 4), np.float32)
+    _look_up(scene, int(scene.material_texture[0, slot]), uv, uv1, found)
+    return uv.astype(float), uv1.astype(float), found
+
+
+def expected_of(texture, images, uv, uv1):
+    """RGBA in float64 of one texture without its layers, (n, 4)."""
+    image = images[texture.image]
+    pixels = image.pixels / 255.0
+    if image.srgb:
+        rgb = pixels[..., :3]
+        pixels = np.concatenate([np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), pixels[..., 3:]], 2)
+    rows = np.array(texture.transform, np.float64).reshape(2, 3)
+    place = (uv1 if texture.uv_set else uv) @ rows[:, :2].T + rows[:, 2]
+    size = np.array(pixels.shape[1::-1])
+    at = place * size - 0.5
+    low = np.floor(at).astype(int)
+    part = at - low
+    found = np.zeros((len(uv), 4))
+    for dx in (0, 1):
+        for dy in (0, 1):
+            x, y = (_wrapped(low[:, k] + d, size[k], w) for k, d, w in ((0, dx, texture.wrap_s), (1, dy, texture.wrap_t)))
+            weight = np.where(dx, part[:, 0], 1 - part[:, 0]) * np.where(dy, part[:, 1], 1 - part[:, 1])
+            found += weight[:, None] * pixels[y, x]
+    return found
+
+
+def _wrapped(i, size, mode):
+    if mode == "clamp":
+        return np.clip(i, 0, size - 1)
+    if mode == "repeat":
+        return i % size
+    i = i % (2 * size)
+    return np.where(i < size, i, 2 * size - 1 - i)
+
+
+def expected_stack(textures, number, images, uv, uv1, most=1.0):
+    lowest = textures[number]
+    found = expected_of(lowest, images, uv, uv1)
+    for layer in lowest.layers:
+        color = expected_of(textures[layer.texture], images, uv, uv1)
+        mixed = found[:, :3] + layer.strength * color[:, 3:] * (BLENDS[layer.blend](found[:, :3], color[:, :3]) - found[:, :3])
+        found[:, :3] = np.clip(mixed, 0, most)
+    return found
+
+
+@pytest.mark.parametrize(("wrap_s", "wrap_t"), [("repeat", "mirror"), ("mirror", "clamp"), ("clamp", "repeat")])
+def test_a_lookup_is_bilinear_in_linear_light(wrap_s, wrap_t):
+    textures = [Texture(0, wrap_s, wrap_t, transform=MOVED)]
+    uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0)))
+    np.testing.assert_allclose(found, expected_of(textures[0], IMAGES, uv, uv1), atol=2e-5)  # float32 UVs up to 10 texels away
+
+
+def test_every_operation_has_a_number():
+    assert set(OPERATIONS) == set(BLENDS)
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.35, 1.0])
+@pytest.mark.parametrize("blend", BLENDS)
+def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, strength):
+    textures = [Texture(0, layers=(TextureLayer(1, blend, strength),)), Texture(1, "mirror", "mirror")]
+    uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0)))
+    expected = expected_stack(textures, 0, IMAGES, uv, uv1)
+    # A divisor of one step of 255 makes 255 times as much of the rounding.
+    np.testing.assert_allclose(found, expected, atol=3e-3 if blend == "divide" else 2e-5)
+    if strength == 0:
+        plain = looked_up(compiled([Texture(0)], Material(base_color_texture=0)))
+        np.testing.assert_array_equal(found, plain[2])
+
+
+def test_many_layers_each_looked_up_in_its_own_way():
+    """Its own image, coordinates, transform, repetition and encoding; the second coordinates by a layer alone."""
+    layers = TextureLayer(1, "multiply", 0.8), TextureLayer(2), TextureLayer(3, "screen", 0.5), TextureLayer(1, "signed_add")
+    textures = [
+        Texture(0, layers=layers),
+        Texture(2, "clamp", "clamp", uv_set=1),
+        Texture(1, transform=MOVED),
+        Texture(0, "mirror", "repeat", uv_set=1, transform=MOVED),
+    ]
+    mesh = square(uvs1=((0, 1), (1, 1), (1, 0), (0, 0)))
+    uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0), meshes=[mesh]))
+    expected = expected_stack(textures, 0, IMAGES, uv, uv1)
+    np.testing.assert_allclose(found, expected, atol=5e-5)
+    np.testing.assert_allclose(found[:, 3], expected_of(textures[0], IMAGES, uv, uv1)[:, 3], atol=2e-5)
+
+
+def test_data_are_blended_as_they_are():
+    """Roughness 0.5 with a half strong layer of 1 is 0.75."""
+    images = [Image(name, np.full((1, 1, 4), (v, v, v, 255), np.uint8), srgb=False) for name, v in (("half", 128), ("one", 255))]
+    textures = [Texture(0, layers=(TextureLayer(1, strength=0.5),)), Texture(1)]
+    made = compiled(textures, Material(kind="metallic_roughness", metallic_roughness_texture=0), images)
+    np.testing.assert_allclose(looked_up(made, 2)[2][0, :3], (128 / 255 + 1) / 2, atol=SLACK)
+
+
+def test_light_may_add_up_to_more_than_white():
+    images = [Image(f"{v}", np.full((1, 1, 4), (v, v, v, 255), np.uint8), srgb=False) for v in (204, 153)]
+    images.append(Image("bright", np.full((1, 1, 3), 8, np.float32), srgb=False))
+    layers = TextureLayer(1, "add"), TextureLayer(2, "add", 0.25)
+    textures = [Texture(0, layers=layers), Texture(1), Texture(2)]
+    material = Material(emission=(2, 2, 2), emission_texture=0, base_color_texture=0)
+    made = compiled(textures, material, images)
+    np.testing.assert_allclose(looked_up(made, 1)[2][0, :3], 0.8 + 0.6 + 0.25 * 8, rtol=1e-5)
+    np.testing.assert_array_equal(looked_up(made, 0)[2][0, :3], 1)  # what surfaces reflect ends there
+    sums = render_frame(made, settings((0, 0, 2), (0, 0, 0), 30, max_depth=1), 4)
+    np.testing.assert_allclose(mean(sums, 24), 2 * 3.4, rtol=1e-5)
+
+
+def test_a_wall_shows_its_stack():
+    """The albedo of each pixel is the stack worked out at the place that it sees."""
+    layers = (TextureLayer(1), TextureLayer(2, "multiply", 0.5))
+    textures = [Texture(0, layers=layers), Texture(1, transform=MOVED), Texture(2)]
+    made = compiled(textures, Material(base_color=(1, 1, 1), base_color_texture=0))
+    size, samples = 24, 1024
+    fov = float(np.degrees(2 * np.arctan(1 / 4)))  # all of the square, to its edges
+    seen = mean(render_frame(made, settings((0, 0, 4), (0, 0, 0), fov, size, max_depth=1), samples), 24, ALBEDO)
+    fine = 32
+    v, u = (np.mgrid[0 : size * fine, 0 : size * fine].reshape(2, -1) + 0.5) / (size * fine)
+    uv = np.stack([u, v], 1)
+    expected = expected_stack(textures, 0, IMAGES, uv, uv)[:, :3].reshape(size, fine, size, fine, 3).mean((1, 3))
+    # Sobol's 1024 points of a pixel and a grid's 1024 differ by far less than noise would.
+    np.testing.assert_allclose(seen, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
+@pytest.mark.parametrize("kind", ["square", "square with others", "sphere"])
+@pytest.mark.parametrize("uv_set", [0, 1])
+def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
+    """Dark below, its only light a layer with a hole: what falls on a floor, by the sum over the lamp's points.
+
+    Where the lamp has no second coordinates they are its first, whether other meshes have some or not.
+    """
+    spot = np.zeros((8, 8, 4), np.uint8)
+    spot[1:4, 2:5] = (255, 255, 255, 255)
+    images = [Image("dark", np.full((1, 1, 4), (0, 0, 0, 255), np.uint8)), Image("spot", spot)]
+    textures = [Texture(0, layers=(TextureLayer(1, "add"),)), Texture(1, "clamp", "clamp", uv_set=uv_set)]
+    lamp = Material(base_color=(0, 0, 0), emission=(9, 9, 9), emission_texture=0, double_sided=True)
+    corners = np.array([(-9, -2, 9), (9, -2, 9), (9, -2, -9), (-9, -2, -9)], np.float32)
+    floor = Mesh("floor", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material=1)
+    meshes = [floor] if kind == "sphere" else [floor, square()]
+    if kind == "square with others":
+        meshes.append(square(uvs1=((0, 0), (0, 0), (0, 0), (0, 0)), material=1, z=-50.0))
+    spheres = [Sphere((0, 0, 0), 1.0)] if kind == "sphere" else []
+    made = compiled(textures, [lamp, Material(base_color=(1, 1, 1))], images, meshes, spheres)
+    assert len(made.light_primitive) == (1 if kind == "sphere" else 2)
+    eye, point = np.array((0.0, -1.9, 1.5)), np.array((0.3, -2.0, 1.5))
+    sums = render_frame(made, settings(tuple(eye), tuple(point), 0.01, 8, max_depth=2, sampling=sampling), 4096)
+    assert_mean(sums, _irradiance(kind, textures, images, point) / np.pi, slack=2e-3, most_error=0.03, tests=18)
+
+
+def _irradiance(kind, textures, images, point):
+    """On a floor that looks up, by midpoints of the lamp's own UVs, in float64."""
+    n = 512
+    u, v = (np.mgrid[0:n, 0:n].reshape(2, -1) + 0.5) / n
+    radiance = 9 * expected_stack(textures, 0, images, np.stack([u, v], 1), np.stack([u, v], 1), most=np.inf)[:, 0]
+    if kind != "sphere":
+        place = np.stack([2 * u - 1, 1 - 2 * v, 0 * u], 1)
+        normal, area = np.array((0.0, 0.0, 1.0)), 4 / n**2
+    else:
+        turn, polar = 2 * np.pi * (u - 0.5), np.pi * v
+        place = np.stack([np.sin(polar) * np.sin(turn), np.cos(polar), -np.sin(polar) * np.cos(turn)], 1)
+        normal, area = place, np.sin(polar) * 2 * np.pi**2 / n**2
+    way = place - point
+    square_distance = (way**2).sum(1)
+    way /= np.sqrt(square_distance)[:, None]
+    cosine = -(way * normal).sum(1)
+    cosine = np.abs(cosine) if kind != "sphere" else np.maximum(cosine, 0)
+    return float((radiance * cosine * np.maximum(way[:, 1], 0) / square_distance * area).sum())
+
+
+def test_a_lamps_power_is_the_mean_of_its_whole_stack():
+    """Beside another whose texels stand before its own."""
+    textures = [Texture(1), Texture(0, layers=(TextureLayer(0, "add", 0.5),))]
+    materials = [Material(emission=(1, 1, 1), emission_texture=t) for t in (0, 1)]
+    emitted = pack(SceneDescription(materials=materials, textures=textures, images=IMAGES)).emitted
+    n = 512
+    v, u = (np.mgrid[0:n, 0:n].reshape(2, -1) + 0.5) / n
+    uv = np.stack([u, v], 1)
+    mean = expected_stack(textures, 1, IMAGES, uv, uv, most=np.inf)[:, :3].mean(0)
+    np.testing.assert_allclose(emitted[1], mean @ (0.2126, 0.7152, 0.0722), rtol=1e-3)  # of 131,072 points
+
+
+@pytest.mark.parametrize("slot", sorted(SINGLE_TEXTURES))
+def test_slots_that_take_one_texture_say_so(slot):
+    textures = [Texture(0, layers=(TextureLayer(1),)), Texture(1)]
+    with pytest.raises(SceneError, match=f"Material tiles: its {slot} has layers, .* give it one texture"):
+        compiled(textures, Material("tiles", "metallic_roughness", **{slot: 0}))

@@ -1,0 +1,191 @@
+"""The random numbers: a function of their counters alone; independent ones without order, Sobol' ones in good order."""
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from renderer.jit import entry
+from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, direction_numbers, pixel_key, uniform4
+from tests.renderer.judge import assert_uniform, limit
+
+N = 1 << 18
+
+
+@entry
+def _numbers(kind, seed, x, y, sample, block, out):
+    for i in range(len(out)):
+        numbers = uniform4(kind, np.uint32(seed[i]), pixel_key(x[i], y[i]), np.uint32(sample[i]), np.uint32(block[i]))
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = numbers
+
+
+def numbers(seed=0, x=0, y=0, sample=0, block=0, kind=INDEPENDENT):
+    """(n, 4) for counters that broadcast to one length."""
+    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(c, np.int64)) for c in (seed, x, y, sample, block)))
+    out = np.empty((columns[0].size, 4), np.float32)
+    _numbers(kind, *(np.ascontiguousarray(c) for c in columns), out)
+    return out
+
+
+# One counter runs and the others stand still: what a pixel's samples, a row of pixels or a path's dimensions see.
+RUNS = {
+    "samples": lambda n: numbers(sample=np.arange(n)),
+    "later samples": lambda n: numbers(seed=9, x=500, y=300, sample=np.arange(n) + 100_000),
+    "row": lambda n: numbers(x=np.arange(n) % 16384, y=7 + np.arange(n) // 16384),
+    "column": lambda n: numbers(y=np.arange(n) % 16384, x=np.arange(n) // 16384),
+    "dimensions": lambda n: numbers(block=np.arange(n) % 2048, sample=np.arange(n) // 2048),
+    "seeds": lambda n: numbers(seed=np.arange(n)),
+    "picture": lambda n: numbers(x=np.arange(n) % 64, y=np.arange(n) // 64 % 64, sample=np.arange(n) // 4096),
+}
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {name: make(N) for name, make in RUNS.items()}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_numbers_are_uniform_in_one_two_and_three_dimensions(runs, name):
+    values = runs[name]
+    assert values.dtype == np.float32
+    assert values.min() >= 0
+    assert values.max() < 1
+    cell = (values * 1024).astype(int)
+    for k in range(4):
+        assert_uniform(np.bincount(cell[:, k], minlength=1024), 60, f"{name}, dimension {k}")
+    coarse = (values * 64).astype(int)
+    for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):  # a pixel's place, a light's place, a direction
+        assert_uniform(np.bincount(coarse[:, a] * 64 + coarse[:, b], minlength=4096), 60, f"{name}, dimensions {a} and {b}")
+    coarse = (values * 16).astype(int)
+    assert_uniform(np.bincount((coarse[:, 0] * 16 + coarse[:, 1]) * 16 + coarse[:, 2], minlength=4096), 60, name)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_neighbours_are_independent(runs, name):
+    """Serial correlation at several lags, within a dimension and across, and joint uniformity with the next."""
+    values = runs[name].astype(float) - 0.5
+    for lag in (1, 2, 64, 2048):
+        products = values[:-lag, :, None] * values[lag:, None, :]
+        correlation = 12 * products.mean(0) * np.sqrt(len(products))  # standard normal where independent
+        assert np.abs(correlation).max() < limit(len(RUNS) * 4 * 16), f"{name}, lag {lag}"
+    cell = (runs[name] * 64).astype(int)
+    for k in range(4):
+        assert_uniform(np.bincount(cell[:-1, k] * 64 + cell[1:, k], minlength=4096), 28, f"{name}, dimension {k} and the next")
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_low_bits_are_random_too(runs, name):
+    low = (runs[name].astype(np.float64) * 2**24).astype(np.int64) & 255
+    for k in range(4):
+        assert_uniform(np.bincount(low[:, k], minlength=256), 28, f"{name}, dimension {k}")
+
+
+def test_the_mean_of_n_samples_nears_a_half_as_it_should():
+    """Over 4096 pixels, the means of 64 samples are normal with the right spread: no pixel has a lucky row."""
+    pixel = np.arange(4096 * 64) // 64
+    values = numbers(x=pixel % 64, y=pixel // 64, sample=np.arange(4096 * 64) % 64)
+    means = (values.reshape(4096, 64, 4).mean(1, dtype=np.float64) - 0.5) * np.sqrt(12 * 64)
+    for k in range(4):
+        assert scipy.stats.kstest(means[:, k], "norm").pvalue > 0.0025
+        assert scipy.stats.chi2.sf((means[:, k] ** 2).sum(), 4096) > 0.0025
+
+
+@pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])
+def test_only_the_counters_count(kind):
+    counters = {"seed": 5, "x": 10, "y": 20, "sample": 30, "block": 2, "kind": kind}
+    one = numbers(**counters)
+    np.testing.assert_array_equal(one, numbers(**{**counters, "sample": [30, 30]})[1:])
+    changes = ({"seed": 6}, {"x": 11}, {"y": 21}, {"x": 20, "y": 10}, {"sample": 31}, {"block": 3})
+    changed = [numbers(**{**counters, **change}) for change in changes]
+    for other in changed:
+        assert not (other == one).any()
+
+
+def test_pixels_of_the_largest_frame_are_told_apart():
+    x, y = np.array([0, 1, 16383, 0, 16383, 255, 256]), np.array([0, 0, 0, 16383, 16383, 1, 1])
+    assert len(np.unique(numbers(x=x, y=y), axis=0)) == len(x)
+
+
+def test_direction_numbers_are_those_of_sobol():
+    """Against SciPy's, which are Joe and Kuo's too."""
+    columns = direction_numbers()
+    bits = np.arange(256)[:, None] >> np.arange(8) & 1
+    points = np.array([np.bitwise_xor.reduce(np.where(bits, row[:8], 0), axis=1) for row in columns]).T / 2**32
+    theirs = scipy.stats.qmc.Sobol(4, scramble=False).random(256)
+    assert set(map(tuple, points)) == set(map(tuple, theirs))
+
+
+@pytest.fixture(scope="module")
+def points():
+    """(pixels, samples, 4): 64 pixels of a block, 1024 samples each."""
+    pixel = np.arange(64 * 1024) // 1024
+    return numbers(x=pixel % 8, y=pixel // 8, sample=np.arange(64 * 1024) % 1024, block=3, kind=SOBOL).reshape(64, 1024, 4)
+
+
+@pytest.mark.parametrize("first", [0, 512, 640])
+@pytest.mark.parametrize("log_n", range(8))
+def test_every_aligned_run_of_samples_is_stratified(points, first, log_n):
+    """2**k points: one in each of 2**k slices, in each dimension; in every way to cut the first pair's square in 2**k."""
+    n = 1 << log_n
+    run = points[:, first : first + n]
+    for k in range(4):
+        np.testing.assert_array_equal(np.sort((run[..., k] * n).astype(int), axis=1), np.broadcast_to(np.arange(n), (64, n)))
+    for cut in range(log_n + 1):
+        cell = (run[..., 0] * (1 << cut)).astype(int) * (n >> cut) + (run[..., 1] * (n >> cut)).astype(int)
+        np.testing.assert_array_equal(np.sort(cell, axis=1), np.broadcast_to(np.arange(n), (64, n)))
+
+
+def test_four_dimensions_together_are_stratified_coarsely(points):
+    """The sequence's first four dimensions: a (t, 4)-sequence with t = 3, so 256 points put 8 into each box of a 32nd."""
+    run = points[:, :256]
+    for cuts in ((5, 0, 0, 0), (2, 1, 1, 1), (1, 2, 1, 1), (1, 1, 2, 1), (1, 1, 1, 2), (0, 0, 2, 3), (0, 3, 2, 0), (2, 0, 0, 3)):
+        cell = np.zeros((64, 256), int)
+        for k, cut in enumerate(cuts):
+            cell = (cell << cut) + (run[..., k] * (1 << cut)).astype(int)
+        assert (np.apply_along_axis(np.bincount, 1, cell, minlength=32) == 8).all(), cuts
+
+
+SOBOL_RUNS = {
+    "pixels": lambda n: numbers(x=np.arange(n) % 512, y=np.arange(n) // 512, sample=5, kind=SOBOL),
+    "blocks": lambda n: numbers(block=np.arange(n) % 256, x=np.arange(n) // 256, sample=5, kind=SOBOL),
+    "seeds": lambda n: numbers(seed=np.arange(n), sample=5, kind=SOBOL),
+    "first samples": lambda n: numbers(x=np.arange(n) % 512, y=np.arange(n) // 512, sample=0, kind=SOBOL),
+}
+
+
+@pytest.mark.parametrize("name", SOBOL_RUNS)
+def test_sobol_points_of_different_pixels_blocks_and_seeds_are_independent(name):
+    values = SOBOL_RUNS[name](N)
+    cell = (values * 64).astype(int)
+    for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):
+        assert_uniform(np.bincount(cell[:, a] * 64 + cell[:, b], minlength=4096), 16, f"{name}, dimensions {a} and {b}")
+    centred = values.astype(float) - 0.5
+    for lag in (1, 2, 512):
+        correlation = 12 * (centred[:-lag, :, None] * centred[lag:, None, :]).mean(0) * np.sqrt(N - lag)
+        assert np.abs(correlation).max() < limit(len(SOBOL_RUNS) * 3 * 16), f"{name}, lag {lag}"
+
+
+def test_blocks_of_a_pixel_are_not_correlated():
+    """Over many pixels, the place of sample i in one block says nothing of its place in another: shuffled, not only scrambled."""
+    pixel, sample = np.arange(N) // 16, np.arange(N) % 16
+    blocks = [numbers(x=pixel % 512, y=pixel // 512, sample=sample, block=b, kind=SOBOL) for b in (1, 2, 3, 7)]
+    products = []
+    for i, a in enumerate(blocks):
+        for b in blocks[:i]:
+            # the sum over a pixel's samples is one observation, since its samples depend on each other
+            sums = ((a - 0.5)[:, :, None] * (b - 0.5)[:, None, :]).astype(float).reshape(-1, 16, 4, 4).sum(1)
+            products.append(np.abs(sums.mean(0)) / (sums.std(0) / np.sqrt(len(sums))))
+    assert np.max(products) < limit(6 * 16)
+
+
+@pytest.mark.parametrize("n", [4, 16, 64, 256])
+def test_sobol_integrates_better_than_independent_numbers(n):
+    """A disk's area in the square, and a smooth bump: the spread over 1024 pixels, against 1/sqrt(n)'s."""
+    pixel = np.arange(1024 * n) // n
+    errors = {}
+    for kind in (SOBOL, INDEPENDENT):
+        u = numbers(x=pixel % 32, y=pixel // 32, sample=np.arange(1024 * n) % n, block=1, kind=kind).reshape(1024, n, 4)
+        inside = (u[..., 0] ** 2 + u[..., 1] ** 2 < 1).mean(1)
+        bump = np.exp(-8 * ((u[..., 0] - 0.4) ** 2 + (u[..., 1] - 0.7) ** 2)).mean(1)
+        errors[kind] = np.array([inside.std(), bump.std()])
+    gain = errors[INDEPENDENT] / errors[SOBOL]
+    assert (gain > np.array([n**0.2, n**0.4])).all(), gain

@@ -1,0 +1,260 @@
+"""What a hit is made into: the same in the world and in an instance, at any scale, and never through the surface."""
+
+import numpy as np
+import pytest
+
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
+from renderer.jit import entry
+from renderer.kernel import vec
+from renderer.kernel.surface.surface import departure, surface_at
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from tests.renderer.builders import box, icosphere, scene
+from tests.renderer.kernel.wander import touch, wander
+
+WIDTHS = {"point": 3, "geometric": 3, "shading": 3, "uv": 2, "uv1": 2, "color": 4, "tangent": 4, "shadow_point": 3, "start": 3}
+
+
+@entry
+def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent, shadow_point, start, number):
+    for i in range(len(o)):
+        origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
+        hit = closest_hit(made.bvh, stack, origin, direction, np.float32(np.inf))
+        number[i, 0] = -1
+        if hit.primitive == NO_PRIMITIVE:
+            continue
+        surface = surface_at(made, origin, direction, hit)
+        first = departure(surface, True, vec.neg(direction))
+        for k in range(3):
+            point[i, k] = surface.point[k]
+            geometric[i, k] = surface.geometric[k]
+            shading[i, k] = surface.shading[k]
+            shadow_point[i, k] = surface.point[k] + surface.lift[k]
+            start[i, k] = first[k]
+        for k in range(2):
+            uv[i, k] = surface.uv[k]
+            uv1[i, k] = surface.uv1[k]
+        for k in range(4):
+            color[i, k] = surface.color[k]
+            tangent[i, k] = surface.tangent[k]
+        number[i, 0] = surface.object
+        number[i, 1] = surface.material
+        number[i, 2] = surface.light
+        number[i, 3] = surface.front
+
+
+def look(made, o, d):
+    """Surfaces that rays meet, by field; "number": object (-1 where nothing is met), material, light, front."""
+    d = np.ascontiguousarray(d, np.float32)
+    o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), d.shape))
+    found = {name: np.zeros((len(d), width), np.float32) for name, width in WIDTHS.items()}
+    found["number"] = np.zeros((len(d), 4), np.int64)
+    _look(made, new_stack(), o, d, *found.values())
+    return found
+
+
+def directions(rng, n):
+    d = rng.standard_normal((n, 3))
+    return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+
+
+def turned(rng, scale=1.0, mirror=False, at=(0, 0, 0)):
+    matrix = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    if (np.linalg.det(matrix) < 0) != mirror:
+        matrix[0] *= -1
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = matrix * scale, at
+    return transform
+
+
+@pytest.fixture(params=["copied", "kept once"])
+def sharing(request, monkeypatch):
+    """Whether instances are copied into the world or kept once."""
+    keep_as(request.param, monkeypatch)
+    return request.param
+
+
+def keep_as(which, monkeypatch):
+    monkeypatch.setattr("renderer.scene.instances._FEW", 0 if which == "kept once" else 10**9)
+    monkeypatch.setattr("renderer.scene.instances._WORTH", 0)
+
+
+def painted(levels=2):
+    """A round, smooth ball with everything that a vertex can have."""
+    mesh = icosphere(levels)
+    rng = np.random.default_rng(0)
+    n = len(mesh.positions)
+    uvs, uvs1 = mesh.positions[:, :2] / (1.02 - mesh.positions[:, 2:]), mesh.positions[:, 1:] * 0.3  # stereographic: unmirrored
+    return Mesh("ball", mesh.positions, mesh.triangles, mesh.positions, uvs, 0, uvs1, rng.random((n, 4), np.float32))
+
+
+def description_of(mesh, places, materials=None, **more):
+    """Instances of a mesh with normal maps on, so that tangents are asked for."""
+    materials = materials or [Material(normal_texture=0, base_color_texture=0), Material(roughness=0.3)]
+    images = [image()]
+    return SceneDescription(
+        meshes=[mesh],
+        instances=[Instance(0, place, name=f"copy {i}") for i, place in enumerate(places)],
+        materials=materials,
+        textures=[Texture(0), Texture(0, uv_set=1)],
+        images=images,
+        **more,
+    )
+
+
+def image():
+    from renderer.scene.description import Image
+
+    return Image("white", np.full((2, 2, 4), 255, np.uint8))
+
+
+def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
+    """Turned, scaled, mirrored, moved: position, normals, tangents, colours and names, seen from outside and inside."""
+    rng = np.random.default_rng(1)
+    places = [turned(rng, s, m, at) for s, m, at in ((0.5, False, (1, 0, 0)), (1.2, True, (-2, 1, 0)), (0.8, True, (0, -3, 1)))]
+    description = description_of(painted(), places)
+    description.instances[1].material = 1
+    description.materials[1].base_color_texture = 1
+    made = []
+    for which in ("copied", "kept once"):
+        keep_as(which, monkeypatch)
+        made.append(compile_scene(description))
+    assert len(made[0].to_world) == 0
+    assert len(made[1].to_world) == 3
+    assert len(made[1].triangle) * 3 == len(made[0].triangle)
+    d = directions(rng, 20_000)
+    for o in ((0.2, -0.5, 4), (-2, 1, 0.1)):  # the second within an instance
+        a, b = (look(m, o, d) for m in made)
+        hit = (a["number"][:, 0] >= 0) & (b["number"][:, 0] >= 0)
+        assert (a["number"][:, 0] >= 0).mean() > 0.02
+        assert ((a["number"][:, 0] >= 0) == hit).mean() > 0.999  # silhouettes
+        same = hit & (np.abs(a["point"] - b["point"]).max(1) < 1e-4)
+        assert same.sum() > 0.999 * hit.sum()
+        np.testing.assert_array_equal(a["number"][same], b["number"][same])
+        for name in WIDTHS:
+            asked = same & (a["number"][:, 1] == 0) if name == "tangent" else same  # the other material has no normal map
+            good = np.abs(a[name][asked] - b[name][asked]).max(1) < 3e-4
+            assert not len(good) or good.mean() > (0.99 if name == "tangent" else 0.999), (
+                name
+            )  # a hit at an edge may be either triangle's
+        assert a["color"][hit].min() < 0.5
+        assert (np.linalg.norm(a["tangent"][hit & (a["number"][:, 1] == 0), :3], axis=1) > 0.9).all()
+
+
+def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch):
+    """Cofactors, not the matrix itself, carry normals: the cross product of the copied triangle's edges tells."""
+    rng = np.random.default_rng(2)
+    place = turned(rng) @ np.diag([3.0, -0.4, 1.0, 1.0]) @ turned(rng)
+    made = []
+    for which in ("copied", "kept once"):
+        keep_as(which, monkeypatch)
+        made.append(compile_scene(description_of(icosphere(1), [place, turned(rng, 1, at=(50, 0, 0))])))
+    d = directions(rng, 5000)
+    a, b = (look(m, (0, 0, 0.1), d) for m in made)
+    assert (b["number"][:, 0] == 0).all()
+    same = np.abs(a["point"] - b["point"]).max(1) < 1e-4
+    assert same.mean() > 0.999
+    cosine = (a["geometric"] * b["geometric"]).sum(1)
+    assert (cosine[same] > 1 - 1e-5).mean() > 0.998
+    np.testing.assert_allclose(np.linalg.norm(b["geometric"], axis=1), 1, atol=1e-6)
+    np.testing.assert_allclose(b["shading"], b["geometric"], atol=1e-5)  # flat
+    np.testing.assert_array_equal(a["number"][same, 3], 0)  # seen from within
+    np.testing.assert_array_equal(b["number"][same, 3], 0)
+
+
+def tetrahedron():
+    """Its faces meet under 70 degrees."""
+    corners = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], np.float32)
+    return Mesh("tetrahedron", corners, np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)], np.int32))
+
+
+def slab():
+    """A box 6 long and 0.04 thin: its narrow sides are slivers, whose distance float32 knows badly."""
+    mesh = box(0)
+    mesh.positions = mesh.positions * np.float32([1, 0.02, 3])
+    return mesh
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("away", [0.0, 300.0])
+def test_no_path_leaves_a_closed_room(sharing, scale, away):
+    """Even where walls of 2 stand 300 units from the origin, and coordinates are good to 1.5e-5 there."""
+    rng = np.random.default_rng(3)
+    places = [turned(rng, scale, at=np.array((1, 0.7, -0.6)) * away * scale), turned(rng, scale, at=(0, 0, 9000 * scale))]
+    for mesh in (box(0), icosphere(1), tetrahedron(), slab()):
+        made = compile_scene(description_of(mesh, places, [Material()]))
+        assert (len(made.to_world) > 0) == (sharing == "kept once")
+        assert (wander(made, places[0][:3, 3], 15_000, 20) == 20).all()
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("away", [0.0, 300.0])
+def test_nothing_convex_shadows_itself(sharing, scale, away):
+    rng = np.random.default_rng(4)
+    at = np.array((1, 0.7, -0.6)) * away * scale
+    for mesh in (box(0), icosphere(2)):
+        made = compile_scene(
+            description_of(mesh, [turned(rng, scale, at=at), turned(rng, scale, at=at + 9e4 * scale)], [Material()])
+        )
+        to = directions(rng, 30_000)
+        hits, met = touch(
+            made, at + 3 * scale * to[:1], at + scale * rng.uniform(-0.7, 0.7, to.shape) - (at + 3 * scale * to[:1])
+        )
+        assert hits.mean() > 0.5
+        assert not met.any()
+
+
+@pytest.mark.parametrize("radius", [1e-3, 1.0, 1e5])
+def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
+    """The walls of smallpt's box have a radius of 1e5, and pass by the origin."""
+    rng = np.random.default_rng(5)
+    for center in ((0, -radius, 0), (81.6 + radius, 40.8, 81.6)):
+        made = scene([Material()], spheres=(Sphere(center, radius, 0),))
+        near = np.array(center) * (1 - radius / np.linalg.norm(center)) if center[0] == 0 else np.array((81.6, 40.8, 81.6))
+        size = min(radius, 50.0)
+        out = (near - np.array(center)) / radius
+        o = near + size * out
+        to = -out + rng.uniform(-0.5, 0.5, (30_000, 3)) * rng.choice([1e-6, 1e-3, 1.0], (30_000, 1))
+        hits, met = touch(made, o, to)
+        assert hits.mean() > 0.8
+        assert not met.any()
+        assert (wander(made, center, 3000, 20) == 20).all()
+
+
+def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
+    """Of a coarse ball with its normals: the facets lie up to 5 % within it, the points that low rays start from are not."""
+    ball = painted(1)
+    made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
+    found = look(made, (0, 0, 3), directions(np.random.default_rng(6), 40_000))
+    hit = found["number"][:, 0] >= 0
+    flat, lifted = (np.linalg.norm(found[name][hit], axis=1) for name in ("point", "shadow_point"))
+    assert flat.min() < 0.96
+    assert lifted.min() > 0.999
+    assert lifted.max() < 1 + 1.5 * (1 - flat.min())
+    straight = np.linalg.norm(found["start"][hit], axis=1)  # towards the viewer, who looks down at most facets
+    assert np.median(straight - flat) < 1e-4
+    inside = look(made, (0.1, 0, 0), directions(np.random.default_rng(7), 5000))  # hollow: nothing to lift
+    np.testing.assert_array_equal(inside["point"], inside["shadow_point"])
+
+
+def test_flat_triangles_are_not_lifted():
+    made = compile_scene(description_of(icosphere(1), [np.eye(4)], [Material()]))
+    found = look(made, (0, 0, 3), directions(np.random.default_rng(8), 20_000))
+    np.testing.assert_array_equal(found["point"], found["shadow_point"])
+
+
+def test_bent_normals_let_nothing_through(monkeypatch):
+    """Rooms with normals bent by any angle: a ball with random ones, and a box whose edges are smoothed."""
+    rng = np.random.default_rng(9)
+    ball = icosphere(2)
+    ball.normals = directions(rng, len(ball.positions))
+    made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
+    assert (wander(made, (0, 0, 0), 20_000, 20) == 20).all()
+
+
+def test_what_no_mesh_has_is_neutral():
+    """The second coordinates are the first."""
+    found = look(scene([Material()], (box(0),)), (0, 0, 3), np.tile(np.float32([0, 0, -1]), (4, 1)))
+    np.testing.assert_array_equal(found["color"], 1)
+    np.testing.assert_array_equal(found["uv1"], found["uv"])
+    np.testing.assert_array_equal(found["tangent"], 0)

@@ -1,0 +1,367 @@
+"""The API's manners: problems, idempotency, pictures with ETags, pages, headers, and who may call."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+from PIL import Image
+
+from renderer.aovs import AOVS
+from renderer.image import rgbe9995
+from renderer.settings import OPTIONAL, Tile, View
+from service.api.schemas import JobIn, ViewModel
+from service.store.models import Scene
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, Service, until
+from tests.service.peer_worker import expected_sums
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("api") / "data", redis_server.url, max_pixels=1 << 20)
+    with service.worker():
+        service.ready_scene()
+        yield service
+    service.stop()
+
+
+@pytest.fixture(scope="module")
+def scene(service: Service) -> str:
+    return str(service.http.get("/api/scenes").json()[0]["id"])
+
+
+@pytest.fixture(scope="module")
+def job(service: Service, scene: str) -> str:
+    job = service.submit(scene)
+    service.wait_for(job, "finished")
+    return job
+
+
+def problem(answer: Any, status: int) -> dict[str, Any]:
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    body: dict[str, Any] = answer.json()
+    assert body["status"] == status
+    assert body["type"] == "about:blank"
+    assert body["title"]
+    assert body["detail"].endswith(".")
+    return body
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "says"),
+    [
+        ({"width": 0}, "width", "greater than or equal to 1"),
+        ({"width": "wide"}, "width", "integer"),
+        ({"width": 20000}, "width", "less than or equal"),
+        ({"width": 4096, "height": 4096}, "width", "at most"),
+        ({"spp": 0}, "spp", "greater"),
+        ({"spp": 1 << 21}, "spp", "less"),
+        ({"noise": -1}, "noise", "greater"),
+        ({"seconds": 0}, "seconds", "greater"),
+        ({"frames": "1-24"}, "frames", "animation is not rendered yet"),
+        ({"camera": "nowhere"}, "camera", "'front', 'overview'"),
+        ({"camera": 7}, "camera", "counted from 0"),
+        ({"camera": "front", "view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, "", "either camera or view"),
+        ({"view": {"eye": [0, 0, 0], "target": [0, 0, 0]}}, "view", "same point"),
+        ({"view": {"eye": [0, 0], "target": [0, 0, 0]}}, "view.eye[2]", "required"),
+        ({"view": {"eye": [0, 1e999, 0], "target": [0, 0, 0]}}, "view.eye[1]", ""),
+        ({"integrator": "magic"}, "integrator", "known are path"),
+        ({"max_depth": 0}, "max_depth", "greater"),
+        ({"sampler": "dice"}, "sampler", "known are sobol"),
+        ({"filter": "fir"}, "filter", "known are blackman-harris"),
+        ({"sampling": "all"}, "sampling", "known are mis"),
+        ({"roulette": 0.01}, "roulette", "lies between 0.05 and 1"),
+        ({"roulette_floor": 1}, "roulette_floor", "less"),
+        ({"heuristic": "maximum"}, "heuristic", "known are power"),
+        ({"light_choice": "luck"}, "light_choice", "known are tree"),
+        ({"clamp_indirect": -1}, "clamp_indirect", "greater"),
+        ({"light_samples": 0}, "light_samples", "greater"),
+        ({"ao_distance": -1}, "ao_distance", "greater"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "projection": "fish"}}, "view", "known are perspective"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "aperture": -1}}, "view.aperture", "greater"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "focus": 0}}, "view", "focus is 0"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "height": 0}}, "view", "height is 0"),
+        ({"seed": -1}, "seed", "greater"),
+        ({"environment": {"sky": {"elevation": 91}}}, "environment.sky.elevation", "less"),
+        ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "either color or sky"),
+        ({"environment": {"rotation": 361}}, "environment.rotation", "less"),
+        ({"environment": {"color": [1, 2]}}, "environment.color[2]", "required"),
+        ({"priority": 1000}, "priority", "less"),
+        ({"tile_size": 1}, "tile_size", "greater"),
+        ({"sps": 64}, "sps", "no such field"),
+    ],
+)
+def test_what_is_wrong_in_a_request_is_named(service: Service, scene: str, change: dict[str, Any], field: str, says: str) -> None:
+    body = json.dumps({"scene": scene, **change}).replace("Infinity", "1e999")
+    found = problem(service.http.post("/api/jobs", content=body, headers={"content-type": "application/json"}), 422)
+    assert field in [error["field"] for error in found["errors"]]
+    assert says in found["detail"]
+
+
+def test_a_sky_makes_the_scene_another_one(service: Service, scene: str) -> None:
+    def submit(**sky: float) -> dict[str, Any]:
+        job = service.job(service.submit(scene, environment={"sky": sky, "strength": 2}))
+        service.wait_for(job["id"], "finished")
+        return service.job(job["id"])
+
+    job = submit(elevation=30, azimuth=-240)
+    assert job["scene"] != scene
+    assert job["settings"]["environment_strength"] == 2
+    assert submit(elevation=30.0, azimuth=120)["scene"] == job["scene"], "the same sky is the same scene"
+    assert submit(elevation=31)["scene"] not in (scene, job["scene"])
+    with service.farm.sessions() as session:
+        assert session.get(Scene, job["scene"]).environment == "sky:30,120"
+    files = {"files": ("scene.obj", OBJ)}
+    uploaded = service.http.post("/api/scenes", files=files, data={"environment": "sky:30,120"}).json()
+    assert uploaded["id"] == job["scene"]
+    problem(service.http.post("/api/scenes", files=files, data={"environment": "sky:high"}), 422)
+    problem(service.http.post("/api/jobs", json={"scene": "none", "environment": {"sky": {"elevation": 3}}}), 404)
+
+
+def test_every_setting_of_the_renderer_can_be_asked_for(service: Service, scene: str) -> None:
+    view = {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 20, "projection": "orthographic"}
+    view |= {"aperture": 0.5, "focus": 3.0, "height": 4.0, "near": 1.0}
+    asked = {"integrator": "direct", "sampler": "independent", "filter": "tent", "sampling": "light", "clamp_indirect": 9.0}
+    asked |= {"roulette": 0.5, "light_samples": 4, "ao_distance": 2.0, "max_depth": 5, "seed": 6}
+    view = {name: value for name, value in view.items() if name in {field.name for field in fields(View)}}
+    job = service.job(service.submit(scene, view=view, **asked))
+    assert job["settings"]["view"] == view
+    assert {name: job["settings"][name] for name in asked} == asked
+    assert set(OPTIONAL) <= set(JobIn.model_fields), "a setting of the renderer is not in the API"
+    assert {field.name for field in fields(View)} == set(ViewModel.model_fields)
+
+
+def test_errors_of_every_kind_are_problems(service: Service) -> None:
+    assert "/api/scenes" in problem(service.http.post("/api/jobs", json={"scene": "nothing"}), 404)["detail"]
+    for path in ("/api/jobs/nothing", "/api/scenes/nothing", "/api/jobs/nothing/frames/0/image.png", "/nowhere", "/api/nowhere"):
+        problem(service.http.get(path), 404)
+    problem(service.http.put("/api/jobs"), 405)
+    problem(service.http.post("/api/jobs", content=b"{", headers={"content-type": "application/json"}), 422)
+    problem(service.http.post("/api/jobs", content=b"x" * (2 << 20)), 413)
+    chunks = (b"x" * 65536 for _ in range(32))
+    problem(service.http.post("/api/jobs", content=chunks, headers={"content-type": "application/json"}), 413)
+    problem(service.http.post("/api/jobs", content=b'{"scene": "\xff"}', headers={"content-type": "application/json"}), 400)
+    problem(service.http.get("/api/jobs", params={"limit": "many"}), 422)
+
+
+@pytest.mark.parametrize(
+    ("body", "kind", "says"),
+    [
+        (b"", "application/json", "the body is not a JSON object"),
+        (b"null", "application/json", "the body is not a JSON object"),
+        (b"{}", "text/plain", "Content-Type: application/json"),
+        (b"{x", "application/json", "the body is not JSON ("),
+    ],
+)
+def test_a_body_that_is_no_json_object(service: Service, body: bytes, kind: str, says: str) -> None:
+    answer = service.http.post("/api/jobs", content=body, headers={"content-type": kind})
+    assert says in problem(answer, 422)["detail"]
+
+
+def test_headers_alone_can_be_asked_for(service: Service, job: str) -> None:
+    for path in ("/healthz", f"/api/jobs/{job}", f"/api/jobs/{job}/frames/0/image.png"):
+        head, get = service.http.head(path), service.http.get(path)
+        assert (head.status_code, head.headers["content-type"]) == (200, get.headers["content-type"])
+        assert head.content == b""
+    assert service.http.head("/api/jobs/nope").status_code == 404
+
+
+def test_a_repeated_post_with_its_key_makes_one_job(service: Service, scene: str) -> None:
+    request = {"scene": scene, "width": 16, "height": 16, "spp": 1}
+    headers = {"Idempotency-Key": "a key"}
+    first = service.http.post("/api/jobs", json=request, headers=headers)
+    again = service.http.post("/api/jobs", json=request, headers=headers)
+    assert (first.status_code, again.status_code) == (201, 201)
+    assert first.json()["id"] == again.json()["id"]
+    assert again.headers["idempotent-replayed"] == "true"
+    problem(service.http.post("/api/jobs", json={**request, "spp": 2}, headers=headers), 409)
+    ids = [each["id"] for each in service.http.get("/api/jobs").json()]
+    assert ids.count(first.json()["id"]) == 1
+
+
+def test_pictures_are_what_the_film_has(service: Service, job: str) -> None:
+    url = f"/api/jobs/{job}/frames/0"
+    sums = expected_sums(Tile(0, 0, 64, 48), 0, 8, 0)
+    mean = sums[0:3].astype(np.float64) / (1 << 24) / 8
+    shown = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?tonemap=srgb").content)))
+    assert shown.shape == (48, 64, 3)
+    encoded = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(shown, np.moveaxis(encoded, 0, -1) * 255, atol=1.0)
+    darker = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?tonemap=srgb&exposure=-2").content)))
+    assert darker.mean() < shown.mean()
+    magic = {"exr": b"\x76\x2f\x31\x01", "hdr": b"#?RADIANCE", "jpg": b"\xff\xd8\xff", "png": b"\x89PNG"}
+    for extension, start in magic.items():
+        assert service.http.get(f"{url}/image.{extension}").content.startswith(start)
+    words = np.frombuffer(service.http.get(f"{url}/image.rgb9e5").content, "<u4").reshape(48, 64)
+    np.testing.assert_array_equal(words, rgbe9995.pack(np.moveaxis(mean, 0, -1).astype(np.float32)))
+    problem(service.http.get(f"{url}/image.png?tonemap=magic"), 422)
+    problem(service.http.get(f"{url}/image.bmp"), 422)
+    problem(service.http.get(f"/api/jobs/{job}/frames/3/image.png"), 404)
+    problem(service.http.get(f"{url}/pixel?x=64&y=0"), 422)
+
+
+def test_every_plane_of_the_film_can_be_looked_at_and_fetched(service: Service, job: str, tmp_path: Path) -> None:
+    url = f"/api/jobs/{job}/frames/0"
+    normal = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?aov=normal").content)))
+    assert (normal[..., 2] == 255).all()
+    for aov in AOVS:
+        for extension in ("png", "jpg", "exr", "hdr"):
+            assert service.http.get(f"{url}/image.{extension}?aov={aov}").status_code == 200, (aov, extension)
+    depth, names = exr(service.http.get(f"{url}/image.exr?aov=depth").content, tmp_path)
+    assert names == ["R", "G", "B"]
+    assert (depth == 2.0).all()
+    layers, names = exr(service.http.get(f"{url}/image.exr?aov=all").content, tmp_path)
+    assert {"R", "Denoising Albedo.R", "Normal.Z", "Depth.Z", "Position.X", "IndexOB.X", "IndexMA.X"} <= set(names)
+    assert (layers[..., names.index("Debug Sample Count.X")] == 8).all()
+    assert (layers[..., names.index("Normal.Z")] == 1).all()
+    two, names = exr(service.http.get(f"{url}/image.exr?aov=color,depth").content, tmp_path)
+    assert set(names) == {"R", "G", "B", "Depth.Z"}
+    np.testing.assert_array_equal(two[..., :3], exr(service.http.get(f"{url}/image.exr").content, tmp_path)[0])
+    pixel = service.http.get(f"{url}/pixel?x=5&y=6").json()
+    assert (pixel["depth"], pixel["normal"], pixel["samples"]) == (2.0, [0, 0, 1], 8)
+    assert (pixel["object"], pixel["object_name"], pixel["material"]) == (None, None, None)
+    assert pixel["error"] > 0
+    assert "known are albedo" in problem(service.http.get(f"{url}/image.png?aov=mood"), 422)["detail"]
+    assert "image.exr" in problem(service.http.get(f"{url}/image.png?aov=all"), 422)["detail"]
+    assert "colour alone" in problem(service.http.get(f"{url}/image.rgb9e5?aov=normal"), 422)["detail"]
+
+
+def exr(content: bytes, folder: Path) -> tuple[np.ndarray, list[str]]:
+    (folder / "picture.exr").write_bytes(content)
+    file = oiio.ImageInput.open(str(folder / "picture.exr"))
+    try:
+        names = list(file.spec().channelnames)
+        return file.read_image(), names
+    finally:
+        file.close()
+
+
+def test_a_picture_that_did_not_change_is_not_sent_again(service: Service, job: str) -> None:
+    url = f"/api/jobs/{job}/frames/0/image.png"
+    tag = service.http.get(url).headers["etag"]
+    assert service.http.get(url, headers={"If-None-Match": tag}).status_code == 304
+    assert service.http.get(url, params={"exposure": 1}, headers={"If-None-Match": tag}).status_code == 200
+
+
+def test_lists_are_bounded_and_filtered(service: Service, scene: str, job: str) -> None:
+    answer = service.http.get("/api/jobs", params={"limit": 1, "state": "finished", "scene": scene})
+    assert len(answer.json()) == 1
+    assert int(answer.headers["x-total-count"]) >= 1
+    assert service.http.get("/api/jobs", params={"scene": "other"}).json() == []
+    assert service.http.get("/api/scenes", params={"offset": 100}).json() == []
+
+
+def test_changes_that_make_no_sense_are_refused(service: Service, job: str) -> None:
+    for change in ({"state": "paused"}, {"state": "running"}, {"state": "cancelled"}):
+        problem(service.http.patch(f"/api/jobs/{job}", json=change), 409)
+    problem(service.http.patch(f"/api/jobs/{job}", json={"state": "finished"}), 422)
+    problem(service.http.patch("/api/jobs/nothing", json={}), 404)
+    problem(service.http.delete("/api/jobs/nothing"), 404)
+
+
+def test_pages_and_their_headers(service: Service) -> None:
+    for path in ("/docs/", "/docs/docs.js", "/openapi.json", "/api/info"):
+        answer = service.http.get(path)
+        assert answer.status_code == 200, path
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+        assert answer.headers["x-content-type-options"] == "nosniff"
+    page = service.http.get("/docs", follow_redirects=True)
+    assert page.url.path == "/docs/"
+    assert "//" not in page.text.replace("</", ""), "the page loads nothing from elsewhere"
+    assert service.http.get("/docs/", headers={"If-None-Match": page.headers["etag"]}).status_code == 304
+    assert service.http.get("/docs/docs.js").headers["content-type"].startswith("text/javascript")
+    assert service.http.get("/docs/../../service/main.py").status_code == 404
+    assert service.http.get("/docs/%2e%2e/main.py").status_code == 404
+
+
+def test_foreign_pages_and_names_are_turned_away(service: Service) -> None:
+    problem(service.http.post("/api/jobs", json={}, headers={"Origin": "https://elsewhere.example"}), 403)
+    problem(service.http.get("/api/jobs", headers={"Host": "elsewhere.example"}), 421)
+    assert service.http.get("/api/jobs", headers={"Origin": "https://elsewhere.example"}).status_code == 200
+    own = service.http.post("/api/jobs", json={}, headers={"Origin": service.url})
+    problem(own, 422)
+
+
+def test_health_and_metrics(service: Service, job: str) -> None:
+    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready")
+    assert service.http.get("/healthz").status_code == 200
+    text = service.http.get("/metrics").text
+    assert 'rayfarm_jobs{state="finished"}' in text
+    assert 'rayfarm_worker_slots{worker="peer"} 2.0' in text
+    merged = next(line for line in text.splitlines() if line.startswith("rayfarm_batches_merged_total"))
+    assert float(merged.split()[1]) > 0
+
+
+def test_the_workers_are_listed(service: Service) -> None:
+    (worker,) = service.http.get("/api/workers").json()
+    assert (worker["name"], worker["slots"], worker["state"]) == ("peer", 2, "ready")
+
+
+def test_no_request_of_the_description_makes_a_fault(service: Service, job: str) -> None:
+    """Every operation with odd parameters and bodies: never a 500, and every error a problem."""
+    dice = random.Random(7)
+    odd: list[Any] = [
+        "",
+        "0",
+        "-1",
+        "nan",
+        "1e400",
+        "ü" * 300,
+        "../..",
+        "%00",
+        "null",
+        "true",
+        0,
+        -1,
+        1e300,
+        None,
+        [],
+        {},
+        [None] * 3,
+    ]
+    description = service.http.get("/openapi.json").json()
+    for path, methods in description["paths"].items():
+        if path == "/api/events":
+            continue
+        for method, about in methods.items():
+            for _ in range(6):
+                address = path
+                query: dict[str, str] = {}
+                for parameter in about.get("parameters", []):
+                    value = str(dice.choice(odd)) or "x"
+                    if parameter["in"] == "path":
+                        good = {"id": "nothing", "n": "0", "extension": "png"}.get(parameter["name"], value)
+                        address = address.replace(f"{{{parameter['name']}}}", dice.choice([good, "x y", "%00"]))
+                    elif parameter["in"] == "query" and dice.random() < 0.6:
+                        query[parameter["name"]] = value
+                body = None
+                if "requestBody" in about:
+                    fields = [
+                        "scene",
+                        "camera",
+                        "view",
+                        "width",
+                        "height",
+                        "spp",
+                        "noise",
+                        "seconds",
+                        "environment",
+                        "state",
+                        "x",
+                    ]
+                    body = json.dumps({dice.choice(fields): dice.choice(odd) for _ in range(3)}).encode()
+                headers = {"content-type": "application/json"} if body else {}
+                answer = service.http.request(method, address, params=query, content=body, headers=headers)
+                assert answer.status_code < 500, (method, address, query, body, answer.text)
+                if answer.status_code >= 400:
+                    assert answer.headers["content-type"] == "application/problem+json", (method, address, answer.text)

@@ -1,0 +1,57 @@
+"""/api/examples: what is shipped can be opened like an upload."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import pytest
+
+from service.store.blobs import BlobWriter
+from tests.service.conftest import Service
+
+
+def test_an_example_becomes_the_scene_that_its_upload_is(service: Service) -> None:
+    examples = {example["name"]: example for example in service.http.get("/api/examples").json()}
+    box = examples["cornell-box"]
+    assert box["title"] == "Cornell box" and box["description"].endswith(".")
+
+    opened = service.http.post("/api/examples/cornell-box")
+    assert opened.status_code == 201 and opened.json()["name"] == box["title"]
+    path: Path = service.farm.settings.examples / "cornell-box.yaml"
+    uploaded = service.http.post("/api/scenes", files={"files": (path.name, path.read_bytes())})
+    assert uploaded.json()["id"] == opened.json()["id"]
+
+
+def test_an_example_of_many_files_is_all_of_them(service: Service) -> None:
+    opened = service.http.post("/api/examples/christmas")
+    assert opened.status_code == 201 and opened.json()["name"] == "Christmas"
+    folder: Path = service.farm.settings.examples / "christmas"
+    files = [("files", (f"christmas/{path.name}", path.read_bytes())) for path in folder.iterdir()]
+    uploaded = service.http.post("/api/scenes", files=files)
+    assert uploaded.json()["id"] == opened.json()["id"]
+    known = {example["name"]: example for example in service.http.get("/api/examples").json()}
+    assert known["christmas"]["description"].startswith("A village in the snow")
+    assert list(known) == sorted(known)
+
+
+def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk fills up at the third file."""
+    written: list[bytes] = []
+
+    def write(self: BlobWriter, data: bytes) -> None:
+        if len(written) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(data)
+
+    before = sorted(path for path in service.farm.settings.data.rglob("*") if path.is_file())
+    monkeypatch.setattr(BlobWriter, "write", write)
+    answer = service.http.post("/api/examples/christmas")
+    assert answer.status_code == 507
+    assert sorted(path for path in service.farm.settings.data.rglob("*") if path.is_file()) == before
+
+
+def test_an_unknown_example_gets_a_sentence(service: Service) -> None:
+    answer = service.http.post("/api/examples/teapot")
+    assert answer.status_code == 404
+    assert answer.json()["detail"].startswith("There is no example 'teapot'.")

@@ -1,0 +1,146 @@
+"""The film takes every sample once, whatever arrives how often, in whatever order and pieces."""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer import film as film_math
+from renderer.film import BadSample
+from renderer.settings import Tile
+from service.store.films import Film, FilmClosed, Part, TileCache
+from tests.service.peer_worker import expected_sums
+from worker.contract import pack_sums
+
+WIDTH, HEIGHT, TILE = 20, 12, 8
+
+
+def make(path: Path, cache_bytes: int = 1 << 20) -> Film:
+    return Film(path, WIDTH, HEIGHT, TILE, 24, TileCache(cache_bytes))
+
+
+def part(film: Film, tile: int, first: int, count: int, **more: object) -> Part:
+    sums = expected_sums(film.tiles[tile], first, count, 0)
+    return Part(0, tile, first, count, pack_sums(sums), **more)  # type: ignore[arg-type]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 11), st.integers(1, 5)), max_size=24), st.integers(1, 5), st.booleans()
+)
+def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, int]], group: int, small_cache: bool) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        film = make(Path(folder) / "job.sqlite", 2000 if small_cache else 1 << 20)
+        model: dict[int, set[int]] = {tile: set() for tile in range(len(film.tiles))}
+        for at in range(0, len(batches), group):
+            some = batches[at : at + group]
+            taken = film.merge([part(film, *batch) for batch in some])
+            for (tile, first, count), was_taken in zip(some, taken, strict=True):
+                samples = set(range(first, first + count))
+                assert was_taken == (not model[tile] & samples), "exactly what overlaps is dropped"
+                model[tile] |= samples if was_taken else set()
+        again = make(Path(folder) / "job.sqlite")
+        for tile, samples in model.items():
+            rect = film.tiles[tile]
+            expected = sum(
+                (expected_sums(rect, s, 1, 0) for s in samples), np.zeros((film_math.CHANNELS, rect.h, rect.w), np.int64)
+            )
+            for each in (film, again):
+                sums = each.tile_sums(0, tile)
+                np.testing.assert_array_equal(np.zeros_like(expected) if sums is None else sums, expected)
+        assert film.digest(0) == again.digest(0)
+        assert film.version(0) == again.version(0)
+        assert film.samples(0) == sum(len(s) * film.tiles[t].w * film.tiles[t].h for t, s in model.items())
+        film.close()
+        again.close()
+
+
+def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Path) -> None:
+    planes = 15
+    film = make(tmp_path / "job.sqlite")
+    old = expected_sums(film.tiles[0], 0, 2, 0)[:planes]
+    film.merge([part(film, 0, 0, 2)])
+    film.close()
+    with sqlite3.connect(tmp_path / "job.sqlite") as database:
+        database.execute("UPDATE part SET sums = ?", (pack_sums(old),))
+    database.close()
+    film = make(tmp_path / "job.sqlite")
+    sums = film.tile_sums(0, 0)
+    assert sums is not None
+    np.testing.assert_array_equal(sums[:planes], old)
+    assert not sums[planes:].any()
+    assert film.merge([part(film, 0, 2, 2)]) == [True]
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 4, 0))
+    # What a worker sends is of this release, and complete.
+    assert film.merge([Part(0, 1, 0, 2, pack_sums(expected_sums(film.tiles[1], 0, 2, 0)[:planes]))]) == [False]
+    film.close()
+
+
+def test_rows_are_folded_and_the_digest_stays(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    for first in range(20):
+        film.merge([part(film, 0, first, 1, bad=[BadSample(1, 2, first)], bad_count=2)])
+    rows = film._database.execute("SELECT count(*) FROM part").fetchone()[0]
+    assert rows < 8
+    again = make(tmp_path / "job.sqlite")
+    np.testing.assert_array_equal(again.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 20, 0))
+    count, kept = again.bad_samples(0)
+    assert count == 40
+    assert kept[:2] == [BadSample(1, 2, 0), BadSample(1, 2, 1)]
+    film.close()
+    again.close()
+
+
+def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    good = part(film, 0, 0, 1)
+    other_size = part(film, 5, 0, 1)
+    assert film.tiles[0][2:] != film.tiles[5][2:]
+    assert film.merge([Part(0, 0, 0, 1, b"nonsense"), Part(0, 0, 0, 1, other_size.sums), Part(0, 99, 0, 1, good.sums), good]) == [
+        *(False, False, False),
+        True,
+    ]
+    film.close()
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    film._database.execute(
+        "CREATE TRIGGER full BEFORE INSERT ON part WHEN NEW.tile = 1 BEGIN SELECT raise(ABORT, 'disk full'); END"
+    )
+    try:
+        film.merge([part(film, 0, 0, 1), part(film, 1, 0, 1)])
+    except Exception as error:
+        assert "disk full" in str(error)
+    else:
+        raise AssertionError("the fault is reported")
+    assert film.samples(0) == 0
+    film._database.execute("DROP TRIGGER full")
+    assert film.merge([part(film, 0, 0, 1), part(film, 1, 0, 1)]) == [True, True]
+    film.close()
+
+
+def test_a_large_digest_equals_the_small_one(tmp_path: Path, monkeypatch: object) -> None:
+    film = make(tmp_path / "job.sqlite")
+    film.merge([part(film, tile, 0, 2) for tile in range(len(film.tiles))])
+    expected = film_math.digest(expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, 2, 0))
+    assert film.digest(0) == expected
+    monkeypatch.setattr("service.store.films.IN_MEMORY_BYTES", 0)  # type: ignore[attr-defined]
+    assert film.digest(0) == expected
+    film.close()
+
+
+def test_a_film_that_is_closed_under_its_reader_says_so(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    film.merge([part(film, 0, 0, 2)])
+    assert film.tile_sums(0, 0) is not None
+    film.close()
+    with pytest.raises(FilmClosed) as refusal:
+        film.channel(0)
+    assert refusal.value.status == 404

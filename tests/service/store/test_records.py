@@ -1,0 +1,80 @@
+"""What the engine writes never undoes what a person decided in the meantime."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import service.farm
+from service.farm import Farm
+from service.settings import Settings
+from service.store.database import connect
+from service.store.models import Frame, Job
+from service.store.records import Records
+
+
+@pytest.fixture
+def records(tmp_path: Path) -> Records:
+    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    with sessions.begin() as session:
+        job = Job(id="job", scene="scene", name="", state="running", priority=0, created=0.0, active_s=0.0, request={}, spp=8)
+        session.add(job)
+    with sessions.begin() as session:
+        session.add(Frame(job="job", number=0))
+    return Records(sessions, 1 << 20)
+
+
+def active(spp: int) -> Any:
+    return SimpleNamespace(id="job", plan=SimpleNamespace(spp=spp), active_s=1.5)
+
+
+def test_a_job_to_which_samples_were_added_is_not_finished(records: Records) -> None:
+    assert not records.finished(active(spp=4))
+    assert records.finished(active(spp=8))
+    row = records.job("job")
+    assert row is not None
+    assert (row.state, row.active_s) == ("finished", 1.5)
+    assert not records.finished(active(spp=8)), "it was finished before"
+
+
+def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
+    with records._sessions.begin() as session:
+        job = session.get(Job, "job")
+        assert job is not None
+        job.state = "cancelled"
+    assert not records.started("job", "kind")
+    assert not records.failed("job", "an error")
+    assert not records.finished(active(spp=8))
+
+
+def test_writers_wait_for_each_other(records: Records) -> None:
+    """Read, add one, write back, from four threads at once: nothing is lost and nothing is locked out."""
+
+    def add() -> None:
+        for _ in range(25):
+            with records._sessions.begin() as session:
+                job = session.get(Job, "job")
+                assert job is not None
+                job.priority += 1
+
+    threads = [threading.Thread(target=add) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    row = records.job("job")
+    assert row is not None
+    assert row.priority == 100
+
+
+def test_two_services_do_not_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service.farm, "OWN_PATIENCE_S", 0.0)
+    first = Farm(Settings(data=tmp_path))
+    with pytest.raises(RuntimeError, match="Another service"):
+        Farm(Settings(data=tmp_path))
+    first.stop()
+    Farm(Settings(data=tmp_path)).stop()
