@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
 import hashlib
 import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
 
-from renderer import __version__
+from renderer import __version__, sources
 
 __all__ = [
     "TARGET",
+    "KeptByMeaning",
     "builder",
     "cache_folder",
     "compiling",
@@ -52,22 +54,28 @@ def _target() -> tuple[str, str]:
 TARGET, _CPU = _target()
 
 
-def _source_hash() -> str:
-    """A hash of all that decides the machine code and the arrays it reads: our sources, the compiler, the target."""
-    total = hashlib.sha256(f"{version('numba')} {version('llvmlite')} {TARGET}".encode())
-    root = Path(__file__).parent
-    for path in sorted([*root.rglob("*.py"), *root.rglob("*.npy")]):  # kernels hold tables as constants
-        total.update(path.relative_to(root).as_posix().encode() + b"\0")
-        total.update(path.read_bytes() + b"\0")
-    return total.hexdigest()
+def _base() -> Path:
+    """$RAYFARM_CACHE, by default ~/.cache/rayfarm."""
+    base = os.environ.get("RAYFARM_CACHE")
+    return Path(base) if base else Path.home() / ".cache" / "rayfarm"
 
 
-_HASH = _source_hash()
+def _hash(parts: Iterable[str]) -> str:
+    """Of what these sources mean, of the compiler and of the target."""
+    meaning = sources.kept_meaning(sources.files_of(parts), _base() / "sources")
+    return hashlib.sha256(f"{meaning} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
+_MACHINE_CODE = _hash(sources.MACHINE_CODE)
+
+
+@functools.cache
 def kind() -> str:
-    """Which films this worker's samples may be added to, e.g. "0.1.0-3fa9c1d2-x86-64-v3". Safe in a queue's name."""
-    return f"{__version__}-{_HASH[:8]}-{TARGET}"
+    """Which films this worker's samples may be added to, e.g. "0.1.0-3fa9c1d2-x86-64-v3". Safe in a queue's name.
+
+    It follows from all that decides machine code and the arrays that it reads, and from nothing else.
+    """
+    return f"{__version__}-{_hash((*sources.MACHINE_CODE, *sources.ARRAYS))[:8]}-{TARGET}"
 
 
 def cache_folder() -> Path:
@@ -76,8 +84,7 @@ def cache_folder() -> Path:
     Numba looks at the age of one function's file only, so a change in a function that it calls would go unseen: hence a
     folder of its own for each state of the sources.
     """
-    base = os.environ.get("RAYFARM_CACHE")
-    return (Path(base) if base else Path.home() / ".cache" / "rayfarm") / "kernels" / _HASH[:16]
+    return _base() / "kernels" / _MACHINE_CODE[:16]
 
 
 def _configure() -> None:
@@ -85,6 +92,7 @@ def _configure() -> None:
         "NUMBA_CPU_NAME": _CPU,
         "NUMBA_CPU_FEATURES": "",
         "NUMBA_CACHE_DIR": str(cache_folder()),
+        "NUMBA_CACHE_LOCATOR_CLASSES": "renderer.jit.KeptByMeaning,UserProvidedCacheLocator",
         # What is to be SIMD here says so itself. LLVM's own search for it, and its third level of optimisation, take a fifth of
         # the time that a cold kernel takes, and make none faster (measured).
         "NUMBA_LOOP_VECTORIZE": "0",
@@ -103,6 +111,7 @@ import llvmlite.binding as llvm  # noqa: E402
 from llvmlite import ir  # noqa: E402
 from numba import njit, types  # noqa: E402
 from numba.core import cgutils  # noqa: E402
+from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
@@ -119,6 +128,35 @@ if TARGET == "x86-64-v3":
 _FASTMATH = {"contract", "nsz"}
 
 Function = Callable[..., Any]
+
+
+class KeptByMeaning(UserProvidedCacheLocator):
+    """Where Numba keeps what is compiled from our sources: by their meaning alone (renderer/sources.py), which is in the folder's
+    name. Neither a comment nor another checkout compiles anything anew; a file's age says nothing.
+
+    Functions that are not ours, those of tests, are left to the next locator.
+    """
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        self._name = Path(py_file).relative_to(sources.ROOT).with_suffix("").as_posix().replace("/", ".")
+        self._cache_path = str(cache_folder() / self._name)
+
+    def get_source_stamp(self) -> str:
+        """The same for all that lies in the folder."""
+        return _MACHINE_CODE
+
+    def get_disambiguator(self) -> str:
+        """Names in a module of ours are unique."""
+        return "1"
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> KeptByMeaning | None:
+        """The locator, or None for a function that is not ours."""
+        if not Path(py_file).is_relative_to(sources.ROOT):
+            return None
+        locator = cls(py_func, py_file)
+        locator.ensure_cache_path()
+        return locator
 
 
 @intrinsic

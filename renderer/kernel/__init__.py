@@ -7,5 +7,5 @@ bsdf/         one scattering model a file
 surface/      a hit to a point with a normal, a frame to shade in and UVs
 sampling/     counter-based numbers, square_to_* beside square_to_*_pdf, pixel filters
 camera.py     pixels to rays        accumulate.py  the entry points: batches of samples into sums
-polynomial.py sin, cos, exp, log, pow of our own        vec.py  tuple arithmetic        options.py  settings as the kernel reads them
+polynomial.py sin, cos, exp, log, pow of our own      vec.py  tuple arithmetic      options.py  settings for the kernel
 """

@@ -13,10 +13,36 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from service.errors import (
+    Conflict,
+    Failed,
+    FarmError,
+    FilmLost,
+    FilmWaits,
+    Invalid,
+    NoRoom,
+    NotFound,
+    TooLarge,
+    TooLate,
+    Unavailable,
+)
+
 __all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
 
 log = logging.getLogger(__name__)
 
+STATUS: dict[type[FarmError], int] = {
+    NotFound: 404,
+    Conflict: 409,
+    Invalid: 422,
+    TooLarge: 413,
+    NoRoom: 507,
+    Unavailable: 503,
+    Failed: 502,
+    TooLate: 504,
+    FilmWaits: 503,
+    FilmLost: 409,
+}
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 SENTENCES = {
     404: "There is nothing at {path}. The API is described at /docs.",
@@ -80,6 +106,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Problem)
     async def _problem(request: Request, error: Problem) -> ProblemResponse:
         return response(error.status, error.detail, error.headers, **error.more)
+
+    @app.exception_handler(FarmError)
+    async def _farm(request: Request, error: FarmError) -> ProblemResponse:
+        return response(STATUS[type(error)], str(error))
 
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> ProblemResponse:

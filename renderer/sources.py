@@ -1,0 +1,90 @@
+"""A hash of what Python sources mean: comments, docstrings, spaces and line numbers leave no trace in it.
+
+So machine code and compiled scenes outlive an edit that changes no behaviour, and two hosts agree whatever their Python's version
+makes of the syntax.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+__all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
+
+ROOT = Path(__file__).parent
+
+# What kernels are compiled from (folders with all that is in them). tests/renderer/test_sources.py holds that nothing else is.
+MACHINE_CODE = ("jit.py", "settings.py", "errors.py", "film.py", "arrays", "bvh", "kernel", "scene/readers/obj_lines.py")
+# What decides besides them which arrays a kernel reads, and what is asked of it.
+ARRAYS = ("render.py", "formats.py", "scene", "image/__init__.py", "image/read.py", "image/tonemap.py")
+
+
+def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
+    """The sources of these files and folders, the kernels' tables among them, in an order that does not depend on the host."""
+    found: set[Path] = set()
+    for part in parts:
+        path = root / part
+        found |= {*path.rglob("*.py"), *path.rglob("*.npy")} if path.is_dir() else {path}
+    return sorted(found)
+
+
+def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
+    """A SHA-256 over the files' names and what they mean."""
+    total = hashlib.sha256()
+    for path in files:
+        total.update(path.relative_to(root).as_posix().encode() + b"\0")
+        if path.suffix == ".py":
+            total.update("\n".join(_words(ast.parse(path.read_bytes()))).encode())
+        else:
+            total.update(path.read_bytes())
+        total.update(b"\0")
+    return total.hexdigest()
+
+
+def kept_meaning(files: Iterable[Path], folder: Path, root: Path = ROOT) -> str:
+    """As `meaning`, which takes a second: its answer is kept in `folder` under a hash of the files' bytes."""
+    files = list(files)
+    raw = hashlib.sha256()
+    for path in files:
+        raw.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    kept = folder / raw.hexdigest()
+    with contextlib.suppress(OSError):
+        if len(known := kept.read_text()) == 64:
+            return known
+    found = meaning(files, root)
+    with contextlib.suppress(OSError):  # a folder that cannot be written to costs a second, no more
+        folder.mkdir(parents=True, exist_ok=True)
+        beside = kept.with_name(f"{kept.name}.{os.getpid()}")
+        beside.write_text(found)
+        beside.replace(kept)
+    return found
+
+
+def _words(node: object) -> Iterator[str]:
+    """The tree written out: only what is set, so that fields which newer Pythons add and nobody uses do not show."""
+    if isinstance(node, ast.AST):
+        yield type(node).__name__
+        for name, value in ast.iter_fields(node):
+            if name == "body" and isinstance(value, list) and _is_text(value[0] if value else None):
+                value = value[1:]
+            if value is not None and value != [] and name not in ("ctx", "kind"):
+                yield name
+                yield from _words(value)
+    elif isinstance(node, list):
+        yield "["
+        for each in node:
+            yield from _words(each)
+        yield "]"
+    else:
+        yield repr(node)
+
+
+def _is_text(statement: object) -> bool:
+    """Whether a statement is nothing but a string: documentation."""
+    return (
+        isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str)
+    )

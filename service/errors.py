@@ -1,0 +1,74 @@
+"""What can go wrong in the service, without a word of HTTP: service/api/problem.py says which status each is answered with.
+
+FarmError           a sentence that a person can act on
+├── NotFound        it is not there, or not any more
+├── Conflict        it cannot be done in the state that things are in
+├── Invalid         what is asked for makes no sense
+├── TooLarge        it is beyond a limit of this farm
+├── NoRoom          the disk is full
+├── Unavailable     a part of the farm is away; the same may work later
+├── Failed          a worker could not do it
+├── TooLate         a worker did not answer in time
+├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock
+└── FilmLost        a film cannot be written or read any more: damaged, read-only, of a newer release
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "Conflict",
+    "Failed",
+    "FarmError",
+    "FilmLost",
+    "FilmWaits",
+    "Invalid",
+    "NoRoom",
+    "NotFound",
+    "TooLarge",
+    "TooLate",
+    "Unavailable",
+]
+
+
+class FarmError(Exception):
+    """`str(error)` is one sentence that a person can act on."""
+
+
+class NotFound(FarmError):  # noqa: N818 - these are named as what they say
+    """It is not there, or not any more."""
+
+
+class Conflict(FarmError):  # noqa: N818
+    """It cannot be done in the state that things are in."""
+
+
+class Invalid(FarmError):  # noqa: N818
+    """What is asked for makes no sense."""
+
+
+class TooLarge(FarmError):  # noqa: N818
+    """It is beyond a limit of this farm."""
+
+
+class NoRoom(FarmError):  # noqa: N818
+    """The disk is full."""
+
+
+class Unavailable(FarmError):  # noqa: N818
+    """A part of the farm is away; the same may work later."""
+
+
+class Failed(FarmError):  # noqa: N818
+    """A worker could not do it."""
+
+
+class TooLate(FarmError):  # noqa: N818
+    """A worker did not answer in time."""
+
+
+class FilmWaits(FarmError):  # noqa: N818
+    """A film cannot be written or read now, and will be later: a full disk, a lock."""
+
+
+class FilmLost(FarmError):  # noqa: N818
+    """A film cannot be written or read any more: damaged, read-only, of a newer release."""

@@ -1,0 +1,110 @@
+"""What a worker's kind and the kernels' cache follow from: meaning, and no more and no less than what is compiled."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from renderer import sources
+from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, files_of, kept_meaning, meaning
+
+DECORATORS = ("entry", "builder", "device", "template", "subroutine")
+EXEMPT = {ROOT / "sources.py"}  # it makes the hash
+
+
+def changed(tmp_path: Path, before: str, after: str) -> bool:
+    path = tmp_path / "module.py"
+    path.write_text(before)
+    one = meaning([path], tmp_path)
+    path.write_text(after)
+    return meaning([path], tmp_path) != one
+
+
+def test_words_for_people_leave_no_trace(tmp_path: Path) -> None:
+    before = '"""A."""\n\ndef f(x):\n    """B."""\n    return x + 1\n'
+    after = '# note\n"""C,\nlonger."""\n\n\ndef f(x):\n    # why\n    return (x +\n        1)  # so\n'
+    assert not changed(tmp_path, before, after)
+
+
+def test_what_is_done_leaves_one(tmp_path: Path) -> None:
+    before = "A = 'a'\n\ndef f(x):\n    return x + 1\n"
+    for old, new in (("+", "-"), ("1", "1.0"), ("x", "y"), ("'a'", "'b'"), ("f(", "g(")):
+        assert changed(tmp_path, before, before.replace(old, new)), new
+
+
+def test_a_function_that_loses_its_only_words_still_parses(tmp_path: Path) -> None:
+    assert changed(tmp_path, 'class A:\n    """A."""\n', "class B:\n    x = 1\n")
+
+
+def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "module.py"
+    path.write_text("x = 1\n")
+    first = kept_meaning([path], tmp_path / "kept", tmp_path)
+    assert first == meaning([path], tmp_path)
+    monkeypatch.setattr(sources, "meaning", lambda *_: "f" * 64)
+    assert kept_meaning([path], tmp_path / "kept", tmp_path) == first
+    path.write_text("x = 2\n")
+    assert kept_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64
+    (tmp_path / "kept").chmod(0o500)
+    path.write_text("x = 3\n")
+    assert kept_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64
+
+
+def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() -> None:
+    """Whatever is decorated, and all of ours that it imports, is among MACHINE_CODE: else a change in it would go unseen."""
+    hashed = set(files_of(MACHINE_CODE))
+    for path in ROOT.rglob("*.py"):
+        if any(f"renderer.jit.{name}" in _named(path) for name in DECORATORS):
+            assert path in hashed, f"{path.relative_to(ROOT)} compiles, and is not in renderer.sources.MACHINE_CODE"
+    for path in hashed:
+        if path.suffix == ".py":
+            missing = _ours(path) - hashed - EXEMPT
+            assert not missing, f"{path.relative_to(ROOT)} imports {missing}"
+
+
+def test_every_reader_is_hashed_for_the_arrays() -> None:
+    hashed = set(files_of((*MACHINE_CODE, *ARRAYS)))
+    assert set((ROOT / "scene").rglob("*.py")) <= hashed
+    for path in hashed:
+        if path.suffix == ".py" and path.name != "render.py":
+            missing = _ours(path) - hashed - EXEMPT
+            assert not missing, f"{path.relative_to(ROOT)} imports {missing}"
+
+
+def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) -> None:
+    """And so has one in which a reader's docstring was edited; a kernel that was touched compiles nothing anew."""
+    copy = tmp_path / "renderer"
+    subprocess.run(["cp", "-r", str(ROOT), str(copy)], check=True)
+    reader = copy / "scene" / "readers" / "obj.py"
+    reader.write_text(reader.read_text().replace('"""', '"""Edited. ', 1))
+    program = "from renderer import jit; print(jit.kind(), jit.cache_folder())"
+    run = [sys.executable, "-c", program]
+    theirs = subprocess.run(run, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True)
+    ours = subprocess.run(
+        run, cwd=ROOT.parent, env={**os.environ, "PYTHONPATH": str(ROOT.parent)}, capture_output=True, text=True
+    )
+    assert theirs.stdout == ours.stdout != ""
+
+
+def _named(path: Path) -> set[str]:
+    """All that a file names in its imports, as module.name."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+    return found
+
+
+def _ours(path: Path) -> set[Path]:
+    """The modules of the renderer that a file imports."""
+    found = set()
+    for module in _named(path):
+        if module.startswith("renderer."):
+            place = ROOT.parent / module.replace(".", "/")
+            found |= {p for p in (place.with_suffix(".py"), place / "__init__.py") if p.is_file()}
+    return found
