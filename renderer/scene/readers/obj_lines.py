@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.jit import builder, device
-from renderer.scene.description import F32, I32
 
 __all__ = ["Statements", "parse"]
 
+F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 Offsets = npt.NDArray[np.int64]
 
