@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.image import read
-from renderer.scene.description import Image, SceneDescription, Texture, TextureLayer, UvTransform, Wrap
+from renderer.scene.description import Image, SceneDescription, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
@@ -23,7 +24,7 @@ class TextureShelf:
         self._description = description
         self._files = files
         self._images: dict[tuple[str, bool], int | None] = {}
-        self._textures: dict[tuple[int, Wrap, Wrap, int, UvTransform, tuple[TextureLayer, ...]], int] = {}
+        self._textures: dict[Texture, int] = {}
         self._bytes = 0
 
     def warn(self, sentence: str) -> None:
@@ -61,15 +62,18 @@ class TextureShelf:
         uv_set: int = 0,
         transform: UvTransform = UNMOVED,
         layers: tuple[TextureLayer, ...] = (),
+        filter: TexelFilter = "linear",
     ) -> int | None:
         """The texture of an image, how it repeats, how it is looked up, what lies on it; None for an image that is not there."""
         if image is None:
             return None
-        key = (image, wrap_s, wrap_t, uv_set, transform, layers)
-        if key not in self._textures:
-            self._description.textures.append(Texture(*key))
-            self._textures[key] = len(self._description.textures) - 1
-        return self._textures[key]
+        return self._shelve(Texture(image, wrap_s, wrap_t, uv_set, transform, layers, filter))
+
+    def _shelve(self, texture: Texture) -> int:
+        if texture not in self._textures:
+            self._description.textures.append(texture)
+            self._textures[texture] = len(self._description.textures) - 1
+        return self._textures[texture]
 
     def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
         """A texture whose image is made of another's, with its layers and looked up as that is; `what` tells it from others."""
@@ -80,15 +84,14 @@ class TextureShelf:
         key = (f"\0{what} of image {source.image}", image.srgb)
         if key not in self._images:
             self._images[key] = self.add(make(image))
-        looked_up = source.wrap_s, source.wrap_t, source.uv_set, source.transform
-        return self.texture(self._images[key], *looked_up, source.layers)
+        made = self._images[key]
+        return None if made is None else self._shelve(replace(source, image=made))
 
     def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
         """A texture with these layers on it."""
         if texture is None or not layers:
             return texture
-        t = self._description.textures[texture]
-        return self.texture(t.image, t.wrap_s, t.wrap_t, t.uv_set, t.transform, layers)
+        return self._shelve(replace(self._description.textures[texture], layers=layers))
 
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
         """A texture whose image is made of two others', looked up as the first is; None without the first or second."""
