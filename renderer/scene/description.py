@@ -31,6 +31,7 @@ __all__ = [
     "SceneDescription",
     "Sky",
     "Sphere",
+    "SurfaceNote",
     "TexelFilter",
     "Texture",
     "TextureLayer",
@@ -181,6 +182,12 @@ class Camera:
     view: View
 
 
+class SurfaceNote(str):
+    """A warning of how a surface looks, which is idle where another material replaces it."""
+
+    __slots__ = ()
+
+
 @dataclass
 class SceneDescription:
     """A whole scene. `defaults` holds settings the file asks for (width, height, spp, max_depth, integrator)."""
@@ -199,4 +206,5 @@ class SceneDescription:
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
     animations: list[str] = field(default_factory=list)
+    variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

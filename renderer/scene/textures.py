@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.image import read
-from renderer.scene.description import Image, SceneDescription, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
+from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
@@ -27,6 +27,10 @@ class TextureShelf:
         self._textures: dict[Texture, int] = {}
         self._bytes = 0
 
+    def warn_of_surface(self, sentence: str) -> None:
+        """Adds a warning of how something looks, once."""
+        self.warn(SurfaceNote(sentence))
+
     def warn(self, sentence: str) -> None:
         """Adds a warning, once."""
         if sentence not in self._description.warnings:
@@ -40,7 +44,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, read.read(self._files.read(name), name), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn(f"{error}; rendered without it.")
+                self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
@@ -51,7 +55,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, read.read(data, name), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn(f"{error}; rendered without it.")
+                self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
 
     def texture(
@@ -123,7 +127,9 @@ class TextureShelf:
     def missing(self, reference: str, user: str) -> None:
         """Warns of a texture that is not among the files."""
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
-        self.warn(f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile.")
+        self.warn_of_surface(
+            f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile."
+        )
 
     def add(self, image: Image) -> int:
         """Puts an image on the shelf. Raises SceneError where all of them together are too large."""

@@ -55,7 +55,9 @@ class _Statements:
             values = [math.nan]
         if all(math.isfinite(v) for v in values):
             return values
-        self.shelf.warn(f"{self.file}: material {self.name}: {keyword} {' '.join(words)[:40]} is not understood and left out.")
+        self.shelf.warn_of_surface(
+            f"{self.file}: material {self.name}: {keyword} {' '.join(words)[:40]} is not understood and left out."
+        )
         return []
 
     def number(self, keyword: str, default: float) -> float:
@@ -107,7 +109,7 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
     if decal is None:
         return
     if material.base_color_texture is None:
-        said.shelf.warn(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
+        said.shelf.warn_of_surface(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
         return
     material.base_color_texture = with_decal(said.shelf, material.base_color_texture, decal, color)
     material.base_color = (1.0, 1.0, 1.0)
@@ -155,7 +157,9 @@ def _normals(said: _Statements, material: Material) -> None:
         if texture is not None and holds_normals(said.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
         elif texture is not None:
-            said.shelf.warn(f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map.")
+            said.shelf.warn_of_surface(
+                f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map."
+            )
 
 
 def _opacity(said: _Statements, material: Material) -> None:

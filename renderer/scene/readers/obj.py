@@ -105,7 +105,7 @@ class _Materials:
             name = files.find(library, file)
             names = [name] if name else [n for word in library.split() if (n := files.find(word, file))]
             if not names:
-                shelf.warn(
+                shelf.warn_of_surface(
                     f"{file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
                 )
             for n in names:
@@ -120,7 +120,7 @@ class _Materials:
             if self._bare and mesh.uvs is not None:
                 material.base_color_texture = self._lone_texture(material)
             elif name is not None and self._found:
-                self._shelf.warn(f"{self._file}: no material file describes {name[:120]}; it is grey.")
+                self._shelf.warn_of_surface(f"{self._file}: no material file describes {name[:120]}; it is grey.")
         if material.kind == "glass":
             material.thin = not is_closed(mesh.positions, mesh.triangles)
         self._description.materials.append(material)
@@ -133,5 +133,7 @@ class _Materials:
         texture = self._shelf.texture(self._shelf.image_file(images[0]))
         if texture is not None:
             material.base_color = (1.0, 1.0, 1.0)
-            self._shelf.warn(f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture.")
+            self._shelf.warn_of_surface(
+                f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture."
+            )
         return texture

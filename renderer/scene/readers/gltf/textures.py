@@ -46,7 +46,9 @@ class Textures:
             uv_set = extension.integer("texCoord", uv_set, high=64)
             transform = _matrix(extension)
         if uv_set >= _UV_SETS:
-            self._shelf.warn(f"Material {user}: a texture uses UV set {uv_set}; only sets 0 and 1 are read, and 0 is taken.")
+            self._shelf.warn_of_surface(
+                f"Material {user}: a texture uses UV set {uv_set}; only sets 0 and 1 are read, and 0 is taken."
+            )
             uv_set = 0
         wrap_s, wrap_t, filter = self._sampler(texture)
         return self._shelf.texture(self._image(texture, user, srgb), wrap_s, wrap_t, uv_set, transform, filter=filter)
@@ -67,7 +69,7 @@ class Textures:
         webp = texture.extension("EXT_texture_webp")
         index = (webp or texture).index("source", self._images)
         if index is None:
-            self._shelf.warn(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
+            self._shelf.warn_of_surface(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
             return None
         image = self._images[index]
         place = f"{self._root.file}: {image.where}"
