@@ -21,6 +21,7 @@ from renderer.scene.unique import unique_rows
 
 __all__ = ["read"]
 
+_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # images of what surrounds a scene, not of what its surfaces are
 MAX_BYTES = 400 << 20  # of text; its arrays take about as much again
 
 
@@ -127,7 +128,7 @@ class _Materials:
         return len(self._description.materials) - 1
 
     def _lone_texture(self, material: Material) -> int | None:
-        images = self._files.siblings(self._file, IMAGE_SUFFIXES)
+        images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]
         if len(images) != 1:
             return None
         texture = self._shelf.texture(self._shelf.image_file(images[0]))
