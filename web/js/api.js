@@ -4,6 +4,7 @@
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 /** @typedef {import("./types.js").Worker} Worker */
+/** @typedef {import("./types.js").Info} Info */
 /** @typedef {import("./types.js").Example} Example */
 /** @typedef {import("./types.js").PixelValue} PixelValue */
 
@@ -94,6 +95,9 @@ export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: ch
 
 /** @param {string} id @returns {Promise<void>} */
 export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
+
+/** @returns {Promise<Info>} */
+export const getInfo = () => call("GET", "/info");
 
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");

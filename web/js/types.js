@@ -32,6 +32,9 @@
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
+ * @typedef {object} Info what this farm is and takes
+ * @property {string[]} formats the suffixes of what may be uploaded, archives among them
+ *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *
  * @typedef {object} Job
