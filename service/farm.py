@@ -86,7 +86,7 @@ def _own(folder: Path) -> IO[str]:
             time.sleep(0.1)
 
 
-def get_farm(connection: HTTPConnection) -> Farm:
+async def get_farm(connection: HTTPConnection) -> Farm:
     """The farm of the application that answers."""
     farm: Farm = connection.app.state.farm
     return farm
