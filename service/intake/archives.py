@@ -15,18 +15,16 @@ from pathlib import Path
 from renderer.formats import is_junk
 from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
+from service.intake.unpack import CHUNK, pieces
 from service.store.blobs import BlobStore, BlobWriter
 
 __all__ = ["expand"]
 
-CHUNK = 1 << 20
 RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, IndexError, NotImplementedError, OverflowError, RuntimeError, ValueError),
 )
-# What zipfile unpacks whole, as much as it reads: of the strongest bombs that is a few dozen megabytes a step.
-UNBOUNDED = {zipfile.ZIP_BZIP2: 1 << 12, zipfile.ZIP_LZMA: 1 << 12}
 DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
 
@@ -112,16 +110,15 @@ def _extract(
     """One entry's bytes; its directory may lie, so the bounds are held against what comes out."""
     writer = store.writer()
     try:
-        with file.open(entry) as source:
-            while chunk := source.read(UNBOUNDED.get(entry.compress_type, CHUNK)):
-                check_disk(len(chunk))
-                writer.write(chunk)
-                if writer.size > left:
-                    raise TooLarge(f"The archive {name} unpacks to more than it says, as zip bombs do.")
-                if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
-                    raise TooLarge(
-                        f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do."
-                    )
+        for piece in pieces(file, entry):
+            check_disk(len(piece))
+            writer.write(piece)
+            if writer.size > left:
+                raise TooLarge(f"The archive {name} unpacks to more than it says, as zip bombs do.")
+            if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
+                raise TooLarge(
+                    f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do."
+                )
     except BaseException:
         writer.discard()
         raise

@@ -77,7 +77,7 @@ def test_data_that_its_method_cannot_read_is_said_to_be_damaged(store: BlobStore
 @pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_a_bomb_is_found_before_it_is_in_memory(store: BlobStore, method: int) -> None:
     """Many zeros in a few kilobytes: its directory says that it is small."""
-    size = 160 << 20
+    size = 96 << 20
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", method) as archive, archive.open("scene.obj", "w", force_zip64=True) as file:
         for _ in range(size >> 20):
@@ -88,7 +88,7 @@ def test_a_bomb_is_found_before_it_is_in_memory(store: BlobStore, method: int) -
     try:
         with pytest.raises(FarmError):
             unpack(store, bomb)
-        assert tracemalloc.get_traced_memory()[1] < 120 << 20
+        assert tracemalloc.get_traced_memory()[1] < 30 << 20
     finally:
         tracemalloc.stop()
 
