@@ -33,7 +33,7 @@ HEADERS = {
 LOOPBACK_NAMES = {"localhost", "127.0.0.1", "::1"}
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
-STREAMED = ("/api/scenes", "/api/farm/blobs/")
+STREAMED = ("/api/scenes", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
 class Door:
