@@ -47,11 +47,11 @@ def pack(folder: Path, key: str, out: IO[bytes]) -> None:
     """Write a folder's machine code, signed, to a file that is open for reading and writing."""
     start = out.tell()
     out.write(bytes(_SIGNATURE))
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+    with zipfile.ZipFile(out, "w") as archive:
         for path in sorted(folder.rglob("*")):
             member = path.relative_to(folder).as_posix()
-            if _MEMBER.fullmatch(member):
-                archive.write(path, member)
+            if _MEMBER.fullmatch(member):  # without its date: the same files make the same artefact
+                archive.writestr(zipfile.ZipInfo(member), path.read_bytes(), zipfile.ZIP_DEFLATED, 1)
     out.seek(start)
     signature = _signature(out, key)
     out.seek(start)
