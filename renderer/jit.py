@@ -252,8 +252,10 @@ def is_loaded(kernel: Any) -> bool:
 
 
 @contextlib.contextmanager
-def compiling(name: str) -> Iterator[None]:
+def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[None]:
     """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
+
+    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder.
 
     A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it. Who waits
     in vain, because the one is stopped or the file system has no locks, compiles too.
@@ -265,6 +267,8 @@ def compiling(name: str) -> Iterator[None]:
         deadline = time.monotonic() + COMPILE_PATIENCE_S
         while not done.exists() and not _is_taken(lock) and time.monotonic() < deadline:
             time.sleep(0.1)
+        if fetch is not None and not done.exists():
+            fetch()
         yield
         done.touch()
 

@@ -20,6 +20,7 @@ from service.store.blobs import BlobStore
 from service.store.database import connect
 from service.store.film_store import FilmStore
 from service.store.films import Film
+from service.store.kernels import KernelStore
 from service.store.models import Job
 from service.store.records import Records
 from service.watching.broadcast import Broadcast
@@ -40,6 +41,7 @@ class Farm:
         self.database, self.sessions = connect(settings.database)
         self.blobs = BlobStore(settings.data / "blobs", settings.data / "tmp")
         self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
+        self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
         self.records = Records(self.sessions, settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)

@@ -28,6 +28,7 @@ from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
 from worker.joining import Joining
+from worker.kernels import fetch_kernels, hand_in_beside
 from worker.link import Link, RefusedError
 from worker.status import SlotBoard
 
@@ -47,6 +48,7 @@ def main() -> int:
     link = Link(options.service, options.token)
     host = socket.gethostname()
     kind = jit.kind()
+    kernels = jit.cache_folder()
     started = time.time()
 
     def starting(name: str) -> WorkerReport:
@@ -57,7 +59,8 @@ def main() -> int:
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     try:
         joining.begin()
-        log.info("kernels ready after %.1f s (%s)", warm_up(), kind)
+        took = warm_up(fetch=lambda: log.info(fetch_kernels(link, options.token, kernels)))
+        log.info("kernels ready after %.1f s (%s)", took, kind)
         joined = joining.finish(lambda: bool(stopping))
     except RefusedError as error:
         print(f"rayfarm worker: {error}", file=sys.stderr)
@@ -74,6 +77,7 @@ def main() -> int:
         board=SlotBoard(options.slots),
         started=started,
     )
+    hand_in_beside(options.service, options.token, kernels)
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -124,6 +125,37 @@ class Link:
             content = iter(lambda: file.read(CHUNK), b"")
             self._send("PUT", f"/api/farm/blobs/{sha256}", content=content, headers={"Content-Length": str(size)})
         return BlobRef(path="", sha256=sha256, size=size)
+
+    def kernels(self, name: str, out: BinaryIO) -> bool:
+        """Write the kernels of this name (renderer.artefact) to `out`; False where the farm has none."""
+        try:
+            with self.client.stream("GET", f"/api/farm/kernels/{name}") as response:
+                if response.status_code == httpx.codes.NOT_FOUND:
+                    return False
+                self._check(response)
+                for chunk in response.iter_bytes(CHUNK):
+                    out.write(chunk)
+        except httpx.HTTPError as error:
+            raise LinkError(self._why(error)) from error
+        return True
+
+    def has_kernels(self, name: str) -> bool:
+        """Whether the farm has the kernels of this name."""
+        try:
+            response = self.client.head(f"/api/farm/kernels/{name}")
+        except httpx.HTTPError as error:
+            raise LinkError(self._why(error)) from error
+        if response.status_code == httpx.codes.NOT_FOUND:
+            return False
+        self._check(response)
+        return True
+
+    def store_kernels(self, name: str, file: BinaryIO) -> None:
+        """Give the farm the kernels of this name."""
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        content = iter(lambda: file.read(CHUNK), b"")
+        self._send("PUT", f"/api/farm/kernels/{name}", content=content, headers={"Content-Length": str(size)})
 
     def _send(self, method: str, path: str, **kwargs: Any) -> httpx.Response:
         try:
