@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
-from service.api.problem import Problem
+from service.errors import Conflict
 from service.scheduling.engine import Engine
 from service.settings import Settings
 from service.store.blobs import BlobStore
@@ -27,6 +27,7 @@ from service.watching.broadcast import Broadcast
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
+ENGINE_PATIENCE_S = 0.25  # with a locked database: meanwhile all jobs stand still
 OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 
 
@@ -43,7 +44,7 @@ class Farm:
         self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
-        self.records = Records(self.sessions, settings.max_pixels)
+        self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -67,7 +68,7 @@ class Farm:
         try:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError as error:
-            raise Problem(409, f"The picture cannot be shown: {error}. Render it anew.") from None
+            raise Conflict(f"The picture cannot be shown: {error}. Render it anew.") from None
         return self.films.open(job.id, settings, job.tile_size)
 
 

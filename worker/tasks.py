@@ -40,7 +40,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
     """Render a batch (RenderBatch.to_json) and send its sums."""
     worker = context.current()
     work = RenderBatch.from_json(batch)
-    doing = {key: batch[key] for key in ("job", "frame", "tile", "first", "count")}
+    doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
     worker.board.write(_slot(), doing)
     try:
         if _deaths(task, worker, work.batch) >= DEATHS_ALLOWED:

@@ -98,6 +98,7 @@ class Records:
             changed = session.execute(
                 update(Job)
                 .where(Job.id == job.id, Job.state.in_(ACTIVE), Job.spp == job.plan.spp)
+                .where(Job.noise.is_not_distinct_from(job.plan.noise), Job.seconds.is_not_distinct_from(job.seconds))
                 .values(state="finished", finished=time.time(), active_s=job.active_s)
             )
             return bool(changed.rowcount)  # type: ignore[attr-defined]
