@@ -158,7 +158,7 @@ class Engine:
         touched: dict[str, set[int]] = {}
         arrived, broken = merge(entries, self.scheduler.jobs)
         for id, error in broken.items():
-            self.lifecycle.fail(self.scheduler.jobs[id], f"The film of this job cannot be written ({error}). Make a new job.")
+            self.lifecycle.fail(self.scheduler.jobs[id], error)
         for merged in arrived:
             self.scheduler.came_back(merged.job, merged.lease, merged.batch, merged.seconds, merged.worker)
             self.counts["merged" if merged.taken else "dropped"] += 1

@@ -6,11 +6,11 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import shlex
-import sqlite3
 from collections.abc import Callable
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from service.errors import FilmLost
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.denoising import Denoising
 from service.scheduling.preparing import Preparing
@@ -87,8 +87,11 @@ class Lifecycle:
             return
         try:
             film = self._films.open(id, RenderSettings.from_json(row.settings), row.tile_size, pin=True)
-        except (sqlite3.DatabaseError, SettingsError) as error:
-            self._records.failed(id, f"This job cannot go on: its film or its settings cannot be read ({error}). Make a new one.")
+        except FilmLost as error:
+            self._records.failed(id, str(error))
+            return
+        except SettingsError as error:
+            self._records.failed(id, f"This job cannot go on: its settings cannot be read ({error}). Make a new one.")
             return
         job = ActiveJob(row, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
         self._scheduler.jobs[id] = job

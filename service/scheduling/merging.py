@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
 from renderer.film import BadSample
 from renderer.settings import Tile
+from service.errors import FilmLost
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.plan import Range
 from service.scheduling.results import Entry
@@ -38,7 +38,7 @@ def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> tuple[list[Merged
     """Add all rendered batches among the entries to their films; those of jobs that are over are left out.
 
     Also returns the jobs whose film is broken, each with its fault. What may pass (a full disk, a lock) is raised instead,
-    as sqlite3.OperationalError: the entries are still in the stream, and are taken in later.
+    as FilmWaits: the entries are still in the stream, and are taken in later.
     """
     groups: dict[str, list[tuple[str, Range, float, str, Part]]] = {}
     for entry in entries:
@@ -58,9 +58,7 @@ def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> tuple[list[Merged
         job = jobs[id]
         try:
             taken = job.film.merge([part for *_, part in group])
-        except sqlite3.OperationalError:
-            raise
-        except sqlite3.DatabaseError as error:
+        except FilmLost as error:
             broken[id] = str(error)
             continue
         for (lease, batch, seconds, worker, part), is_new in zip(group, taken, strict=True):
