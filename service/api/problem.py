@@ -109,7 +109,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(FarmError)
     async def _farm(request: Request, error: FarmError) -> ProblemResponse:
-        return response(STATUS[type(error)], str(error))
+        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error))
 
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> ProblemResponse:
