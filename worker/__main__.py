@@ -27,16 +27,26 @@ from worker import app
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
+from worker.errors import WorkerError
 from worker.joining import Joining
-from worker.link import Link, RefusedError
+from worker.link import Link, check_redis_url
+from worker.prepare import memory_budget
 from worker.status import SlotBoard
 
 EXIT_REFUSED = 3
 
 
 def main() -> int:
-    """Join, warm up, work. Exit code 3: the service refuses this worker, another try is of no use."""
+    """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
     options = _options()
+    try:
+        return _work(options)
+    except WorkerError as error:
+        print(f"rayfarm worker: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+
+
+def _work(options: argparse.Namespace) -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     logging.getLogger("httpx").setLevel(logging.WARNING)
     log = logging.getLogger("worker")
@@ -55,22 +65,20 @@ def main() -> int:
         )
 
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
-    try:
-        joining.begin()
-        log.info("kernels ready after %.1f s (%s)", warm_up(), kind)
-        joined = joining.finish(lambda: bool(stopping))
-    except RefusedError as error:
-        print(f"rayfarm worker: {error}", file=sys.stderr)
-        return EXIT_REFUSED
+    joining.begin()
+    log.info("kernels ready after %.1f s (%s)", warm_up(), kind)
+    joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0
+    cache = BlobCache(link, joined.farm, options.cache, options.cache_bytes)
+    cache.check()
     worker = WorkerContext(
         name=joined.name,
         slots=options.slots,
         kind=kind,
         redis_url=joined.redis_url,
         link=link,
-        cache=BlobCache(link, joined.farm, options.cache, options.cache_bytes),
+        cache=cache,
         board=SlotBoard(options.slots),
         started=started,
     )
@@ -82,7 +90,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m worker", description="A worker of the farm; `rayfarm worker` starts one.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="the farm's token; $RAYFARM_TOKEN")
-    parser.add_argument("--slots", type=int, default=os.cpu_count() or 1, help="batches rendered at a time")
+    parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
     parser.add_argument(
         "--redis",
         default=os.environ.get("RAYFARM_REDIS_URL"),
@@ -91,7 +99,24 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
-    return parser.parse_args()
+    options = parser.parse_args()
+    try:
+        if options.redis:
+            check_redis_url(options.redis)
+    except ValueError as error:
+        parser.error(f"--redis: {error}")
+    try:
+        memory_budget()
+    except ValueError:
+        parser.error("RAYFARM_PREPARE_MEMORY_MB is no number of megabytes")
+    return options
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError
+    return number
 
 
 if __name__ == "__main__":
