@@ -27,7 +27,7 @@ from worker import app
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
-from worker.errors import WorkerError
+from worker.errors import RefusedError, WorkerError
 from worker.joining import Joining
 from worker.link import Link, check_redis_url
 from worker.prepare import memory_budget
@@ -47,6 +47,7 @@ def main() -> int:
 
 
 def _work(options: argparse.Namespace) -> int:
+    _check(options)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     logging.getLogger("httpx").setLevel(logging.WARNING)
     log = logging.getLogger("worker")
@@ -99,17 +100,20 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raises RefusedError where a setting would only be found wrong by the first work."""
     try:
         if options.redis:
             check_redis_url(options.redis)
     except ValueError as error:
-        parser.error(f"--redis: {error}")
+        raise RefusedError(f"--redis or RAYFARM_REDIS_URL: {error}") from None
     try:
         memory_budget()
     except ValueError:
-        parser.error("RAYFARM_PREPARE_MEMORY_MB is no number of megabytes")
-    return options
+        raise RefusedError("RAYFARM_PREPARE_MEMORY_MB is a number of megabytes, as 4000") from None
 
 
 def _positive(text: str) -> int:

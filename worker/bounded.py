@@ -80,10 +80,10 @@ def run_bounded(
     if answer is None:
         raise WorkError(_how_it_ended(status, subject, memory_bytes))
     if "error" in answer:
-        error = answer["error"]
+        sentence = answer["error"]
         if answer.get("machine"):
-            raise MachineError(error)
-        raise WorkError(error if answer.get("plain") else f"{subject} {error}")
+            raise MachineError(sentence)
+        raise WorkError(sentence if answer.get("plain") else f"{subject} {sentence}")
     return answer["answer"]
 
 

@@ -189,6 +189,12 @@ class Engine:
             if trouble is not None:
                 self.lifecycle.fail(job, f"A batch failed {len(trouble.workers)} times: {trouble.error}", trouble.reproduce)
             return
+        if event["type"] == "batch-returned":
+            job = self.scheduler.jobs.get(event["job"])
+            batch = batch_of(event, job) if job else None
+            if job is not None and batch is not None:
+                self.scheduler.returned(job, event["batch"], batch, event["worker"], str(event["error"]))
+            return
         if event["type"] == "denoised":
             made = Denoised(str(event["sha256"]), str(event["version"]), int(event["samples"]))
             self.denoising.heard(event["work"], made)
@@ -201,6 +207,8 @@ class Engine:
             self.preparing.heard(scene, kind, event["worker"], Progress("Reading", 0.0))
         elif event["type"] == "prepare-progress":
             self.preparing.heard(scene, kind, event.get("worker", ""), Progress(str(event["step"]), float(event["fraction"])))
+        elif event["type"] == "prepare-returned":
+            self.preparing.returned(scene, kind, str(event["error"]))
         elif event["type"] == "prepared":
             self.lifecycle.prepared(scene, SceneInfo.from_json(event["info"]))
         elif event["type"] == "prepare-failed":

@@ -11,7 +11,8 @@ from typing import BinaryIO
 import pytest
 
 from worker.cache import BlobCache
-from worker.link import FarmAnswer, Link, LinkError
+from worker.errors import LinkError
+from worker.link import FarmAnswer, Link
 
 ELSEWHERE = FarmAnswer("redis://", "instance-1", "")
 

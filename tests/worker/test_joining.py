@@ -13,7 +13,8 @@ import redis
 from tests.helpers import wait_until
 from worker.contract import WorkerReport, worker_key
 from worker.joining import Joining, free_name
-from worker.link import FarmAnswer, Link, LinkError, RefusedError
+from worker.errors import LinkError, RefusedError
+from worker.link import FarmAnswer, Link
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:

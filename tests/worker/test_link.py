@@ -9,7 +9,8 @@ import json
 import httpx
 import pytest
 
-from worker.link import Link, LinkError, RefusedError
+from worker.errors import LinkError, RefusedError
+from worker.link import Link
 
 
 def link(answer: httpx.Response | Exception, service: str = "http://farm.example:8000") -> Link:
