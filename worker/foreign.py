@@ -6,11 +6,23 @@ Imports nothing heavy: the command line says the same sentence.
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
+from urllib.parse import urlsplit
 
-__all__ = ["MAX_ANSWER", "kind_of_answer", "not_a_farm"]
+__all__ = ["MAX_ANSWER", "is_address", "kind_of_answer", "not_a_farm"]
 
 MAX_ANSWER = 64 << 20  # bytes of JSON; whoever sends more is no farm, and is not listened to any longer
+
+
+def is_address(url: str) -> bool:
+    """Whether this can be the address of a service."""
+    try:
+        parts = urlsplit(url)
+        is_http = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        return False
+    return is_http and not re.search(r"\s", url)
 
 
 def not_a_farm(url: str, came: str) -> str:

@@ -17,7 +17,7 @@ from redis.connection import parse_url
 
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from worker.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
-from worker.foreign import MAX_ANSWER, kind_of_answer, not_a_farm
+from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
 
 __all__ = ["FarmAnswer", "Link", "check_redis_url"]
 
@@ -51,11 +51,7 @@ class Link:
         self._client: httpx.Client | None = None
         if not (token.isascii() and token.isprintable()):
             raise RefusedError("The token has characters that no token has. Take the one that `rayfarm up` shows.")
-        try:
-            url = httpx.URL(self.service)
-        except (httpx.InvalidURL, UnicodeError, ValueError):
-            url = httpx.URL()
-        if url.scheme not in ("http", "https") or not url.host:
+        if not is_address(self.service):
             raise RefusedError(f"{service!r} is no address of a service; give one as http://host:8000")
 
     def __getstate__(self) -> dict[str, Any]:
