@@ -158,7 +158,7 @@ class Link:
             with self.client.stream(method, path, **kwargs) as response:
                 self._check(response)
                 yield response
-        except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL) as error:
+        except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
             raise LinkError(f"no answer from {self.service} ({error or type(error).__name__})") from error
 
     def _check(self, response: httpx.Response) -> None:
