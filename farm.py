@@ -23,8 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
-FOR_USE = ("worker", "denoise", "local")
-FOR_TESTS = ("worker", "denoise", "local", "test")
+FOR_TESTS = ("test",)
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
@@ -42,12 +41,12 @@ def main():
         return run_tests(install(FOR_TESTS), rest)
     if command == "sheets":
         program = str(ROOT / "scenes" / "sheets.py")
-        return subprocess.call([str(install(FOR_USE)), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
+        return subprocess.call([str(install()), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
         return run_benchmarks(install(FOR_TESTS), rest)
-    install(FOR_USE)
+    install()
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
 
@@ -80,7 +79,7 @@ def find_python():
     )
 
 
-def install(extras):
+def install(extras=()):
     """The environment's Python, with Rayfarm and these extras installed; quick where nothing has changed."""
     python = VENV / "bin" / "python"
     stamp = VENV / "rayfarm-stamp"
@@ -91,9 +90,9 @@ def install(extras):
     if not usable(python):
         make_environment()
         known = []
-    extras = sorted(set(extras) | set(known[1:]))
+    extras = sorted(set(extras) | (set(known[1:]) & set(FOR_TESTS)))
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
-    target = "{}[{}]".format(ROOT, ",".join(extras))
+    target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
     stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")

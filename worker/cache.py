@@ -13,15 +13,15 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from renderer.places import cache_home
 from worker.link import FarmAnswer, Link
 
 __all__ = ["BlobCache", "default_cache_dir"]
 
 
 def default_cache_dir() -> Path:
-    """Beside the kernels' cache (renderer.jit): $RAYFARM_CACHE/blobs, by default under ~/.cache/rayfarm."""
-    base = os.environ.get("RAYFARM_CACHE")
-    return (Path(base) if base else Path.home() / ".cache" / "rayfarm") / "blobs"
+    """Beside the kernels' cache (renderer.jit)."""
+    return cache_home() / "blobs"
 
 
 class BlobCache:
