@@ -1,16 +1,14 @@
-"""What all tests share: a real Redis, a whole farm, and where the sample files are."""
+"""What all tests share: a real Redis, and a whole farm."""
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Iterator
-from pathlib import Path
 
 import hypothesis
 import pytest
 
-from tests.helpers import ROOT, Farm, running_redis, start_farm, stop_farm
+from tests.helpers import Farm, running_redis, start_farm, stop_farm
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -18,15 +16,6 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # How long an example takes says more about the machine than about the code.
 hypothesis.settings.register_profile("rayfarm", deadline=None)
 hypothesis.settings.load_profile("rayfarm")
-
-
-@pytest.fixture(scope="session")
-def assets() -> Path:
-    """The folder of sample files; the test is skipped where it is not at hand."""
-    folder = Path(os.environ.get("RAYFARM_ASSETS", ROOT.parent / "shared" / "assets"))
-    if not folder.is_dir():
-        pytest.skip("sample files are not here; name their folder in $RAYFARM_ASSETS")
-    return folder
 
 
 @pytest.fixture(scope="session")
