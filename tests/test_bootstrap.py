@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 from tests.helpers import ROOT
 
@@ -45,3 +47,12 @@ def test_a_python_too_old_gets_a_sentence() -> None:
     )
     assert done.returncode == 1
     assert "This is Python 3.9; Rayfarm needs Python 3.11 or 3.12" in done.stderr
+
+
+def test_nothing_is_skipped_where_ci_is_set(tmp_path: Path) -> None:
+    (tmp_path / "test_page.py").write_text("import pytest\n\ndef test_page():\n    pytest.skip('no Chromium')\n")
+    command = [sys.executable, "-m", "pytest", "-p", "tests.conftest", "--rootdir", str(tmp_path), str(tmp_path)]
+    for ci, code, said in (("", 0, "1 skipped"), ("true", 1, "must not be skipped where $CI is set: Skipped: no Chromium")):
+        environment = {**os.environ, "CI": ci, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert (done.returncode, said in done.stdout) == (code, True), done.stdout + done.stderr
