@@ -34,6 +34,21 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     stop_farm(made)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What runs in one process where the tests are spread over several: all that share the farm or the browser, else a file.
+
+    Those that wait for other processes come first, so that the others fill the time.
+    """
+    for item in items:
+        shares = {"farm", "browser"} & set(getattr(item, "fixturenames", ()))
+        of_database = (
+            "service" in item.path.parts and "RAYFARM_TEST_DATABASE_URL" in os.environ
+        )  # there is one, and it is emptied
+        name = "farm" if shares else "database" if of_database else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(name))
+    items.sort(key=lambda item: item.get_closest_marker("farm") is None and item.get_closest_marker("browser") is None)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
