@@ -10,7 +10,7 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
-from renderer.kernel.surface.normal_map import shading_frame
+from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.surface.surface import Surface
 
 __all__ = ["Path", "Vertex", "camera_path", "vertex_at", "with_origin", "with_radiance", "with_throughput"]

@@ -37,10 +37,10 @@ from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.kernel.material.fetch import columns
+from renderer.kernel.fetch import columns
 from renderer.kernel.material.layers import Textures, resolve
+from renderer.kernel.material.normal_map import coat_normal
 from renderer.kernel.material.texture import sample_texture
-from renderer.kernel.surface.normal_map import coat_normal
 
 __all__ = [
     "LAYER_SLOTS",
