@@ -16,6 +16,7 @@ from rayfarm.console import bar, err, out
 from rayfarm.errors import CommandError
 from rayfarm.picture import Picture
 from rayfarm.scene_files import opened
+from service.places import shipped
 
 if TYPE_CHECKING:
     from renderer.film import Sums
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-SCENE = Path(__file__).resolve().parents[2] / "scenes" / "still-life.yaml"
+SCENE = shipped("scenes") / "still-life.yaml"
 SIZE = "64x36"
 ENOUGH_S = 0.5  # what is over sooner is measured with more samples
 MOST_SAMPLES = 4096

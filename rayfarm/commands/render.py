@@ -13,6 +13,7 @@ import typer
 from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import CommandError
+from rayfarm.output_files import check_writable
 from rayfarm.picture import DEFAULT_SPP, Picture, takes_picture
 from rayfarm.rendering import Clock, load_kernels, load_scene, part_of_frame, whole_frame
 from rayfarm.replay import show_path
@@ -101,8 +102,7 @@ def render(
     planes = _aovs(aov, output)
     rectangle = options.parse_tile(tile) if tile else None
     environment = picture.environment()
-    if not output.parent.is_dir():
-        raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
+    check_writable(output)
     if denoise and not is_available():
         raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
 

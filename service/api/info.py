@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from fastapi import APIRouter
 
+from renderer import __version__
 from renderer.aovs import AOVS
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
@@ -25,12 +25,7 @@ from renderer.settings import (
 )
 from service.farm import FarmDependency
 
-__all__ = ["VERSION", "router"]
-
-try:
-    VERSION = version("rayfarm")
-except PackageNotFoundError:
-    VERSION = "0.1.0"
+__all__ = ["router"]
 
 router = APIRouter(tags=["info"])
 
@@ -41,7 +36,7 @@ def info(farm: FarmDependency) -> dict[str, Any]:
     settings = farm.settings
     return {
         "name": "rayfarm",
-        "version": VERSION,
+        "version": __version__,
         "limits": {
             "upload_bytes": settings.max_upload_bytes,
             "upload_files": settings.max_upload_files,
@@ -60,6 +55,6 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         "projections": list(PROJECTIONS),
         "curves": list(CURVES),
         "aovs": list(AOVS),
-        "denoise": farm.engine.denoising.kind() is not None,
+        "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }
