@@ -82,15 +82,15 @@ def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
 
 
 async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """The same bytes in larger pieces: each is worth a thread, in which it is hashed and written."""
+    """The same bytes in larger pieces, each worth a thread in which it is hashed and written; the first chunk at once."""
     pieces: list[bytes] = []
-    size = 0
+    size, enough = 0, 1
     async for chunk in chunks:
         pieces.append(chunk)
         size += len(chunk)
-        if size >= PIECE:
+        if size >= enough:
             yield b"".join(pieces)
-            pieces, size = [], 0
+            pieces, size, enough = [], 0, PIECE
     if pieces:
         yield b"".join(pieces)
 
