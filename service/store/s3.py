@@ -27,6 +27,7 @@ from service.store.staging import BlobWriter, Staging
 __all__ = ["S3Blobs"]
 
 IN_MEMORY = 8 << 20
+RETRIES = 5
 PATIENCE = timedelta(seconds=10)
 
 
@@ -45,7 +46,7 @@ class S3Blobs:
             self._bucket,
             prefix=address.path.strip("/") or None,
             client_options={"allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")},
-            retry_config={"max_retries": 5, "retry_timeout": PATIENCE},
+            retry_config={"max_retries": RETRIES, "retry_timeout": PATIENCE},
         )
 
     def writer(self) -> BlobWriter:
@@ -62,10 +63,15 @@ class S3Blobs:
 
     def open(self, sha256: str) -> BinaryIO:
         """See BlobStore."""
+        chunks = self.serve(sha256).chunks
         file = tempfile.SpooledTemporaryFile(IN_MEMORY, "w+b", dir=str(self._temporary))  # noqa: SIM115 - the caller closes it
-        for chunk in self.serve(sha256).chunks:
-            file.write(chunk)
-        file.seek(0)
+        try:
+            for chunk in chunks:
+                file.write(chunk)
+            file.seek(0)
+        except BaseException:
+            file.close()
+            raise
         return cast(BinaryIO, file)
 
     def serve(self, sha256: str) -> ServedBlob:
@@ -117,7 +123,7 @@ class S3Blobs:
         except BaseError as error:
             why = str(error).partition("\n")[0]
             raise Unavailable(
-                f"The object store does not do as asked ({why}). Try again; see RAYFARM_BLOBS and AWS_*."
+                f"The object store does not answer as it should ({why}). Try again; see RAYFARM_BLOBS and AWS_*."
             ) from error
 
 

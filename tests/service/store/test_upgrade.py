@@ -71,9 +71,7 @@ def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
     with sqlite3.connect(old / "rayfarm.sqlite") as database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     database.close()
-    with pytest.raises(
-        NewerDatabaseError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"
-    ):
+    with pytest.raises(NewerDatabaseError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
         Farm(Settings(data=old))
     with sqlite3.connect(old / "rayfarm.sqlite") as database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
