@@ -5,18 +5,20 @@ from __future__ import annotations
 import errno
 import io
 import lzma
+import os
 import stat
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from typing import BinaryIO
 
 from renderer.formats import is_junk
 from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
 from service.intake.unpack import CHUNK, pieces
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["expand"]
 
@@ -29,7 +31,7 @@ DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
 
 def expand(
-    archive: Path,
+    archive: BinaryIO,
     name: str,
     store: BlobStore,
     max_files: int,
@@ -65,8 +67,8 @@ def expand(
 class _Archive(io.BufferedReader):
     """The file of an archive. zipfile reads the whole directory at once: one that so many files do not need is refused."""
 
-    def __init__(self, path: Path, name: str, max_files: int) -> None:
-        super().__init__(io.FileIO(path))
+    def __init__(self, archive: BinaryIO, name: str, max_files: int) -> None:
+        super().__init__(io.FileIO(os.dup(archive.fileno())))
         self._limit = max(2 * CHUNK, max_files * DIRECTORY_BYTES_A_FILE)
         self._refusal = f"The archive {name} has a directory of far more files than the {max_files} that are taken."
 

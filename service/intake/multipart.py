@@ -11,9 +11,10 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
 
 from service.errors import Invalid, TooLarge, UnknownFormat
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
-__all__ = ["Form", "read_form"]
+__all__ = ["Form", "gathered", "read_form"]
 
 MAX_FIELD = 4096
 MAX_FIELDS = 32
@@ -57,7 +58,7 @@ async def read_form(
             check_disk(len(piece))
             parser.write(piece)
 
-        async for piece in _pieces(chunks):
+        async for piece in gathered(chunks):
             total += len(piece)
             if total > max_bytes:
                 raise TooLarge(
@@ -75,7 +76,7 @@ async def read_form(
     return reader.form
 
 
-async def _pieces(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     """The same bytes in pieces that are worth a thread's while: each is hashed and written there.
 
     The first comes as it is, so that what is no form is refused before more of it is sent.
