@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import IO, Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
@@ -24,6 +25,7 @@ from service.store.kernels import KernelStore
 from service.store.models import Job
 from service.store.records import Records
 from service.watching.broadcast import Broadcast
+from service.watching.pool import Pool
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
@@ -44,6 +46,8 @@ class Farm:
         self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
+        self.pictures = Pool()
+        self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 

@@ -191,7 +191,10 @@ class JobPatch(Strict):
     state: Literal["running", "paused", "cancelled"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
     spp: int | None = Field(
-        None, ge=1, le=MAX_SPP, description="this many samples in every pixel, whatever noise or time said; a finished job goes on"
+        None,
+        ge=1,
+        le=MAX_SPP,
+        description="this many samples in every pixel, whatever noise or time said; a finished job goes on",
     )
     more: int | None = Field(None, ge=1, le=MAX_SPP, description="as spp: so many more than now")
 

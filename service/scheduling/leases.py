@@ -39,7 +39,6 @@ class Lease:
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
         return time.monotonic() - self.issued > patience
 
-
     def seen(self, is_seen: bool, end: Callable[[], Position]) -> None:
         """Note whether it waits or is worked on at this look. end: of the results; looked up after the look."""
         if is_seen:

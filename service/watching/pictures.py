@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs
-from renderer.image import rgbe9995
+from renderer import film as film_math
+from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import encode, encode_shown
 from service.errors import Invalid
 from service.store.films import Film
@@ -17,6 +18,7 @@ from service.store.films import Film
 __all__ = ["MEDIA", "PictureWish", "picture"]
 
 F32 = npt.NDArray[np.float32]
+ROWS = 64  # at a time, of a denoised picture
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
@@ -54,6 +56,8 @@ def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
     """The file."""
     if wish.planes and not wish.in_layers:
         return _plane(film, frame, wish, wish.planes[0])
+    if wish.extension in ("png", "jpg") and wish.width is None:
+        return encode_shown(_shown(film, frame, wish), wish.extension)
     color = _smaller(_color(film, frame, wish.denoised), wish.width)
     if wish.extension == "rgb9e5":
         return rgbe9995.pack(color).astype("<u4").tobytes()
@@ -61,10 +65,23 @@ def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
     return encode(color, wish.extension, wish.exposure, wish.curve, channels)
 
 
+def _shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
+    """What a screen shows, piece by piece: the whole frame's radiance is never in memory, which would be many times as large."""
+    out = np.zeros((film.height, film.width, 3), np.uint8)
+    if wish.denoised is None:
+        return film.each(
+            frame, lambda sums: tonemap.apply(film_math.mean(sums, film.film_exponent), wish.exposure, wish.curve), out
+        )
+    color = _color(film, frame, wish.denoised)
+    for y in range(0, film.height, ROWS):
+        out[y : y + ROWS] = tonemap.apply(color[y : y + ROWS], wish.exposure, wish.curve)
+    return out
+
+
 def _color(film: Film, frame: int, denoised: Path | None) -> F32:
     if denoised is None:
         return film.channel(frame)
-    return np.fromfile(denoised, "<f4").reshape(film.height, film.width, 3)
+    return np.memmap(denoised, "<f4", "r", shape=(film.height, film.width, 3))
 
 
 def _plane(film: Film, frame: int, wish: PictureWish, name: str) -> bytes:
