@@ -16,8 +16,16 @@ from worker.contract import RESULTS, RenderBatch, Result, worker_key
 
 BATCH = {"type": "batch", "batch": "b", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 0, "count": 1, "seconds": 0.1}
 INFO: dict[str, Any] = {
-    **{"kind": "k", "compiled": {"path": "", "sha256": "0" * 64, "size": 1}, "thumbnail": None, "cameras": [], "counts": {}},
-    **{"bounds": [[0, 0, 0], [1, 1, 1]], "animations": [], "warnings": [], "defaults": {}, "seconds": 0.1},
+    "kind": "k",
+    "compiled": {"path": "", "sha256": "0" * 64, "size": 1},
+    "thumbnail": None,
+    "cameras": [],
+    "counts": {},
+    "bounds": [[0, 0, 0], [1, 1, 1]],
+    "animations": [],
+    "warnings": [],
+    "defaults": {},
+    "seconds": 0.1,
 }
 NONSENSE: list[Any] = [
     None,
@@ -74,7 +82,9 @@ def test_nonsense_of_workers_stops_nothing(service: Service, worker: PeerWorker)
             worker.redis.xadd(RESULTS, {"event": json.dumps({**event, **about} if about else event)})
         for i, report in enumerate(REPORTS):
             sense = json.loads(worker.redis.get(worker_key(worker.name)) or b"{}") if isinstance(report, dict) else {}
-            text = json.dumps({**sense, "name": f"strange {i}", "kind": "other", **report} if sense else report)
+            text = json.dumps(
+                {**sense, "name": f"strange {i}", "kind": "other", **report} if sense and "name" not in report else report
+            )
             worker.redis.set(worker_key(f"strange {i}"), text, ex=60)
         worker.redis.set(worker_key("strange text"), b"\xff\x00{", ex=60)
 
