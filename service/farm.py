@@ -19,10 +19,10 @@ from service.scheduling.engine import Engine
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.database import connect
-from service.store.film_store import FilmStore
+from service.store.film_store import FilmFolder
 from service.store.films import Film
 from service.store.kernels import KernelStore
-from service.store.models import Job
+from service.store.models import FINAL, Job
 from service.store.records import Records
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
@@ -43,7 +43,7 @@ class Farm:
         self.instance = settings.instance()
         self.database, self.sessions = connect(settings.database)
         self.blobs = BlobStore(settings.data / "blobs", settings.data / "tmp")
-        self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
+        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
         self.pictures = Pool()
@@ -66,14 +66,15 @@ class Farm:
         self._lock.close()
 
     def film(self, job: Job) -> Film | None:
-        """A job's film; None where the job has none yet."""
+        """A job's film; None where the job has none yet. Raises FilmLost where it has less than the job's row says."""
         if job.settings is None or job.tile_size is None:
             return None
         try:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError as error:
             raise Conflict(f"The picture cannot be shown: {error}. Render it anew.") from None
-        return self.films.open(job.id, settings, job.tile_size)
+        recorded = self.records.samples(job.id) if job.state in FINAL else 0
+        return self.films.open(job.id, settings, job.tile_size, recorded=recorded)
 
 
 def _own(folder: Path) -> IO[str]:

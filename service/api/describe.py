@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 from dataclasses import asdict
 from typing import Any, cast
 
@@ -11,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from renderer.settings import RenderSettings
 from service.api.schemas import BadSampleOut, FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
+from service.errors import FarmError
 from service.scheduling.engine import Engine
 from service.scheduling.snapshot import Snapshot
 from service.scheduling.workers import Roster
-from service.store.films import FilmClosed
 from service.store.models import ACTIVE, Frame, Job, Scene
 from worker.contract import WorkerReport
 from worker.reproduce import sample_command
@@ -91,7 +90,7 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
     settings = RenderSettings.from_json(job.settings)
     try:
         bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame.number)[1]
-    except (FilmClosed, sqlite3.Error):
+    except FarmError:
         return []  # the job is being deleted, or its film is broken: the job's error says so
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 

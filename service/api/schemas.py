@@ -194,7 +194,7 @@ class JobPatch(Strict):
         None,
         ge=1,
         le=MAX_SPP,
-        description="this many samples in every pixel, whatever noise or time said; a finished job goes on",
+        description="samples in every pixel, whatever noise or time said; a finished job goes on",
     )
     more: int | None = Field(None, ge=1, le=MAX_SPP, description="as spp: so many more than now")
 

@@ -56,6 +56,12 @@ class Records:
         with self._sessions() as session:
             return session.get(Job, id)
 
+    def samples(self, job: str) -> int:
+        """The samples of a job's frame 0 that are in its film, as they were last written down."""
+        with self._sessions() as session:
+            frame = session.get(Frame, (job, 0))
+            return frame.samples if frame is not None else 0
+
     def scene(self, id: str) -> Scene | None:
         """A scene's row."""
         with self._sessions() as session:
