@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,7 @@ class PictureWish:
     """What a reader asks for.
 
     planes: AOVs by name, none for colour. in_layers: as layers beside the colour, else the one plane alone.
-    denoised: the file with the colour to take instead.
+    denoised: opens the colour to take instead.
     """
 
     extension: str
@@ -42,7 +43,7 @@ class PictureWish:
     exposure: float = 0.0
     curve: str = "neutral"
     width: int | None = None
-    denoised: Path | None = None
+    denoised: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
         """Raise Invalid for a wish that no file fulfils."""
@@ -72,16 +73,18 @@ def _shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
         return film.each(
             frame, lambda sums: tonemap.apply(film_math.mean(sums, film.film_exponent), wish.exposure, wish.curve), out
         )
-    color = _color(film, frame, wish.denoised)
-    for y in range(0, film.height, ROWS):
-        out[y : y + ROWS] = tonemap.apply(color[y : y + ROWS], wish.exposure, wish.curve)
+    with wish.denoised() as file:
+        for rows in np.array_split(out, -(-film.height // ROWS)):
+            color = np.frombuffer(file.read(rows.size * 4), "<f4").reshape(rows.shape)
+            rows[:] = tonemap.apply(color, wish.exposure, wish.curve)
     return out
 
 
-def _color(film: Film, frame: int, denoised: Path | None) -> F32:
+def _color(film: Film, frame: int, denoised: Callable[[], BinaryIO] | None) -> F32:
     if denoised is None:
         return film.channel(frame)
-    return np.memmap(denoised, "<f4", "r", shape=(film.height, film.width, 3))
+    with denoised() as file:
+        return np.frombuffer(file.read(), "<f4").reshape(film.height, film.width, 3)
 
 
 def _plane(film: Film, frame: int, wish: PictureWish, name: str) -> bytes:

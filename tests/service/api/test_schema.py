@@ -6,6 +6,7 @@ Whatever comes in, the answer is one that the description names, in the form tha
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,16 +19,18 @@ from schemathesis.specs.openapi.checks import content_type_conformance, response
 from service.main import create_app
 from service.settings import Settings
 from tests.helpers import running_redis
-from tests.service.conftest import Service, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
 
 FAULTS_ALLOWED = {503, 507}  # what is away or full comes back; nothing else beyond 499 is a client's business
 ENDLESS = "/api/events"
+ENDLESS_SPP = 1 << 16
+FAILS = 13
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server.url, max_pixels=1 << 16, max_upload_files=8)
+    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server.url, max_pixels=1 << 16, batch_deadline=600.0)
     yield service
     service.stop()
 
@@ -37,35 +40,37 @@ class Alive:
 
     def __init__(self, service: Service, worker: PeerWorker) -> None:
         self.service = service
-        hold = threading.Event()
-        worker.on_prepare = lambda scene: hold.wait(60) if scene in self.scenes.get("preparing", "") else None
-        self.hold = hold
-        self.scenes: dict[str, str] = {"ready": service.ready_scene(), "failed": service.upload(b"broken", "broken.obj")}
+        self.done = threading.Event()
+        self.scenes = {"ready": service.ready_scene(), "failed": service.upload(b"broken", "broken.obj")}
         until(lambda: service.scene(self.scenes["failed"])["status"] == "failed", "a scene fails")
-        ready = self.scenes["ready"]
-        self.jobs = {"finished": service.submit(ready, width=32, height=32, spp=2)}
-        service.wait_for(self.jobs["finished"], "finished")
 
-        def fail_or_wait(batch: Any) -> None:
-            if batch.job == self.jobs.get("failed"):
+        def fail(batch: Any) -> None:
+            if batch.settings.seed == FAILS:
                 raise ValueError("this batch fails")
-            if batch.job == self.jobs.get("running") and batch.first > 4:
-                hold.wait(60)
 
-        worker.on_batch = fail_or_wait
-        self.jobs["failed"] = service.submit(ready, width=32, height=32, spp=3)
-        service.wait_for(self.jobs["failed"], "failed", timeout=60)
-        for state in ("cancelled", "paused"):
-            self.jobs[state] = service.submit(ready, width=32, height=32, spp=1 << 16, priority=-50)
-            service.patch(self.jobs[state], state=state)
-        self.jobs["running"] = service.submit(ready, width=32, height=32, spp=1 << 16, priority=50)
-        service.wait_for(self.jobs["running"], "running")
-        self.jobs["queued"] = service.submit(ready, width=32, height=32, spp=8, priority=-100)
+        worker.on_batch = fail
+        self.jobs: dict[str, str] = {}
+        for state, request in {
+            "finished": {"spp": 2},
+            "failed": {"spp": 3, "seed": FAILS},
+            "cancelled": {"spp": ENDLESS_SPP, "priority": -50},
+            "paused": {"spp": ENDLESS_SPP, "priority": -50},
+            "running": {"spp": ENDLESS_SPP, "priority": 100},
+        }.items():
+            self.jobs[state] = service.submit(self.scenes["ready"], width=32, height=32, **request)
+            if state in ("cancelled", "paused"):
+                service.patch(self.jobs[state], state=state)
+            service.wait_for(self.jobs[state], state, timeout=60)
+        # The one slot is busy with this scene from now on; so jobs stay as they are.
+        worker.on_prepare = lambda scene: bool(self.done.wait(300)) and None
+        self.scenes["preparing"] = service.upload(OBJ + b"# another")
+        until(lambda: worker.prepared[-1] == self.scenes["preparing"], "the worker prepares")
+        self.jobs["queued"] = service.submit(self.scenes["ready"], width=32, height=32, spp=8, priority=-100)
         self.check()
 
     def check(self) -> None:
-        for state in ("finished", "failed", "cancelled", "paused", "running", "queued"):
-            assert self.service.job(self.jobs[state])["state"] == state
+        assert {state: self.service.job(id)["state"] for state, id in self.jobs.items()} == {s: s for s in self.jobs}
+        assert {status: self.service.scene(id)["status"] for status, id in self.scenes.items()} == {s: s for s in self.scenes}
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +78,8 @@ def alive(service: Service) -> Iterator[Alive]:
     with service.worker(slots=1) as worker:
         alive = Alive(service, worker)
         yield alive
-        alive.hold.set()
+        alive.check()
+        alive.done.set()
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +90,13 @@ def schema(alive: Alive) -> Any:
 def ids(path: str, alive: Alive) -> list[str]:
     known = list(alive.scenes.values()) if "/scenes/" in path else list(alive.jobs.values())
     return [*known, "nothing", "%00", "ü", "a" * 300]
+
+
+def spare(path: str, alive: Alive) -> str:
+    """A scene or a job that may be changed and deleted: the others stay in their states."""
+    if "/scenes/" in path:
+        return alive.service.upload(OBJ + f"# {time.monotonic_ns()}".encode())
+    return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
 
 
 def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
@@ -111,8 +124,8 @@ def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> d
             case.body["scene"] = alive.scenes["ready"]
         if "/farm/" in path and data.draw(st.booleans()):
             case.headers = {**(case.headers or {}), "Authorization": f"Bearer {alive.service.options['token']}"}
-        if method == "DELETE" and (case.path_parameters or {}).get("id") in live:
-            return  # tested with what may go
+        if method in ("DELETE", "PATCH") and (case.path_parameters or {}).get("id") in live:
+            case.path_parameters["id"] = spare(path, alive)
         response = case.call(timeout=20)
         seen[response.status_code] = seen.get(response.status_code, 0) + 1
         judge(case, response)
