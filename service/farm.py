@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import IO, Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
@@ -27,6 +28,7 @@ from service.store.models import FINAL, Job
 from service.store.records import Records
 from service.store.reserve import Reserve
 from service.watching.broadcast import Broadcast
+from service.watching.pool import Pool
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
@@ -52,9 +54,11 @@ class Farm:
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
-        self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
+        self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
+        self.pictures = Pool()
+        self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 

@@ -45,7 +45,7 @@ class Settings(BaseSettings):
     min_free_bytes: int = 256 * MIB  # of disk, kept free
 
     max_pixels: int = 64 * MIB
-    film_cache_bytes: int = GIB
+    film_cache_bytes: int = 256 * MIB
 
     batch_seconds: float = 0.5
     window_per_slot: int = 2

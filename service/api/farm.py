@@ -18,8 +18,7 @@ from service.api.jobs import find_job
 from service.api.problem import Problem
 from service.api.token import check_token
 from service.farm import FarmDependency
-from service.intake.multipart import gathered
-from service.intake.uploads import disk_checker
+from service.intake.uploads import disk_checker, gathered
 from service.store.blobs import is_sha256, no_blob
 from service.store.models import Scene
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest

@@ -28,9 +28,10 @@ from service.store.models import Scene
 from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "check_length", "full_disk", "keep", "receive", "under_sky"]
+__all__ = ["Upload", "check_length", "full_disk", "gathered", "keep", "receive", "under_sky"]
 
 DISK_CHECK_EVERY = 16 << 20
+PIECE = 1 << 20
 SKY = "sky:"
 T = TypeVar("T")
 
@@ -80,6 +81,20 @@ def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
     return check
 
 
+async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """The same bytes in larger pieces, each worth a thread in which it is hashed and written; the first chunk at once."""
+    pieces: list[bytes] = []
+    size, enough = 0, 1
+    async for chunk in chunks:
+        pieces.append(chunk)
+        size += len(chunk)
+        if size >= enough:
+            yield b"".join(pieces)
+            pieces, size, enough = [], 0, PIECE
+    if pieces:
+        yield b"".join(pieces)
+
+
 async def receive(
     content_type: str,
     chunks: AsyncIterator[bytes],
@@ -92,7 +107,7 @@ async def receive(
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
     with full_disk():
-        form = await read_form(content_type, chunks, store, *limits, check_disk)
+        form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
         return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
 
 

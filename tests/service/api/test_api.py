@@ -262,9 +262,10 @@ def test_lists_are_bounded_and_filtered(service: Service, scene: str, job: str) 
 
 
 def test_changes_that_make_no_sense_are_refused(service: Service, job: str) -> None:
-    for change in ({"state": "paused"}, {"state": "running"}, {"state": "cancelled"}):
+    for change in ({"state": "paused"}, {"state": "cancelled"}, {"spp": 1}):
         problem(service.http.patch(f"/api/jobs/{job}", json=change), 409)
-    problem(service.http.patch(f"/api/jobs/{job}", json={"state": "finished"}), 422)
+    for change in ({"state": "finished"}, {"spp": 9, "more": 1}, {"more": 0}, {"more": 1 << 20}):
+        problem(service.http.patch(f"/api/jobs/{job}", json=change), 422)
     problem(service.http.patch("/api/jobs/nothing", json={}), 404)
     problem(service.http.delete("/api/jobs/nothing"), 404)
 
