@@ -17,6 +17,7 @@ __all__ = [
     "Denoise",
     "Env",
     "Server",
+    "Variant",
     "denoised_name",
     "environment_of",
     "find_camera",
@@ -24,6 +25,7 @@ __all__ = [
     "parse_size",
     "parse_tile",
     "parse_vec3",
+    "told",
 ]
 
 SKY = "sky:"
@@ -42,6 +44,12 @@ Denoise = Annotated[
         "--denoise",
         help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.",
         rich_help_panel="What is written",
+    ),
+]
+Variant = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|N", help="One of a glTF file's variants of its materials, by name or number from 0.", rich_help_panel="View"
     ),
 ]
 Server = Annotated[
@@ -132,6 +140,13 @@ def _sky(text: str) -> tuple[float, float]:
             f"--env is {text!r}; it takes the sun's elevation, -90 to 90 degrees, and perhaps its azimuth, as --env sky:30,120"
         )
     return numbers[0], numbers[1] if len(numbers) == 2 else 0.0
+
+
+def told(warnings: list[str], env: Env) -> list[str]:
+    """A scene's warnings without those that are idle for this picture: a colour or a sky of its own puts out the studio."""
+    from renderer.scene.studio import STUDIO_NOTES
+
+    return [w for w in warnings if env == Env() or w not in STUDIO_NOTES]
 
 
 def find_camera(cameras: list[dict[str, Any]], camera: str) -> dict[str, Any]:

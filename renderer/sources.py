@@ -69,8 +69,8 @@ def _words(node: object) -> Iterator[str]:
     if isinstance(node, ast.AST):
         yield type(node).__name__
         for name, value in ast.iter_fields(node):
-            if name == "body" and isinstance(value, list) and _is_text(value[0] if value else None):
-                value = value[1:]
+            if isinstance(value, list):
+                value = [each for each in value if not _is_text(each)]
             if value is not None and value != [] and name not in ("ctx", "kind"):
                 yield name
                 yield from _words(value)
@@ -84,7 +84,7 @@ def _words(node: object) -> Iterator[str]:
 
 
 def _is_text(statement: object) -> bool:
-    """Whether a statement is nothing but a string: documentation."""
+    """Whether a statement is nothing but a string: documentation, of what encloses it or of the attribute before it."""
     return (
         isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str)
     )

@@ -13,19 +13,21 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
-from service.api.problem import Problem
+from service.errors import Conflict
 from service.scheduling.engine import Engine
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.database import connect
-from service.store.film_store import FilmStore
+from service.store.film_store import FilmFolder
 from service.store.films import Film
-from service.store.models import Job
+from service.store.kernels import KernelStore
+from service.store.models import FINAL, Job
 from service.store.records import Records
 from service.watching.broadcast import Broadcast
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
+ENGINE_PATIENCE_S = 0.25  # with a locked database: meanwhile all jobs stand still
 OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 
 
@@ -39,9 +41,10 @@ class Farm:
         self.instance = settings.instance()
         self.database, self.sessions = connect(settings.database)
         self.blobs = BlobStore(settings.data / "blobs", settings.data / "tmp")
-        self.films = FilmStore(settings.data / "films", settings.film_cache_bytes)
+        self.kernels = KernelStore(settings.data / "kernels", settings.token)
+        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
         self.broadcast = Broadcast()
-        self.records = Records(self.sessions, settings.max_pixels)
+        self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -59,14 +62,15 @@ class Farm:
         self._lock.close()
 
     def film(self, job: Job) -> Film | None:
-        """A job's film; None where the job has none yet."""
+        """A job's film; None where the job has none yet. Raises FilmLost where it has less than the job's row says."""
         if job.settings is None or job.tile_size is None:
             return None
         try:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError as error:
-            raise Problem(409, f"The picture cannot be shown: {error}. Render it anew.") from None
-        return self.films.open(job.id, settings, job.tile_size)
+            raise Conflict(f"The picture cannot be shown: {error}. Render it anew.") from None
+        recorded = self.records.samples(job.id) if job.state in FINAL else 0
+        return self.films.open(job.id, settings, job.tile_size, recorded=recorded)
 
 
 def _own(folder: Path) -> IO[str]:
@@ -86,7 +90,7 @@ def _own(folder: Path) -> IO[str]:
             time.sleep(0.1)
 
 
-def get_farm(connection: HTTPConnection) -> Farm:
+async def get_farm(connection: HTTPConnection) -> Farm:
     """The farm of the application that answers."""
     farm: Farm = connection.app.state.farm
     return farm

@@ -31,6 +31,7 @@ router = APIRouter(prefix="/api/jobs/{id}/frames/{n}", tags=["frames"])
 
 Number = Annotated[int, Path(ge=0, le=65535, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = f"color, or one of {', '.join(aovs.AOVS)}; for exr also a list as color,normal, or all: layers beside the colour"
 
 
@@ -69,7 +70,7 @@ async def image(
     aov: str = Query("color", max_length=200, description=AOV_HELP),
     denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
-    tonemap_curve: str = Query("neutral", alias="tonemap", max_length=40, description="a curve's name; for png and jpg"),
+    tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
 ) -> Response:
     """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
@@ -77,7 +78,7 @@ async def image(
     The header X-Samples has the number of samples, of all pixels together, that it was made of.
     """
     if tonemap_curve not in tonemap.CURVES:
-        raise Problem(422, f"tonemap: {tonemap_curve!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Problem(422, f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
     planes, in_layers = _planes(aov)
     if denoise and planes:
         raise Problem(422, "denoise: only colour is denoised; leave aov out.")

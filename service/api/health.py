@@ -25,14 +25,14 @@ def healthz(farm: FarmDependency) -> dict[str, str]:
 
 @router.get("/readyz")
 def readyz(farm: FarmDependency) -> dict[str, str]:
-    """Whether the service can work now: its database and Redis answer."""
+    """Whether the service can work now: its database, its films and Redis answer."""
     try:
         with farm.sessions() as session:
             session.execute(text("SELECT 1"))
     except Exception as error:
         raise Problem(503, f"The database does not answer ({type(error).__name__}). Look at RAYFARM_DATABASE_URL.") from error
-    if farm.engine.fault:
-        raise Problem(503, farm.engine.fault if farm.engine.fault != "starting" else "The service is starting.")
+    if (why := farm.engine.snapshot.not_ready) is not None:
+        raise Problem(503, why)
     return {"status": "ready"}
 
 

@@ -55,6 +55,6 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         "projections": list(PROJECTIONS),
         "curves": list(CURVES),
         "aovs": list(AOVS),
-        "denoise": farm.engine.denoising.kind() is not None,
+        "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }

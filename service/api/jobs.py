@@ -18,7 +18,8 @@ from service.api.schemas import JobIn, JobOut, JobPatch
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.intake.uploads import under_sky
-from service.store.models import ACTIVE, Frame, Job, Scene
+from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
+from service.store.models import Frame, Job, Scene
 
 __all__ = ["find_job", "router"]
 
@@ -99,17 +100,22 @@ def get_job(id: str, farm: FarmDependency) -> JobOut:
 
 @router.patch("/{id}", response_model=JobOut)
 def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
-    """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far."""
+    """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
+
+    A job that is over and set to running renders what its picture lacks; a film that is damaged is set aside first.
+    """
+    is_anew = change.state == "running" and begins_anew(find_job(id, farm), farm.films)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
             raise _unknown(id)
         if change.priority is not None:
             job.priority = change.priority
-        if change.spp is not None:
-            _raise_spp(job, change.spp)
+        if change.spp is not None or change.more is not None:
+            frame = session.get(Frame, (id, 0))
+            ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
         if change.state is not None:
-            _set_state(job, change.state)
+            set_state(job, change.state, is_anew)
         session.flush()
         answer = job_out(job, session, farm.engine)
     farm.engine.changed("job", id)
@@ -190,32 +196,6 @@ def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Respon
     response.headers["Location"] = f"/api/jobs/{earlier.id}"
     with farm.sessions() as session:
         return job_out(earlier, session, farm.engine)
-
-
-def _raise_spp(job: Job, spp: int) -> None:
-    if job.spp is not None and spp < job.spp:
-        raise Problem(409, f"spp: the job has {job.spp} samples a pixel already; samples are added, never taken away.")
-    if job.spp == spp:
-        return
-    job.spp = spp
-    if job.state == "finished":
-        job.state, job.finished = "queued", None
-
-
-def _set_state(job: Job, state: str) -> None:
-    if state == "cancelled":
-        if job.state == "finished":
-            raise Problem(409, "The job is finished; there is nothing to cancel. To remove it, delete it.")
-        if job.state != "cancelled":
-            job.state, job.finished = "cancelled", time.time()
-    elif state == "paused":
-        if job.state not in ACTIVE:
-            raise Problem(409, f"The job is {job.state}; only a queued or running job can be paused.")
-        job.state = "paused"
-    elif job.state == "finished":
-        raise Problem(409, "The job is finished. Raise spp to go on with it.")
-    elif job.state in ("paused", "failed", "cancelled"):
-        job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
 
 
 def _unknown(id: str) -> Problem:

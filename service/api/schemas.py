@@ -25,6 +25,8 @@ from renderer.settings import (
     RenderSettings,
     View,
 )
+from service.errors import Invalid
+from service.intake.names import plain_title
 
 __all__ = [
     "CameraOut",
@@ -58,6 +60,14 @@ class Strict(BaseModel):
     """A body in which unknown fields are an error: a misspelt option must not be ignored."""
 
     model_config = ConfigDict(extra="forbid")
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth(cls, value: Any) -> Any:
+        """true and false are no numbers, though Python counts with them."""
+        if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):
+            raise ValueError("true and false mean nothing here; give a value of the kind that the API's description names")
+        return value
 
 
 class ViewModel(Strict):
@@ -143,6 +153,14 @@ class JobIn(Strict):
     priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
     tile_size: int | None = Field(None, ge=8, le=512)
 
+    @field_validator("name")
+    @classmethod
+    def _plain(cls, value: str | None) -> str | None:
+        try:
+            return None if value is None else plain_title(value)
+        except Invalid as error:
+            raise ValueError(str(error).removeprefix("name: ")) from None
+
     @field_validator("frames")
     @classmethod
     def _one_frame(cls, value: str | int) -> str:
@@ -172,7 +190,13 @@ class JobPatch(Strict):
 
     state: Literal["running", "paused", "cancelled"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
-    spp: int | None = Field(None, ge=1, le=MAX_SPP, description="more samples than before; a finished job goes on")
+    spp: int | None = Field(
+        None,
+        ge=1,
+        le=MAX_SPP,
+        description="samples in every pixel, whatever noise or time said; a finished job goes on",
+    )
+    more: int | None = Field(None, ge=1, le=MAX_SPP, description="as spp: so many more than now")
 
 
 class CameraOut(BaseModel):

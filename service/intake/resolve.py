@@ -80,10 +80,10 @@ def _view(request: dict[str, Any], cameras: list[dict[str, Any]]) -> View:
             index = camera
         elif camera in names:
             index = names.index(camera)
-        elif camera.isdigit():
+        elif camera.isascii() and camera.isdigit() and len(camera) < 10:
             index = int(camera)
         else:
-            raise SettingsError(f"camera is {camera!r}; the scene has {', '.join(map(repr, names))}")
+            raise SettingsError(f"camera is {camera[:60]!r}; the scene has {', '.join(map(repr, names))}")
         if not 0 <= index < len(cameras):
             raise SettingsError(f"camera is number {index}; the scene has {len(cameras)}, counted from 0")
         wanted = cameras[index]["view"]

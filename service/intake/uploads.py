@@ -17,7 +17,7 @@ from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from service.api.problem import Problem
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
-from service.intake.names import safe_name
+from service.intake.names import plain_title, safe_name
 from service.settings import Settings
 from service.store.blobs import BlobStore, BlobWriter
 from service.store.models import Scene
@@ -96,6 +96,7 @@ def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:
+        title = plain_title(form.fields.get("name", ""))
         for name, writer in _expanded(form, store, settings, check_disk):
             if name in files:
                 writer.discard()
@@ -111,7 +112,7 @@ def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[
             writer.discard()
     if environment is not None and not environment.startswith(SKY):
         environment = chosen.strip(environment)
-    name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
+    name = title[:200] or PurePosixPath(chosen.main).stem
     return Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
 
 

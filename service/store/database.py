@@ -14,11 +14,20 @@ __all__ = ["Sessions", "connect"]
 
 
 class Sessions:
-    """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes."""
+    """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes.
 
-    def __init__(self, engine: Engine) -> None:
-        self._readers = sessionmaker(engine, expire_on_commit=False)
-        self._writers = sessionmaker(engine.execution_options(writes=True), expire_on_commit=False)
+    patience_s: how long a lock of SQLite's is waited for.
+    """
+
+    def __init__(self, engine: Engine, patience_s: float = 30.0) -> None:
+        self._engine = engine
+        options = {"patience_ms": round(patience_s * 1000)}
+        self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
+        self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
+
+    def with_patience(self, seconds: float) -> Sessions:
+        """The same database, for whoever must not wait so long."""
+        return Sessions(self._engine, seconds)
 
     def __call__(self) -> Session:
         """A session for reading."""
@@ -51,5 +60,7 @@ def _tune_sqlite(connection: Any, _: Any) -> None:
 def _begin_sqlite(connection: Connection) -> None:
     # A transaction that reads and then writes must hold the lock from its beginning: else another writer may come between,
     # and what was decided by the reading is no longer true (or SQLite gives up with "database is locked").
-    writes = connection.get_execution_options().get("writes")
+    options = connection.get_execution_options()
+    writes, patience_ms = options.get("writes"), options.get("patience_ms", 30_000)
+    connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")  # of this use of the connection, which is pooled
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

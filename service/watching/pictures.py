@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer import aovs
 from renderer.image import rgbe9995
 from renderer.image.encode import encode, encode_shown
-from service.api.problem import Problem
+from service.errors import Invalid
 from service.store.films import Film
 
 __all__ = ["MEDIA", "PictureWish", "picture"]
@@ -43,11 +43,11 @@ class PictureWish:
     denoised: Path | None = None
 
     def check(self) -> None:
-        """Raise Problem 422 for a wish that no file fulfils."""
+        """Raise Invalid for a wish that no file fulfils."""
         if self.in_layers and self.extension != "exr":
-            raise Problem(422, f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
+            raise Invalid(f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
         if self.planes and self.extension == "rgb9e5":
-            raise Problem(422, "aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
+            raise Invalid("aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
 
 
 def picture(film: Film, frame: int, wish: PictureWish) -> bytes:

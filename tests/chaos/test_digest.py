@@ -40,23 +40,23 @@ def expected() -> str:
 
 def submit(farm: Farm, **more: Any) -> str:
     with farm.client() as client:
-        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"])["id"])
+        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
         view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
-        job = client.submit(scene["id"], view=view, width=WIDTH, height=HEIGHT, spp=SPP, max_depth=DEPTH, **more)
-        return str(job["id"])
+        job = client.submit(scene.id, view=view, width=WIDTH, height=HEIGHT, spp=SPP, max_depth=DEPTH, **more)
+        return str(job.id)
 
 
 def finish(farm: Farm, job: str) -> str:
     with farm.client() as client:
         final = client.wait(job, timeout_s=120)
-        assert final["state"] == "finished", f"{final}\n{farm.logs()}"
+        assert final.state == "finished", f"{final}\n{farm.logs()}"
         return client.digest(job)
 
 
 def half_way(farm: Farm, job: str) -> None:
     with farm.client() as client:
-        wait_until(lambda: client.job(job)["progress"] > 0.2, 60, "the job is well under way")
-        assert client.job(job)["progress"] < 0.9, "the job was too quick to be disturbed"
+        wait_until(lambda: client.job(job).progress > 0.2, 60, "the job is well under way")
+        assert client.job(job).progress < 0.9, "the job was too quick to be disturbed"
 
 
 @pytest.mark.parametrize("tile_size", [16, 64])

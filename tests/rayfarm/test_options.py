@@ -6,6 +6,7 @@ import pytest
 
 from rayfarm import options
 from rayfarm.errors import CommandError
+from renderer.scene.studio import STUDIO_ALONE, STUDIO_TOO
 from renderer.settings import Tile
 
 CAMERAS = [
@@ -52,3 +53,10 @@ def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
 def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
     with pytest.raises(CommandError, match="0: front, 1: top"):
         options.find_camera(CAMERAS, "side")
+
+
+def test_a_picture_with_light_of_its_own_is_not_said_to_be_in_a_studio() -> None:
+    warnings = ["Not supported and left out: X.", STUDIO_ALONE, STUDIO_TOO]
+    assert options.told(warnings, options.environment_of(None)) == warnings
+    for env in ("1,1,1", "sky:30"):
+        assert options.told(warnings, options.environment_of(env)) == warnings[:1]

@@ -17,7 +17,8 @@ from tests.helpers import ROOT
 PROGRAM = """
 import json, os, signal, sys, time
 from renderer.errors import SceneError
-from worker.bounded import WorkError, run_bounded
+from worker.bounded import run_bounded
+from worker.errors import WorkError
 
 def good(send):
     send({"step": "reading", "fraction": 0.5})

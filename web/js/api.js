@@ -89,7 +89,7 @@ export const getJob = (id) => call("GET", `/jobs/${id}`);
 export const createJob = (request, idempotencyKey) =>
   call("POST", "/jobs", { json: request, headers: { "Idempotency-Key": idempotencyKey } });
 
-/** @param {string} id @param {{state?: "running" | "paused" | "cancelled", spp?: number}} change @returns {Promise<Job>} */
+/** @param {string} id @param {{state?: "running" | "paused" | "cancelled", more?: number}} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
 /** @param {string} id @returns {Promise<void>} */

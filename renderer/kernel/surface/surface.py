@@ -10,7 +10,7 @@ import numpy as np
 from renderer.arrays.rows import TEXTURED
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
-from renderer.kernel.material.fetch import row
+from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
 from renderer.kernel.surface.carry import normal_to_world, point_to_world, tangent_to_world
 from renderer.kernel.surface.terminator import lifted
