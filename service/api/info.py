@@ -8,21 +8,11 @@ from typing import Any
 from fastapi import APIRouter
 
 from renderer.aovs import AOVS
+from renderer.described import describe
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
-from renderer.settings import (
-    FILTERS,
-    HEURISTICS,
-    INTEGRATORS,
-    LIGHT_CHOICES,
-    MAX_DEPTH,
-    MAX_LIGHT_SAMPLES,
-    MAX_SIZE,
-    MAX_SPP,
-    PROJECTIONS,
-    SAMPLERS,
-    SAMPLINGS,
-)
+from renderer.settings import SETTINGS, VIEW
+from renderer.work import WORK
 from service.farm import FarmDependency
 
 __all__ = ["VERSION", "router"]
@@ -37,7 +27,7 @@ router = APIRouter(tags=["info"])
 
 @router.get("/api/info")
 def info(farm: FarmDependency) -> dict[str, Any]:
-    """The version, the limits, and the names that requests may use."""
+    """The version, the limits, and what requests may ask for: every setting with its range, its names and what it does."""
     settings = farm.settings
     return {
         "name": "rayfarm",
@@ -46,18 +36,10 @@ def info(farm: FarmDependency) -> dict[str, Any]:
             "upload_bytes": settings.max_upload_bytes,
             "upload_files": settings.max_upload_files,
             "pixels": settings.max_pixels,
-            "size": MAX_SIZE,
-            "spp": MAX_SPP,
-            "max_depth": MAX_DEPTH,
-            "light_samples": MAX_LIGHT_SAMPLES,
         },
-        "integrators": list(INTEGRATORS),
-        "samplings": list(SAMPLINGS),
-        "heuristics": list(HEURISTICS),
-        "light_choices": list(LIGHT_CHOICES),
-        "samplers": list(SAMPLERS),
-        "filters": list(FILTERS),
-        "projections": list(PROJECTIONS),
+        "settings": [describe(each) for each in SETTINGS.values() if each.setting.of],
+        "view": [describe(each) for each in VIEW.values()],
+        "work": [describe(each) for each in WORK.values()],
         "curves": list(CURVES),
         "aovs": list(AOVS),
         "denoise": farm.engine.denoising.kind() is not None,
