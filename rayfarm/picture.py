@@ -34,7 +34,7 @@ def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[str | None, option])
 
 
-def parameters(asked: Mapping[str, Declared] = ASKED) -> list[inspect.Parameter]:
+def _parameters() -> list[inspect.Parameter]:
     """All options of a picture, for a command's signature."""
     return [
         _own("size", "Pixels; what the scene asks for, else 960x540.", "Size and quality", "WxH"),
@@ -49,7 +49,7 @@ def parameters(asked: Mapping[str, Declared] = ASKED) -> list[inspect.Parameter]
             "FILE|R,G,B|sky:E,A",
         ),
         *map(parameter, LIGHT.values()),
-        *map(parameter, asked.values()),
+        *map(parameter, ASKED.values()),
     ]
 
 
@@ -135,7 +135,7 @@ class Picture:
 
 def takes_picture(command: Callable[..., None]) -> Callable[..., None]:
     """For a command whose parameter `picture` is a Picture: its options take that parameter's place."""
-    added = parameters()
+    added = _parameters()
 
     @functools.wraps(command)
     def run(**given: Any) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import MISSING
 from typing import Any
 
 from renderer.declared import Declared, number_text, whole
+from renderer.settings import SETTINGS, VIEW
+from renderer.work import WORK
 
-__all__ = ["LARGE", "describe", "sentences", "values"]
+__all__ = ["LARGE", "described", "sentences", "values"]
 
 LARGE = 1e6  # bounds from here on are nobody's concern
 
@@ -39,8 +42,16 @@ def sentences(each: Declared) -> str:
     return f"{each.shown.help} {taken[0].upper()}{taken[1:]}."
 
 
-def describe(each: Declared) -> dict[str, Any]:
-    """All of it as JSON: for the page, and for whoever else makes a form."""
+def described(settings: Mapping[str, Declared] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
+    """All that can be asked for as JSON: for the page, and for whoever else makes a form."""
+    return {
+        "settings": [_described(each) for each in settings.values() if each.setting.of],
+        "view": [_described(each) for each in VIEW.values()],
+        "work": [_described(each) for each in WORK.values()],
+    }
+
+
+def _described(each: Declared) -> dict[str, Any]:
     setting, shown, choices = each.setting, each.shown, each.setting.choices
     return {
         "name": each.name,
@@ -50,11 +61,12 @@ def describe(each: Declared) -> dict[str, Any]:
         "default": None if each.default is MISSING else each.default,
         "minimum": whole(setting.low),
         "maximum": whole(setting.high),
-        "off": None if setting.off is None else {"value": whole(setting.off), "label": shown.off},
+        "off": {"value": whole(setting.off), "label": shown.off} if shown.off else None,
         "unit": shown.unit,
         "choices": choices and [{"name": name, "label": c.label, "help": c.help} for name, c in choices.shown.items()],
         "group": shown.group,
         "section": shown.section,
+        "of": setting.of,
         "integrators": list(shown.integrators) or None,
         "projections": list(shown.projections) or None,
         "digest": setting.digest,

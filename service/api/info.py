@@ -8,11 +8,9 @@ from typing import Any
 from fastapi import APIRouter
 
 from renderer.aovs import AOVS
-from renderer.described import describe
+from renderer.described import described
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
-from renderer.settings import SETTINGS, VIEW
-from renderer.work import WORK
 from service.farm import FarmDependency
 
 __all__ = ["VERSION", "router"]
@@ -37,9 +35,7 @@ def info(farm: FarmDependency) -> dict[str, Any]:
             "upload_files": settings.max_upload_files,
             "pixels": settings.max_pixels,
         },
-        "settings": [describe(each) for each in SETTINGS.values() if each.setting.of],
-        "view": [describe(each) for each in VIEW.values()],
-        "work": [describe(each) for each in WORK.values()],
+        **described(),
         "curves": list(CURVES),
         "aovs": list(AOVS),
         "denoise": farm.engine.denoising.kind() is not None,
