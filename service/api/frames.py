@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import math
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -90,7 +91,7 @@ async def image(
     headers[SAMPLES_HEADER] = str(samples)
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    blob = None if denoised is None else farm.blobs.path(denoised.sha256)
+    blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
     data = await run_in_threadpool(picture, film, n, wish)
     kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""

@@ -6,12 +6,13 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from typing import BinaryIO
 
 from renderer.formats import is_junk
 from service.api.problem import Problem
 from service.intake.names import safe_name
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["expand"]
 
@@ -21,7 +22,7 @@ DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, Runtim
 
 
 def expand(
-    archive: Path,
+    archive: BinaryIO,
     name: str,
     store: BlobStore,
     max_files: int,

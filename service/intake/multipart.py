@@ -8,9 +8,11 @@ from typing import Any
 
 from python_multipart.exceptions import MultipartParseError
 from python_multipart.multipart import MultipartParser, parse_options_header
+from starlette.concurrency import run_in_threadpool
 
 from service.api.problem import Problem
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["Form", "read_form"]
 
@@ -58,7 +60,7 @@ async def read_form(
                     f"The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask who runs the farm.",
                 )
             check_disk(len(chunk))
-            parser.write(chunk)
+            await run_in_threadpool(parser.write, chunk)
         if not reader.ended:
             raise Problem(422, "The upload ended in the middle. Send it again.")
     except MultipartParseError as error:

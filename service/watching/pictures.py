@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,7 @@ class PictureWish:
     """What a reader asks for.
 
     planes: AOVs by name, none for colour. in_layers: as layers beside the colour, else the one plane alone.
-    denoised: the file with the colour to take instead.
+    denoised: opens the colour to take instead.
     """
 
     extension: str
@@ -40,7 +41,7 @@ class PictureWish:
     exposure: float = 0.0
     curve: str = "neutral"
     width: int | None = None
-    denoised: Path | None = None
+    denoised: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
         """Raise Problem 422 for a wish that no file fulfils."""
@@ -61,10 +62,11 @@ def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
     return encode(color, wish.extension, wish.exposure, wish.curve, channels)
 
 
-def _color(film: Film, frame: int, denoised: Path | None) -> F32:
+def _color(film: Film, frame: int, denoised: Callable[[], BinaryIO] | None) -> F32:
     if denoised is None:
         return film.channel(frame)
-    return np.fromfile(denoised, "<f4").reshape(film.height, film.width, 3)
+    with denoised() as file:
+        return np.frombuffer(file.read(), "<f4").reshape(film.height, film.width, 3)
 
 
 def _plane(film: Film, frame: int, wish: PictureWish, name: str) -> bytes:

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import event, exc
+from sqlalchemy import event
 
 from service.errors import FilmWaits
 from service.scheduling import bulkhead
+from service.store.database import no_room
 from service.store.film_file import FilmFile
 from service.store.films import Film
 from service.store.records import Records
@@ -238,9 +239,8 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
     service.stop()
     monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
-    full = lambda: exc.OperationalError("INSERT", {}, sqlite3.OperationalError("database or disk is full"))  # noqa: E731
     for name in RECORDS:
-        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), full, lambda *_: True, failed))
+        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), no_room, lambda *_: True, failed))
     service.start()
     with service.worker() as worker:
         scene = service.upload()
