@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import IO, Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
@@ -22,10 +23,12 @@ from service.store.database import connect
 from service.store.film_store import FilmFolder
 from service.store.films import Film
 from service.store.garbage import Garbage
+from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job
 from service.store.records import Records
 from service.store.reserve import Reserve
 from service.watching.broadcast import Broadcast
+from service.watching.pool import Pool
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
@@ -52,7 +55,10 @@ class Farm:
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
+        self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
+        self.pictures = Pool()
+        self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 
@@ -115,7 +121,7 @@ def _own(folder: Path) -> IO[str]:
             time.sleep(0.1)
 
 
-def get_farm(connection: HTTPConnection) -> Farm:
+async def get_farm(connection: HTTPConnection) -> Farm:
     """The farm of the application that answers."""
     farm: Farm = connection.app.state.farm
     return farm

@@ -39,14 +39,20 @@ class ResultStream:
         fields = result.to_fields()
         deadline = time.monotonic() + self.patience_s
         pause = 0.05
+        waits = False
         while True:
             try:
                 if self.redis.xlen(RESULTS) < self.max_entries:
                     self.redis.xadd(RESULTS, fields)  # type: ignore[arg-type]
+                    if waits:
+                        log.warning("results are taken again")
                     return True
                 why = f"{self.max_entries} results wait for the service"
-            except redis.RedisError as error:
+            except (redis.RedisError, OSError) as error:
                 why = f"Redis: {error}"
+            if not waits:
+                waits = True
+                log.warning("a result waits (%s)", why)
             if time.monotonic() > deadline:
                 log.warning("a result is dropped after %.0f s (%s); it will be rendered again", self.patience_s, why)
                 return False

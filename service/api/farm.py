@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import secrets
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -17,6 +16,7 @@ from starlette.concurrency import run_in_threadpool
 from renderer import film as film_math
 from service.api.jobs import find_job
 from service.api.problem import Problem
+from service.api.token import check_token
 from service.farm import FarmDependency
 from service.intake.uploads import disk_checker, gathered
 from service.store.blobs import is_sha256, no_blob
@@ -24,16 +24,6 @@ from service.store.models import Scene
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]
-
-
-def check_token(farm: FarmDependency, authorization: Annotated[str, Header()] = "") -> None:
-    """Let only those in who show the farm's token."""
-    if not secrets.compare_digest(authorization.encode(), f"Bearer {farm.settings.token}".encode()):
-        raise Problem(
-            401,
-            "Workers show the farm's token: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
-            headers={"WWW-Authenticate": "Bearer"},
-        )
 
 
 router = APIRouter(prefix="/api/farm", tags=["farm"], dependencies=[Depends(check_token)])

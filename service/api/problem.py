@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from service.api.methods import methods_of
 from service.errors import (
     Conflict,
     Failed,
@@ -25,6 +26,7 @@ from service.errors import (
     TooLarge,
     TooLate,
     Unavailable,
+    UnknownFormat,
 )
 
 __all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
@@ -36,6 +38,7 @@ STATUS: dict[type[FarmError], int] = {
     Conflict: 409,
     Invalid: 422,
     TooLarge: 413,
+    UnknownFormat: 415,
     NoRoom: 507,
     Unavailable: 503,
     Failed: 502,
@@ -43,6 +46,7 @@ STATUS: dict[type[FarmError], int] = {
     FilmWaits: 503,
     FilmLost: 409,
 }
+RETRY_AFTER_S = 2
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 SENTENCES = {
     404: "There is nothing at {path}. The API is described at /docs.",
@@ -96,6 +100,8 @@ ProblemBody: dict[str, Any] = {
 
 def response(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> ProblemResponse:
     """The response for a status and a sentence."""
+    if status == 503:
+        headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
     body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
     return ProblemResponse(body, status, headers=dict(headers or {}))
 
@@ -112,11 +118,19 @@ def install(app: FastAPI) -> None:
         return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error))
 
     @app.exception_handler(HTTPException)
-    async def _http(request: Request, error: HTTPException) -> ProblemResponse:
-        detail = str(error.detail)
-        if error.status_code in SENTENCES and detail in (http.HTTPStatus(error.status_code).phrase, FASTAPI_BAD_BODY):
-            detail = SENTENCES[error.status_code].format(path=request.url.path, method=request.method)
-        return response(error.status_code, detail, error.headers)
+    async def _http(request: Request, error: HTTPException) -> Response:
+        status, detail, headers = error.status_code, str(error.detail), error.headers
+        methods = methods_of(app, request.scope) if status in (404, 405) else []
+        if methods and (request.method not in methods or request.method == "OPTIONS"):
+            headers = {"Allow": ", ".join(methods)}
+            if request.method == "OPTIONS":
+                return Response(status_code=204, headers=headers)
+            status, detail = 405, http.HTTPStatus.METHOD_NOT_ALLOWED.phrase
+        elif status == 405:
+            status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
+        if status in SENTENCES and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
+            detail = SENTENCES[status].format(path=request.url.path, method=request.method)
+        return response(status, detail, headers)
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:

@@ -19,7 +19,7 @@ from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from service.api.problem import Problem
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
-from service.intake.names import safe_name
+from service.intake.names import plain_title, safe_name
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.database import no_room
@@ -137,6 +137,7 @@ def keep(
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:
+        title = plain_title(form.fields.get("name", ""))
         for name, writer in _expanded(form, store, settings, check_disk):
             if name in files:
                 writer.discard()
@@ -147,7 +148,7 @@ def keep(
         chosen = _strip_common_folder(files, main)
         if environment is not None and not environment.startswith(SKY):
             environment = chosen.strip(environment)
-        name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
+        name = title[:200] or PurePosixPath(chosen.main).stem
         with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
             return record(Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes))

@@ -104,6 +104,6 @@ def _begin_sqlite(connection: Connection) -> None:
     # A transaction that reads and then writes must hold the lock from its beginning: else another writer may come between,
     # and what was decided by the reading is no longer true (or SQLite gives up with "database is locked").
     options = connection.get_execution_options()
-    if (patience_ms := options.get("patience_ms")) is not None:  # of this use of the connection, which is pooled
-        connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes") else "BEGIN")
+    writes, patience_ms = options.get("writes"), options.get("patience_ms", round(LOCK_PATIENCE_S * 1000))
+    connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")  # of this use of the connection, which is pooled
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -10,14 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs
-from renderer.image import rgbe9995
+from renderer import film as film_math
+from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import encode, encode_shown
-from service.api.problem import Problem
+from service.errors import Invalid
 from service.store.films import Film
 
 __all__ = ["MEDIA", "PictureWish", "picture"]
 
 F32 = npt.NDArray[np.float32]
+ROWS = 64  # at a time, of a denoised picture
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
@@ -44,22 +46,38 @@ class PictureWish:
     denoised: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
-        """Raise Problem 422 for a wish that no file fulfils."""
+        """Raise Invalid for a wish that no file fulfils."""
         if self.in_layers and self.extension != "exr":
-            raise Problem(422, f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
+            raise Invalid(f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
         if self.planes and self.extension == "rgb9e5":
-            raise Problem(422, "aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
+            raise Invalid("aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
 
 
 def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
     """The file."""
     if wish.planes and not wish.in_layers:
         return _plane(film, frame, wish, wish.planes[0])
+    if wish.extension in ("png", "jpg") and wish.width is None:
+        return encode_shown(_shown(film, frame, wish), wish.extension)
     color = _smaller(_color(film, frame, wish.denoised), wish.width)
     if wish.extension == "rgb9e5":
         return rgbe9995.pack(color).astype("<u4").tobytes()
     channels = aovs.layers({name: _smaller(film.aov(frame, name), wish.width) for name in wish.planes})
     return encode(color, wish.extension, wish.exposure, wish.curve, channels)
+
+
+def _shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
+    """What a screen shows, piece by piece: the whole frame's radiance is never in memory, which would be many times as large."""
+    out = np.zeros((film.height, film.width, 3), np.uint8)
+    if wish.denoised is None:
+        return film.each(
+            frame, lambda sums: tonemap.apply(film_math.mean(sums, film.film_exponent), wish.exposure, wish.curve), out
+        )
+    with wish.denoised() as file:
+        for rows in np.array_split(out, -(-film.height // ROWS)):
+            color = np.frombuffer(file.read(rows.size * 4), "<f4").reshape(rows.shape)
+            rows[:] = tonemap.apply(color, wish.exposure, wish.curve)
+    return out
 
 
 def _color(film: Film, frame: int, denoised: Callable[[], BinaryIO] | None) -> F32:
