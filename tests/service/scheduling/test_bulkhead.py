@@ -10,12 +10,13 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
-from service.errors import FilmLost, FilmWaits
+from service.errors import FilmLost, FilmWaits, NoRoom, Unavailable
 from service.scheduling import bulkhead
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import QueueError
 
-FULL = exc.OperationalError("INSERT", {}, sqlite3.OperationalError("database or disk is full"))
+FULL = NoRoom("The disk is full.")
+MALFORMED = exc.DatabaseError("INSERT", {}, sqlite3.DatabaseError("database disk image is malformed"))
 ROW = exc.IntegrityError("INSERT", {}, sqlite3.IntegrityError("UNIQUE"))
 
 
@@ -70,10 +71,18 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: list[float]) -> None:
     assert heads.run("job", Step.RESULTS, lambda: None)
 
 
-def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: list[float]) -> None:
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (FULL, "The disk is full."),
+        (Unavailable("The database is locked."), "The database is locked."),
+        (MALFORMED, "The database cannot be used (database disk image is malformed)."),
+    ],
+)
+def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: list[float], error: Exception, sentence: str) -> None:
     heads = Bulkheads()
-    heads.run("job", Step.RECORD, raising(FULL), needs_database=True)
-    assert heads.database_fault == "The database cannot be used (database or disk is full)."
+    heads.run("job", Step.RECORD, raising(error), needs_database=True)
+    assert heads.database_fault == sentence
     assert not heads.run("other", Step.RECORD, lambda: None, needs_database=True)
     assert heads.run("other", Step.RESULTS, lambda: None), "films go on"
     assert heads.may_render("job")
