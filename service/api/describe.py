@@ -21,7 +21,7 @@ from service.store.models import ACTIVE, Frame, Job, Scene
 from worker.contract import WorkerReport
 from worker.reproduce import sample_command
 
-__all__ = ["job_out", "scene_out", "snapshot", "worker_out"]
+__all__ = ["UNREADABLE", "job_out", "scene_out", "snapshot", "worker_out"]
 
 log = logging.getLogger(__name__)
 

@@ -14,9 +14,10 @@ from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
 from renderer import film as film_math
+from service.api.describe import UNREADABLE
 from service.api.lookup import find_job
 from service.api.token import check_token
-from service.errors import Invalid, NotFound, TooLarge
+from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
 from service.intake.uploads import disk_checker, gathered
 from service.store.blobs import is_sha256, no_blob
@@ -43,6 +44,8 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
         scene = session.get(Scene, id)
     if scene is None:
         raise NotFound("There is no such scene; it may have been deleted.")
+    if not scene.files:
+        raise Conflict(UNREADABLE.format(what="scene"))
     return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment))
 
 

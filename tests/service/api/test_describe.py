@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy import text
 
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service
+from tests.service.conftest import OBJ, Service, until
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +57,7 @@ def test_a_job_of_another_release_does_not_hide_the_others(service: Service, col
 )
 def test_a_scene_of_another_release_does_not_hide_the_others(service: Service, column: str, value: str) -> None:
     good, bad = service.ready_scene(), service.upload(OBJ + f"# {column} {value}".encode())
+    until(lambda: service.scene(bad)["status"] == "ready", "the scene is prepared")
     write(service, "scenes", bad, column, value)
     listed = {scene["id"]: scene for scene in service.http.get("/api/scenes").raise_for_status().json()}
     assert listed[good]["status"] == "ready"
