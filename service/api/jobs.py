@@ -27,7 +27,9 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 
-Key = Annotated[str | None, Header(max_length=255, description="A repeated POST with the same key makes one job.")]
+Key = Annotated[
+    str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
+]
 
 
 @router.post("", status_code=201, response_model=JobOut)
