@@ -125,7 +125,10 @@ class LocalFarm:
             for key in store.scan_iter(WORKER_KEYS):
                 data = store.get(key)
                 if isinstance(data, bytes):
-                    report = WorkerReport.from_bytes(data)
+                    try:
+                        report = WorkerReport.from_bytes(data)
+                    except ValueError:
+                        continue  # a worker of another release
                     if process is not None and report.pid == process.pid and report.state == "ready":
                         return True
         return False
