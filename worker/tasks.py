@@ -71,16 +71,16 @@ def _prepare(task: Any, scene: str) -> None:
     def send(kind: str, **more: Any) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
 
+    def progress(step: str, fraction: float) -> None:
+        worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
+
     try:
         if _deaths(task, worker, scene) >= DEATHS_ALLOWED:
             send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
             return
         send("prepare-started")
         manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
-        info = patiently(
-            lambda: prepare_scene(worker, manifest, lambda step, part: send("prepare-progress", step=step, fraction=part)),
-            LINK_PATIENCE_S,
-        )
+        info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
         send("prepared", info=asdict(info))
     except WorkError as error:
         send("prepare-failed", error=str(error))
