@@ -1,7 +1,8 @@
-"""Writes the parts of the scene file's schema that follow from tables: `python -m renderer.make_schema`.
+"""Writes what is published of a material's table (renderer/scene/material.py): its part of renderer/scene/schema.json.
 
-renderer/scene/schema.json is one file for the reader, for editors and for people. What is declared elsewhere is written into
-it from there, and the rest of it is edited by hand; tests/renderer/scene/test_schema.py holds that both agree.
+    python docs/material_table.py
+
+tests/renderer/scene/test_material_table.py holds that this was done.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import ast
 import json
 import math
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,7 @@ from renderer.scene.parameters import Parameter
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.materials import SPELLINGS
 
-__all__ = ["SCHEMA", "attribute_docs", "generated", "main"]
-
-SCHEMA = Path(__file__).parent / "scene" / "schema.json"
-_LINE = 150
+SCHEMA = Path(str(material.__file__)).with_name("schema.json")
 
 Json = dict[str, Any]
 
@@ -44,51 +41,26 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
     return found
 
 
-def material_section() -> Json:
+def properties() -> Json:
     """What may be said of a material."""
     docs = attribute_docs(Path(str(material.__file__)), "Material")
-    properties: Json = {}
+    found: Json = {}
     for parameter in PARAMETERS:
         words = {"description": docs[parameter.name]} if parameter.name in docs else {}
         for other, same in SPELLINGS.items():
             if same == parameter.in_file:
-                properties[other] = _SPELLINGS[other]
-        properties[parameter.in_file] = {**words, **_form(parameter)}
-    return {"type": "object", "additionalProperties": False, "properties": properties}
+                found[other] = _SPELLINGS[other]
+        found[parameter.in_file] = {**words, **_form(parameter)}
+    return found
 
 
-# Where each stands in the schema.
-_SECTIONS: dict[tuple[str, ...], Callable[[], Json]] = {("$defs", "material"): material_section}
-
-
-def generated(schema: Json) -> Json:
-    """A schema with the sections in it that are written from tables."""
-    made: Json = json.loads(json.dumps(schema))
-    for (*way, last), section in _SECTIONS.items():
-        place = made
-        for step in way:
-            place = place[step]
-        place[last] = section()
-    return made
-
-
-def text(value: Any, indent: int = 0) -> str:
-    """JSON in which what fits on a line stands on one."""
-    line = json.dumps(value, ensure_ascii=False)
-    if indent + len(line) <= _LINE or not isinstance(value, dict | list) or not value:
-        return line
-    pad = " " * (indent + 2)
-    if isinstance(value, dict):
-        parts = [f"{pad}{json.dumps(k)}: {text(v, indent + 2)}" for k, v in value.items()]
-    else:
-        parts = [f"{pad}{text(v, indent + 2)}" for v in value]
-    opened, closed = "{}" if isinstance(value, dict) else "[]"
-    return opened + "\n" + ",\n".join(parts) + "\n" + " " * indent + closed
-
-
-def main() -> None:
-    """Bring the file up to date."""
-    SCHEMA.write_text(text(generated(json.loads(SCHEMA.read_text()))) + "\n")
+def schema_text(text: str) -> str:
+    """The schema file with what the table says in its place, a line each; all else as it is."""
+    begin, end = '    "material": {\n', "\n      }\n    },\n"
+    begin += text.split(begin, 1)[1].split('"properties": {\n', 1)[0] + '"properties": {\n'
+    before, _, rest = text.partition(begin)
+    lines = [f"        {json.dumps(name)}: {json.dumps(part, ensure_ascii=False)}" for name, part in properties().items()]
+    return before + begin + ",\n".join(lines) + end + rest.split(end, 1)[1]
 
 
 def _form(p: Parameter) -> Json:
@@ -123,4 +95,4 @@ def _plain(value: float) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    SCHEMA.write_text(schema_text(SCHEMA.read_text()))
