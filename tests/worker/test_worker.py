@@ -331,7 +331,7 @@ def test_a_worker_that_is_told_to_pause_takes_nothing_until_it_may(bench: Bench,
 
 def busy_with(bench: Bench, count: int) -> bool:
     report = bench.report()
-    return report is not None and any(doing.get("count") == count for doing in report.current)
+    return report is not None and any(doing.get("count") == count and "batch" in doing for doing in report.current)
 
 
 def kill_the_slot_with(bench: Bench, count: int) -> None:
