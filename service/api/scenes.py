@@ -15,7 +15,7 @@ from service.api.describe import scene_out
 from service.api.problem import Problem
 from service.api.schemas import SceneOut
 from service.farm import Farm, FarmDependency
-from service.intake.uploads import Upload, check_length, receive
+from service.intake.uploads import Upload, receive
 from service.store.models import ACTIVE, Job, Scene
 from service.store.records import blobs_of
 
@@ -50,7 +50,7 @@ UPLOAD_FORM = {
 @router.post("", status_code=201, response_model=SceneOut, openapi_extra=UPLOAD_FORM)
 async def upload(request: Request, farm: FarmDependency, response: Response) -> SceneOut:
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
-    check_length(request.headers.get("content-length"), farm.settings.max_upload_bytes)
+    _check_length(request.headers.get("content-length"), farm.settings.max_upload_bytes)
     content_type = request.headers.get("content-type", "")
     scene = await receive(
         content_type, request.stream(), farm.blobs, farm.garbage, farm.settings, lambda stored: record(stored, farm)
@@ -146,6 +146,16 @@ def _find(id: str, farm: Farm) -> Scene:
     if scene is None:
         raise _unknown(id)
     return scene
+
+
+def _check_length(length: str | None, limit: int) -> None:
+    """Refuse by the Content-Length header, before the body is read."""
+    if length is not None and length.isdigit() and int(length) > limit:
+        raise Problem(
+            413,
+            f"The upload has {int(length)} bytes; at most {limit} are taken. Leave files out, or ask who runs the farm.",
+            headers={"Connection": "close"},
+        )
 
 
 def _unknown(id: str) -> Problem:
