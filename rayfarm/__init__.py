@@ -3,10 +3,13 @@
 cli.py          the program `rayfarm`: one file a command under commands/
 options.py      the options that commands share
 scene_files.py  which files belong to a scene that a person names
+output_files.py pictures on their way to a disk
 client.py       the Python client of a farm's service
+answers.py      what it answers, as dataclasses
 local/          a whole farm on this machine: Redis, service and worker as supervised processes
 """
 
-from rayfarm.client import Client
+from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Worker
+from rayfarm.client import Client, ClientError
 
-__all__ = ["Client"]
+__all__ = ["BadSample", "Camera", "Client", "ClientError", "Frame", "Job", "Scene", "Worker"]

@@ -51,5 +51,11 @@ def main() -> None:
             raise
         err.print(f"rayfarm: {error}", markup=False, soft_wrap=True)
         sys.exit(EXIT_FAILED)
+    except OSError as error:
+        if os.environ.get("RAYFARM_DEBUG"):
+            raise
+        what = f"{error.filename}: " if error.filename else ""
+        err.print(f"rayfarm: {what}{error.strerror or error}", markup=False, soft_wrap=True)
+        sys.exit(EXIT_FAILED)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)

@@ -1,41 +1,61 @@
 """A Python client of a farm's service.
 
     with rayfarm.Client("http://127.0.0.1:8000") as farm:
-        scene = farm.wait_for_scene(farm.upload([Path("milk-truck.glb")])["id"])
-        job = farm.submit(scene["id"], width=960, height=540, spp=256)
-        farm.wait(job["id"])
-        Path("milk-truck.exr").write_bytes(farm.image(job["id"], "exr"))
+        scene = farm.wait_for_scene(farm.upload([Path("milk-truck.glb")]).id)
+        job = farm.submit(scene.id, width=960, height=540, spp=256)
+        farm.wait(job.id, watch=lambda job: print(f"{job.progress:.0%}"))
+        Path("milk-truck.exr").write_bytes(farm.image(job.id, "exr"))
 
-Answers are the service's JSON as dicts; /docs of the service describes every field. A fault is a ClientError whose message
-is the service's own sentence.
+Answers are the dataclasses of rayfarm.answers. A fault is a ClientError whose message is the service's own sentence.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx
 
+from rayfarm.answers import Job, Scene, Worker, read, read_list
 from renderer.errors import RayfarmError
+from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
 
 __all__ = ["Client", "ClientError"]
 
-Json = dict[str, Any]
 POLL_S = 0.3
-FINAL = ("finished", "failed", "cancelled")
+AWAY_S = 60.0
+ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
+MAX_PICTURE = 8 << 30
+PROBLEM = "application/problem+json"
+SAMPLES_HEADER = "X-Samples"  # every picture of a farm has it
+
+T = TypeVar("T")
 
 
 class ClientError(RayfarmError):
-    """The service cannot be reached, or refuses. `status`: its HTTP status, None where it was not reached."""
+    """The service cannot be reached, or refuses. `status`: its HTTP status, None where it was not reached or is no farm."""
 
     def __init__(self, message: str, status: int | None = None) -> None:
         super().__init__(message)
         self.status = status
+
+
+class NotAFarm(ClientError):  # noqa: N818 - it is what was found
+    """Something else answers at that address."""
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """A response whose body is read."""
+
+    headers: httpx.Headers
+    body: bytes
 
 
 class Client:
@@ -43,7 +63,9 @@ class Client:
 
     def __init__(self, url: str, timeout_s: float = 60.0) -> None:
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
-        self._http = httpx.Client(base_url=self.url, timeout=httpx.Timeout(timeout_s, connect=5.0))
+        self._http = httpx.Client(
+            base_url=self.url if is_address(self.url) else "", timeout=httpx.Timeout(timeout_s, connect=5.0)
+        )
 
     def __enter__(self) -> Client:
         return self
@@ -61,71 +83,100 @@ class Client:
         main: str | None = None,
         environment: str | None = None,
         name: str | None = None,
-    ) -> Json:
-        """Upload a scene: files by their path inside it, or a list of files side by side. Returns {id, status, ...}.
+    ) -> Scene:
+        """Upload a scene: files by their path inside it, or a list of files side by side.
 
         main: which file is the scene, where that is not plain. environment: the path of an environment image among them.
+
+            farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
         named = files if isinstance(files, Mapping) else {path.name: path for path in files}
         fields = {key: value for key, value in (("main", main), ("environment", environment), ("name", name)) if value}
         with contextlib.ExitStack() as stack:
-            parts = [("files", (path_inside, stack.enter_context(path.open("rb")))) for path_inside, path in named.items()]
-            return self._json("POST", "/api/scenes", data=fields, files=parts, timeout=httpx.Timeout(3600.0, connect=5.0))
+            try:
+                parts = [("files", (inside, stack.enter_context(path.open("rb")))) for inside, path in named.items()]
+            except OSError as error:
+                raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
+            timeout = httpx.Timeout(3600.0, connect=5.0)
+            return self._read(Scene, self._send("POST", "/api/scenes", data=fields, files=parts, timeout=timeout))
 
-    def scene(self, scene: str) -> Json:
-        """A scene: status (preparing, ready, failed), cameras, counts, bounds, warnings."""
-        return self._json("GET", f"/api/scenes/{scene}")
+    def scene(self, scene: str) -> Scene:
+        """A scene as it is now.
 
-    def wait_for_scene(self, scene: str, timeout_s: float = 900.0, watch: Callable[[Json], None] | None = None) -> Json:
+        farm.scene(id).status  # preparing, ready or failed
+        """
+        return self._read(Scene, self._send("GET", f"/api/scenes/{scene}"))
+
+    def wait_for_scene(self, scene: str, timeout_s: float = 900.0, watch: Callable[[Scene], None] | None = None) -> Scene:
         """The scene once it is ready. Raises ClientError with its error where it fails."""
-        for state in self._poll(lambda: self.scene(scene), timeout_s):
+        for found in self._poll(lambda: self.scene(scene), timeout_s):
             if watch:
-                watch(state)
-            if state["status"] == "ready":
-                return state
-            if state["status"] == "failed":
-                raise ClientError(f"The scene cannot be rendered: {state.get('error') or 'no reason given'}")
+                watch(found)
+            if found.status == "ready":
+                return found
+            if found.status == "failed":
+                raise ClientError(f"The scene cannot be rendered: {found.error or 'no reason given'}")
         raise ClientError(f"The scene {scene} is still being prepared after {timeout_s:.0f} s; look at {self.url}.")
 
-    def submit(self, scene: str, idempotency_key: str | None = None, **request: Any) -> Json:
-        """Ask for a picture: width, height, spp, camera or view, max_depth, seed, ... as POST /api/jobs takes them."""
+    def submit(self, scene: str, idempotency_key: str | None = None, **request: Any) -> Job:
+        """Ask for a picture: width, height, spp, camera or view, max_depth, seed, ... as POST /api/jobs takes them.
+
+        farm.submit(scene.id, width=960, height=540, noise=0.02, camera=scene.cameras[0].name)
+        """
         headers = {"Idempotency-Key": idempotency_key or uuid.uuid4().hex}
-        return self._json("POST", "/api/jobs", json={"scene": scene, **request}, headers=headers)
+        return self._read(Job, self._send("POST", "/api/jobs", json={"scene": scene, **request}, headers=headers))
 
-    def job(self, job: str) -> Json:
-        """A job: state, progress 0..1, eta_s, samples, error."""
-        return self._json("GET", f"/api/jobs/{job}")
+    def job(self, job: str) -> Job:
+        """A job as it is now.
 
-    def jobs(self) -> list[Json]:
-        """All jobs."""
-        return self._list("/api/jobs", "jobs")
+        farm.job(id).progress  # 0 to 1
+        """
+        return self._read(Job, self._send("GET", f"/api/jobs/{job}"))
 
-    def change(self, job: str, **fields: Any) -> Json:
-        """Change a job: state (running, paused, cancelled), priority, spp."""
-        return self._json("PATCH", f"/api/jobs/{job}", json=fields)
+    def jobs(self) -> list[Job]:
+        """The jobs, the newest first."""
+        return self._list(Job, "/api/jobs")
 
-    def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Json], None] | None = None) -> Json:
+    def change(self, job: str, **fields: Any) -> Job:
+        """Change a job: state (running, paused, cancelled), priority, spp.
+
+        farm.change(job.id, state="paused")
+        """
+        return self._read(Job, self._send("PATCH", f"/api/jobs/{job}", json=fields))
+
+    def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Job], None] | None = None) -> Job:
         """The job once it is finished, failed or cancelled; a service that restarts meanwhile is waited for."""
-        for state in self._poll(lambda: self.job(job), timeout_s):
+        for found in self._poll(lambda: self.job(job), timeout_s):
             if watch:
-                watch(state)
-            if state["state"] in FINAL:
-                return state
+                watch(found)
+            if found.is_over:
+                return found
         raise ClientError(f"The job {job} is not finished after {timeout_s:.0f} s; it goes on at {self.url}.")
 
     def image(self, job: str, format: str = "png", frame: int = 0, **query: Any) -> bytes:
-        """A frame as it is now, as the bytes of a png, exr or jpg. query: aov, exposure, tonemap, ..."""
-        return self._send("GET", f"/api/jobs/{job}/frames/{frame}/image.{format}", params=query).content
+        """A frame as it is now, as the bytes of a png, exr or jpg. query: aov, exposure, tonemap, denoise, ...
+
+        Path("out.png").write_bytes(farm.image(job.id, exposure=1.0, denoise=True))
+        """
+        path = f"/api/jobs/{job}/frames/{frame}/image.{format}"
+        answer = self._send("GET", path, limit=MAX_PICTURE, params=query)
+        if SAMPLES_HEADER not in answer.headers:
+            raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
+        return answer.body
 
     def digest(self, job: str, frame: int = 0) -> str:
-        """SHA-256 of a frame's film."""
-        return str(self._json("GET", f"/api/jobs/{job}/frames/{frame}/digest")["digest"])
+        """SHA-256 of a frame's film: equal requests give equal digests."""
+        answer = self._send("GET", f"/api/jobs/{job}/frames/{frame}/digest")
+        data = self._data(answer)
+        if not isinstance(data, dict) or not isinstance(data.get("digest"), str):
+            raise self._other(answer)
+        return str(data["digest"])
 
-    def workers(self) -> list[Json]:
-        """The farm's workers."""
-        return self._list("/api/workers", "workers")
+    def workers(self) -> list[Worker]:
+        """The farm's workers, by name."""
+        return self._list(Worker, "/api/workers")
 
-    def _poll(self, ask: Callable[[], Json], timeout_s: float | None) -> Iterator[Json]:
+    def _poll(self, ask: Callable[[], T], timeout_s: float | None) -> Iterator[T]:
         """Answers, a moment apart, until the time is over. A service that is away is asked again for a minute."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         away_since: float | None = None
@@ -135,39 +186,87 @@ class Client:
                 away_since = None
             except ClientError as error:
                 away_since = away_since or time.monotonic()
-                gone = error.status is not None and error.status < 500
-                if gone or time.monotonic() - away_since > 60:
+                gone = isinstance(error, NotAFarm) or (error.status is not None and error.status < 500)
+                if gone or time.monotonic() - away_since > AWAY_S:
                     raise
             time.sleep(POLL_S)
 
-    def _list(self, path: str, key: str) -> list[Json]:
-        data = self._send("GET", path).json()
-        return data[key] if isinstance(data, dict) else data
-
-    def _json(self, method: str, path: str, **kwargs: Any) -> Json:
-        data = self._send(method, path, **kwargs).json()
-        if not isinstance(data, dict):
-            raise ClientError(f"{self.url} does not answer as a Rayfarm service does.")
-        return data
-
-    def _send(self, method: str, path: str, **kwargs: Any) -> httpx.Response:
+    def _list(self, cls: type[T], path: str) -> list[T]:
+        answer = self._send("GET", path)
         try:
-            response = self._http.request(method, path, **kwargs)
-        except httpx.InvalidURL as error:
-            raise ClientError(f"{self.url} is no address; give one as http://host:8000") from error
+            found = read_list(cls, self._data(answer))
+        except ValueError as error:
+            raise self._other(answer, error) from None
+        if not found:
+            self._check()  # an empty list says nothing about who sends it
+        return found
+
+    def _check(self) -> None:
+        """Raises ClientError where no farm answers."""
+        answer = self._send("GET", "/api/info")
+        data = self._data(answer)
+        if not isinstance(data, dict) or data.get("name") != "rayfarm":
+            raise self._other(answer)
+
+    def _read(self, cls: type[T], answer: _Answer) -> T:
+        data = self._data(answer)
+        if not isinstance(data, dict):
+            raise self._other(answer)
+        try:
+            return read(cls, data)
+        except ValueError as error:
+            raise self._other(answer, error) from None
+
+    def _data(self, answer: _Answer) -> Any:
+        try:
+            return json.loads(answer.body)
+        except (ValueError, RecursionError):
+            raise self._other(answer) from None
+
+    def _other(self, answer: _Answer, why: ValueError | None = None) -> NotAFarm:
+        came = str(why) if why else kind_of_answer(answer.body, answer.headers.get("Content-Type", ""))
+        return NotAFarm(not_a_farm(self.url, came))
+
+    def _send(self, method: str, path: str, limit: int = MAX_ANSWER, **kwargs: Any) -> _Answer:
+        """The answer, where it is a success and has at most `limit` bytes: what answers may be anything."""
+        if not is_address(self.url):
+            raise ClientError(f"{self.url} is no address of a farm; give one as http://host:8000")
+        try:
+            with self._http.stream(method, path, **kwargs) as response:
+                body = self._body(response, limit)
         except httpx.ConnectError as error:
             raise ClientError(f"No farm answers at {self.url}. Start one with `rayfarm up`, or name another server.") from error
-        except httpx.HTTPError as error:
+        except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
+        except OSError as error:
+            raise ClientError(f"A file of the scene cannot be read any more ({error.strerror or error}).") from error
         if response.is_success:
-            return response
-        raise ClientError(_problem(response), response.status_code)
+            return _Answer(response.headers, body)
+        if response.is_redirect:
+            where = response.headers.get("Location", "another address")
+            raise NotAFarm(not_a_farm(self.url, f"it sends on to {where!r}"), response.status_code)
+        raise self._refusal(response, body)
 
+    def _body(self, response: httpx.Response, limit: int) -> bytes:
+        deadline = time.monotonic() + ANSWER_S
+        body = bytearray()
+        for chunk in response.iter_bytes():
+            body += chunk
+            if len(body) > limit:
+                raise NotAFarm(not_a_farm(self.url, "what it sends does not end"))
+            if limit == MAX_ANSWER and time.monotonic() > deadline:
+                raise ClientError(f"{self.url} takes longer than {ANSWER_S:.0f} s for a short answer. Try again.")
+        return bytes(body)
 
-def _problem(response: httpx.Response) -> str:
-    """The service's sentence (application/problem+json), or its status."""
-    try:
-        data = response.json()
-        return str(data.get("detail") or data["title"])
-    except (ValueError, KeyError, AttributeError):
-        return f"{response.request.url} answers {response.status_code} {response.reason_phrase}"
+    def _refusal(self, response: httpx.Response, body: bytes) -> ClientError:
+        """With the service's sentence (application/problem+json); where there is none, with what can be said of the status."""
+        status = response.status_code
+        said = f"{self.url} answers {status} {response.reason_phrase}".rstrip()
+        if response.headers.get("Content-Type", "").startswith(PROBLEM):
+            with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
+                return ClientError(str(json.loads(body)["detail"]), status)
+        if status in (401, 403, 407):
+            return ClientError(f"{said}: a login stands before it, or it lets nobody in. Ask who runs it.", status)
+        if status >= 500 or status in (408, 429):
+            return ClientError(f"{said}. The farm is not well, or what stands before it; try again in a moment.", status)
+        return NotAFarm(not_a_farm(self.url, f"it answers {status} to {response.request.url.path}"), status)

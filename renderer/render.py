@@ -16,7 +16,7 @@ from renderer import jit
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
-from renderer.kernel.accumulate import MAX_BAD, renderer_of
+from renderer.kernel.accumulate import MAX_BAD, Batch, Output, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.visibility import MAX_PASSED
@@ -64,13 +64,8 @@ def _render(
         new_stack(),
         camera_frame(settings),
         kernel_options(settings, scene),
-        tile.x,
-        tile.y,
-        first,
-        count,
-        sums,
-        bad,
-        log,
+        Batch(tile.x, tile.y, first, count),
+        Output(sums, bad, log),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     return BatchSums(sums, listed, int(bad_count)), int(rays)

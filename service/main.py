@@ -17,8 +17,8 @@ from fastapi.staticfiles import StaticFiles
 from starlette.responses import RedirectResponse, Response
 from starlette.types import Scope
 
+from renderer import __version__
 from service.api import problem, routes
-from service.api.info import VERSION
 from service.api.security import Door
 from service.farm import Farm
 from service.settings import Settings
@@ -49,7 +49,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     app = FastAPI(
         title="Rayfarm",
-        version=VERSION,
+        version=__version__,
         description="Upload a scene, ask for a picture, watch it grow.",
         lifespan=lifespan,
         docs_url=None,

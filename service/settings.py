@@ -10,6 +10,7 @@ from pathlib import Path
 from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
 
 __all__ = ["Settings"]
@@ -24,7 +25,7 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_", extra="ignore")
 
-    data: Path = Path("rayfarm-data")
+    data: Path = Field(default_factory=default_data_folder)
     redis_url: str = "redis://127.0.0.1:6379/0"
     public_redis_url: str = ""  # what joining workers are told, where it differs from the service's own
     database_url: str = ""  # SQLite in the data folder where empty
@@ -33,8 +34,8 @@ class Settings(BaseSettings):
     host: str = "127.0.0.1"
     port: int = 8000
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
-    web: Path = Path(__file__).resolve().parent.parent / "web"
-    examples: Path = Path(__file__).resolve().parent.parent / "scenes"
+    web: Path = shipped("web")
+    examples: Path = shipped("scenes")
 
     max_upload_bytes: int = GIB
     max_upload_files: int = 4096

@@ -23,23 +23,33 @@ from pathlib import Path
 
 from renderer import denoise, jit
 from renderer.render import warm_up
-from worker import app
+from worker import app, logs
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
+from worker.errors import RefusedError, WorkerError
 from worker.joining import Joining
 from worker.kernels import fetch_kernels, hand_in_beside
-from worker.link import Link, RefusedError
+from worker.link import Link, check_redis_url
+from worker.prepare import memory_budget
 from worker.status import SlotBoard
 
 EXIT_REFUSED = 3
 
 
 def main() -> int:
-    """Join, warm up, work. Exit code 3: the service refuses this worker, another try is of no use."""
+    """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
     options = _options()
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
-    logging.getLogger("httpx").setLevel(logging.WARNING)
+    try:
+        return _work(options)
+    except WorkerError as error:
+        print(f"rayfarm worker: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+
+
+def _work(options: argparse.Namespace) -> int:
+    _check(options)
+    logs.set_up()
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -57,23 +67,21 @@ def main() -> int:
         )
 
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
-    try:
-        joining.begin()
-        took = warm_up(fetch=lambda: log.info(fetch_kernels(link, options.token, kernels)))
-        log.info("kernels ready after %.1f s (%s)", took, kind)
-        joined = joining.finish(lambda: bool(stopping))
-    except RefusedError as error:
-        print(f"rayfarm worker: {error}", file=sys.stderr)
-        return EXIT_REFUSED
+    joining.begin()
+    took = warm_up(fetch=lambda: log.info(fetch_kernels(link, options.token, kernels)))
+    log.info("kernels ready after %.1f s (%s)", took, kind)
+    joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0
+    cache = BlobCache(link, joined.farm, options.cache, options.cache_bytes)
+    cache.check()
     worker = WorkerContext(
         name=joined.name,
         slots=options.slots,
         kind=kind,
         redis_url=joined.redis_url,
         link=link,
-        cache=BlobCache(link, joined.farm, options.cache, options.cache_bytes),
+        cache=cache,
         board=SlotBoard(options.slots),
         started=started,
     )
@@ -86,7 +94,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m worker", description="A worker of the farm; `rayfarm worker` starts one.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="the farm's token; $RAYFARM_TOKEN")
-    parser.add_argument("--slots", type=int, default=os.cpu_count() or 1, help="batches rendered at a time")
+    parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
     parser.add_argument(
         "--redis",
         default=os.environ.get("RAYFARM_REDIS_URL"),
@@ -96,6 +104,26 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
     return parser.parse_args()
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raises RefusedError where a setting would only be found wrong by the first work."""
+    try:
+        if options.redis:
+            check_redis_url(options.redis)
+    except ValueError as error:
+        raise RefusedError(f"--redis or RAYFARM_REDIS_URL: {error}") from None
+    try:
+        memory_budget()
+    except ValueError:
+        raise RefusedError("RAYFARM_PREPARE_MEMORY_MB is a number of megabytes, as 4000") from None
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError
+    return number
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ parent must have one thread, as the children of Celery's prefork pool have.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import logging
 import os
@@ -19,17 +20,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from worker.errors import MachineError, WorkError, is_of_machine
 from worker.process import die_with_parent
 
-__all__ = ["WorkError", "run_bounded"]
+__all__ = ["run_bounded"]
 
 log = logging.getLogger(__name__)
 
 Send = Callable[[dict[str, Any]], None]
-
-
-class WorkError(Exception):
-    """The work did not end well; the message is a sentence for a person."""
 
 
 def run_bounded(
@@ -44,11 +42,19 @@ def run_bounded(
 
     work: gets a function that sends a JSON-ready dict to `on_message` of the parent, at any time.
     faults: exceptions whose message is already the sentence. Raises WorkError with a sentence that begins with `subject`
-    for every other way to fail: an exception, memory, time, a crash.
+    for every other way to fail: an exception, memory, time, a crash; and MachineError where this machine is at fault.
     """
-    reading, writing = os.pipe()
     parent = os.getpid()
-    child = os.fork()
+    try:
+        reading, writing = os.pipe()
+    except OSError as error:
+        raise MachineError(f"this machine has no file left to open ({error.strerror})") from error
+    try:
+        child = os.fork()
+    except OSError as error:
+        os.close(reading)
+        os.close(writing)
+        raise MachineError(f"this machine cannot start another process ({error.strerror})") from error
     if child == 0:
         os.close(reading)
         _child(work, writing, parent, memory_bytes, seconds, faults)
@@ -56,7 +62,7 @@ def run_bounded(
     answer: dict[str, Any] | None = None
     status = 0
     try:
-        for message in _messages(reading, time.monotonic() + seconds):
+        for message in _messages(reading, seconds):
             if "answer" in message or "error" in message:
                 answer = message
             else:
@@ -74,8 +80,10 @@ def run_bounded(
     if answer is None:
         raise WorkError(_how_it_ended(status, subject, memory_bytes))
     if "error" in answer:
-        error = answer["error"]
-        raise WorkError(error if answer.get("plain") else f"{subject} {error}")
+        sentence = answer["error"]
+        if answer.get("machine"):
+            raise MachineError(sentence)
+        raise WorkError(sentence if answer.get("plain") else f"{subject} {sentence}")
     return answer["answer"]
 
 
@@ -105,14 +113,30 @@ def _child(
     except faults as error:
         send({"error": str(error), "plain": True})
     except MemoryError:
-        send({"error": f"needs more than the {memory_bytes / 2**30:.1f} GiB that this worker grants one scene. Simplify it."})
+        send({"error": _too_large(memory_bytes)})
+    except OSError as error:
+        if error.errno == errno.ENOMEM:
+            send({"error": _too_large(memory_bytes)})
+        elif is_of_machine(error):
+            where = error.filename or "a file"
+            send({"error": f"this machine cannot write its files ({error.strerror}: {where})", "machine": True})
+        else:
+            send(_unreadable(error))
     except RecursionError:
         send({"error": "is nested too deeply. Flatten its hierarchy."})
     except BaseException as error:
         traceback.print_exc()
-        send({"error": f"cannot be read ({type(error).__name__}: {error}). It may be damaged; export it anew."})
+        send(_unreadable(error))
     finally:
         os._exit(code)
+
+
+def _too_large(memory_bytes: int) -> str:
+    return f"needs more than the {memory_bytes / 2**30:.1f} GiB that this worker grants one scene. Simplify it."
+
+
+def _unreadable(error: BaseException) -> dict[str, Any]:
+    return {"error": f"cannot be read ({type(error).__name__}: {error}). It may be damaged; export it anew."}
 
 
 def _limit(memory_bytes: int, seconds: float) -> None:
@@ -131,13 +155,17 @@ def _address_space() -> int:
         return 4 << 30
 
 
-def _messages(reading: int, deadline: float) -> Iterator[dict[str, Any]]:
-    """The child's messages until it closes its end. Raises TimeoutError at the deadline."""
+def _messages(reading: int, seconds: float) -> Iterator[dict[str, Any]]:
+    """The child's messages until it closes its end. Raises TimeoutError after `seconds` of waiting for it.
+
+    What the receiver takes for a message does not count: a Redis that is away is no slowness of the child.
+    """
     buffer = b""
     while True:
-        left = deadline - time.monotonic()
-        if left <= 0 or not select.select([reading], [], [], left)[0]:
+        begun = time.monotonic()
+        if seconds <= 0 or not select.select([reading], [], [], seconds)[0]:
             raise TimeoutError
+        seconds -= time.monotonic() - begun
         data = os.read(reading, 1 << 16)
         if not data:
             return
@@ -161,10 +189,11 @@ def _wait(child: int, seconds: float) -> tuple[int, int]:
 def _how_it_ended(status: int, subject: str, memory_bytes: int) -> str:
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
+        name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
         if number in (signal.SIGABRT, signal.SIGKILL, signal.SIGSEGV, signal.SIGBUS):
             return (
-                f"{subject} made its reader crash ({signal.Signals(number).name}): it is damaged, "
+                f"{subject} made its reader crash ({name}): it is damaged, "
                 f"or needs more than the {memory_bytes / 2**30:.1f} GiB that this worker grants one scene."
             )
-        return f"{subject} made its reader crash ({signal.Signals(number).name}). It may be damaged; export it anew."
+        return f"{subject} made its reader crash ({name}). It may be damaged; export it anew."
     return f"{subject} could not be prepared (its reader ended without an answer). It may be damaged; export it anew."

@@ -15,7 +15,8 @@ takes its batches, so films of two kinds cannot mix. Imports neither numba nor t
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any, Literal
 
 import lz4.block
@@ -60,6 +61,17 @@ HEARTBEAT_EVERY_S = 1.0
 HEARTBEAT_TTL_S = 6
 VERSION_HEADER = "X-Film-Version"  # with a film's means: which content they are of, and how many samples that has
 SAMPLES_HEADER = "X-Samples"
+
+
+def _fields(cls: type, data: Any) -> dict[str, Any]:
+    """Of a message, what this release knows: the other end may be of another one, and say more. Raises ValueError."""
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{cls.__name__} is an object, and not {type(data).__name__}")
+    known = {f.name: f for f in fields(cls)}
+    for name, f in known.items():
+        if name not in data and f.default is MISSING and f.default_factory is MISSING:
+            raise ValueError(f"{cls.__name__} lacks {name!r}")
+    return {name: value for name, value in data.items() if name in known}
 
 
 def prepare_queue(kind: str) -> str:
@@ -120,6 +132,14 @@ class BlobRef:
     sha256: str
     size: int
 
+    @classmethod
+    def from_json(cls, data: Any) -> BlobRef:
+        """The reference that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        ref = cls(**_fields(cls, data))
+        if not (isinstance(ref.path, str) and isinstance(ref.sha256, str) and isinstance(ref.size, int)):
+            raise ValueError(f"{data!r} refers to no blob")
+        return ref
+
 
 @dataclass(frozen=True)
 class Manifest:
@@ -132,9 +152,12 @@ class Manifest:
     environment: str | None = None
 
     @classmethod
-    def from_json(cls, data: dict[str, Any]) -> Manifest:
-        """The manifest that `dataclasses.asdict` made JSON of."""
-        return cls(**{**data, "files": [BlobRef(**f) for f in data["files"]]})
+    def from_json(cls, data: Any) -> Manifest:
+        """The manifest that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        known = _fields(cls, data)
+        if not (isinstance(known["main"], str) and isinstance(known["files"], list)):
+            raise ValueError("Manifest names a file, and lists its files")
+        return cls(**{**known, "files": [BlobRef.from_json(f) for f in known["files"]]})
 
 
 @dataclass(frozen=True)
@@ -154,14 +177,20 @@ class SceneInfo:
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
 
     @classmethod
-    def from_json(cls, data: dict[str, Any]) -> SceneInfo:
-        """The info that `dataclasses.asdict` made JSON of."""
-        thumbnail = data.get("thumbnail")
+    def from_json(cls, data: Any) -> SceneInfo:
+        """The info that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        known = _fields(cls, data)
+        lists = ("cameras", "bounds", "animations", "warnings")
+        if not (all(isinstance(known[name], list) for name in lists) and isinstance(known["counts"], dict)):
+            raise ValueError("SceneInfo has fields of other types")
+        if not all(isinstance(camera, dict) and {"name", "view"} <= camera.keys() for camera in known["cameras"]):
+            raise ValueError("SceneInfo has cameras without a name or a view")
+        thumbnail = known["thumbnail"]
         return cls(
             **{
-                **data,
-                "compiled": BlobRef(**data["compiled"]),
-                "thumbnail": BlobRef(**thumbnail) if thumbnail else None,
+                **known,
+                "compiled": BlobRef.from_json(known["compiled"]),
+                "thumbnail": BlobRef.from_json(thumbnail) if thumbnail else None,
             }
         )
 
@@ -184,10 +213,11 @@ class RenderBatch:
         return {**vars(self), "tile": list(self.tile), "settings": self.settings.to_json()}
 
     @classmethod
-    def from_json(cls, data: dict[str, Any]) -> RenderBatch:
-        """The batch that `to_json` wrote."""
-        settings = RenderSettings.from_json(data["settings"])
-        return cls(**{**data, "tile": Tile(*data["tile"]), "settings": settings})
+    def from_json(cls, data: Any) -> RenderBatch:
+        """The batch that `to_json` wrote. Raises ValueError, or SettingsError where it asks for what is not known here."""
+        known = _fields(cls, data)
+        settings = RenderSettings.from_json(known["settings"])
+        return cls(**{**known, "tile": Tile(*known["tile"]), "settings": settings})
 
 
 @dataclass(frozen=True)
@@ -203,6 +233,11 @@ class DenoiseFrame:
     frame: int
     width: int
     height: int
+
+    @classmethod
+    def from_json(cls, data: Any) -> DenoiseFrame:
+        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        return cls(**_fields(cls, data))
 
 
 @dataclass(frozen=True)
@@ -229,8 +264,22 @@ class WorkerReport:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> WorkerReport:
-        """The report that `to_bytes` wrote."""
-        return cls(**json.loads(data))
+        """The report that `to_bytes` wrote, here or in another release. Raises ValueError where it is none."""
+        try:
+            report = cls(**_fields(cls, json.loads(data)))
+        except (TypeError, RecursionError) as error:
+            raise ValueError(f"no report of a worker: {error}") from None
+        texts = (report.name, report.host, report.cpu, report.kind, report.state)
+        numbers = (report.pid, report.slots, report.started, report.samples_per_s)
+        if not (
+            all(isinstance(text, str) for text in texts)
+            and all(isinstance(number, (int, float)) for number in numbers)
+            and isinstance(report.current, list)
+            and all(isinstance(doing, dict) for doing in report.current)
+            and report.state in ("starting", "ready", "paused")
+        ):
+            raise ValueError("no report of a worker: its fields are of other types")
+        return report
 
 
 @dataclass(frozen=True)
@@ -240,12 +289,15 @@ class Result:
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command)
+        batch-returned   batch, job, frame, tile, first, count, worker, error (a sentence): the worker's own trouble, to be
+                         handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo
         prepare-failed   scene, kind, worker, error (a sentence)
+        prepare-returned scene, kind, worker, error (a sentence): the worker's own trouble, to be handed out again
     """
 
     event: dict[str, Any]

@@ -13,14 +13,16 @@ import numpy as np
 
 from renderer import denoise
 from renderer.errors import RayfarmError
-from worker.bounded import WorkError, run_bounded
+from worker.bounded import run_bounded
 from worker.context import WorkerContext
 from worker.contract import DenoiseFrame
-from worker.link import LinkError, RefusedError
+from worker.errors import WorkerError, WorkError
+from worker.patience import patiently
 
 __all__ = ["denoise_failure", "denoise_frame"]
 
 SECONDS = 300.0
+PATIENCE_S = 10.0  # somebody waits for the picture
 MEMORY_BYTES = 2 << 30  # the library works in parts, at most this large in its own judgement
 BYTES_A_PIXEL = 400
 
@@ -30,8 +32,7 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
     try:
         with tempfile.TemporaryDirectory(prefix="rayfarm-denoise-") as folder:
             means, result = Path(folder) / "means.f32", Path(folder) / "denoised.f32"
-            with means.open("wb") as file:
-                version, samples = worker.link.means(work.job, work.frame, file)
+            version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)
             run_bounded(
                 lambda send: _work(means, result, work),
                 lambda message: None,
@@ -40,11 +41,11 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
                 faults=(RayfarmError,),
                 subject="The picture",
             )
-            blob = worker.link.store(result)
-    except (LinkError, RefusedError) as error:
-        return denoise_failure(worker, work, f"{worker.name} could not exchange the picture with the service: {error}")
+            blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
     except WorkError as error:
         return denoise_failure(worker, work, str(error))
+    except WorkerError as error:
+        return denoise_failure(worker, work, f"{worker.name} could not denoise the picture: {error}")
     except OSError as error:
         return denoise_failure(worker, work, f"{worker.name} has no room for the picture: {error}")
     return {**_about("denoised", worker, work), "sha256": blob.sha256, "version": version, "samples": samples}
@@ -53,6 +54,11 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
 def denoise_failure(worker: WorkerContext, work: DenoiseFrame, error: str) -> dict[str, Any]:
     """The event of a frame that could not be denoised."""
     return {**_about("denoise-failed", worker, work), "error": error}
+
+
+def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path) -> tuple[str, int]:
+    with means.open("wb") as file:
+        return worker.link.means(work.job, work.frame, file)
 
 
 def _about(kind: str, worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:

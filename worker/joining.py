@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
 import redis
 
-from worker.contract import HEARTBEAT_EVERY_S, WorkerReport, worker_key
+from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerReport, worker_key
+from worker.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.heartbeat import Reporter
-from worker.link import FarmAnswer, Link, LinkError, RefusedError
+from worker.link import FarmAnswer, Link
 
-__all__ = ["Joined", "Joining", "free_name"]
+__all__ = ["Joined", "Joining", "check_redis", "free_name"]
+
+# Nobody who only waits longer gets another answer to these: the address or the token must change.
+OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
+FIRST_PAUSE_S = 0.2
+LAST_PAUSE_S = 3.0
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -50,17 +60,17 @@ class Joining:
         self._stop = threading.Event()
         self._answered = threading.Event()
         self._joined: Joined | None = None
-        self._refused: RefusedError | None = None
+        self._refused: WorkerError | None = None
         self._thread = threading.Thread(target=self._run, name="joining", daemon=True)
 
     def begin(self) -> None:
-        """Start. Raises RefusedError where the service is there and says no."""
+        """Start. Raises WorkerError where another try is of no use: no farm is there, or it says no."""
         with contextlib.suppress(LinkError):
             self._link.join()
         self._thread.start()
 
     def finish(self, stop: Callable[[], bool]) -> Joined | None:
-        """Wait for the service's answer and end the thread; None where `stop` came first. Raises RefusedError."""
+        """Wait for the service's answer and end the thread; None where `stop` came first. Raises WorkerError as `begin`."""
         while not stop() and not self._answered.wait(0.1):
             pass
         self._stop.set()
@@ -71,16 +81,37 @@ class Joining:
 
     def _run(self) -> None:
         try:
-            farm = self._link.join_patiently(self._say, self._stop.is_set)
-        except RefusedError as error:
+            self._joined = self._patiently()
+        except OF_NO_USE as error:
             self._refused = error
-            farm = None
-        if farm is not None:
-            redis_url = self._redis_url or farm.redis_url
-            self._joined = Joined(farm, redis_url, free_name(self._name, redis_url, self._host))
-        self._answered.set()
+        except Exception as error:  # whatever it is, nobody must wait for an answer that does not come
+            log.exception("joining failed")
+            self._refused = RefusedError(f"joining {self._link.service} failed ({type(error).__name__}: {error})")
+        finally:
+            self._answered.set()
         if self._joined is not None:
             self._beat(self._joined)
+
+    def _patiently(self) -> Joined | None:
+        """Join as soon as service and Redis are there; None where it is stopped. Says once per reason why it waits."""
+        said = ""
+        pause = FIRST_PAUSE_S
+        while not self._stop.is_set():
+            try:
+                return self._join()
+            except LinkError as error:
+                if str(error) != said:
+                    said = str(error)
+                    self._say(f"waiting: {said}")
+                self._stop.wait(pause)
+                pause = min(pause * 1.5, LAST_PAUSE_S)
+        return None
+
+    def _join(self) -> Joined:
+        farm = self._link.join()
+        redis_url = self._redis_url or farm.redis_url
+        check_redis(redis_url)
+        return Joined(farm, redis_url, free_name(self._name, redis_url, self._host))
 
     def _beat(self, joined: Joined) -> None:
         reporter = Reporter(joined.redis_url)
@@ -91,27 +122,58 @@ class Joining:
                 return
 
 
+def check_redis(url: str) -> None:
+    """Raises LinkError, with a hint, where no Redis is there that a worker can write to."""
+    where = urlsplit(url)._replace(netloc=urlsplit(url).netloc.rpartition("@")[2]).geturl()
+    try:
+        with _connection(url) as store:
+            store.set("rayfarm:joining", b"", ex=HEARTBEAT_TTL_S)
+    except redis.AuthenticationError as error:
+        raise LinkError(
+            f"the Redis at {where} wants another password ({error}). "
+            "A farm tells it to its workers; where --redis or RAYFARM_REDIS_URL names the Redis, the password is part of that."
+        ) from error
+    except redis.ResponseError as error:
+        raise LinkError(f"the Redis at {where} takes no reports of workers ({error}). Look into its log.") from error
+    except redis.InvalidResponse as error:
+        raise LinkError(f"what answers at {where} is no Redis. The farm's service says which it uses.") from error
+    except (redis.RedisError, OSError) as error:
+        raise LinkError(
+            f"no Redis answers at {where} ({error}). It must be reachable from this machine: "
+            "start the farm with `rayfarm up --host 0.0.0.0`, and open the port in its firewall."
+        ) from error
+
+
 def free_name(wanted: str, redis_url: str, host: str) -> str:
     """`wanted`, or with -2, -3 ... behind it where a living worker has that name."""
-    with (
-        contextlib.suppress(redis.RedisError),
-        redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2) as store,
-    ):
+    with contextlib.suppress(redis.RedisError), _connection(redis_url) as store:
         for name in (wanted, *(f"{wanted}-{n}" for n in range(2, 1000))):
-            data = store.get(worker_key(name))
-            if not isinstance(data, bytes) or _is_dead(WorkerReport.from_bytes(data), host):
+            if not _is_taken(store, name, host):
                 return name
     return wanted
 
 
+def _connection(url: str) -> redis.Redis:
+    return redis.Redis.from_url(url, socket_timeout=5, socket_connect_timeout=5)
+
+
+def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
+    """Whether something lives under this name: also what this release cannot read. It expires when nobody renews it."""
+    try:
+        data = store.get(worker_key(name))
+        return isinstance(data, bytes) and not _is_dead(WorkerReport.from_bytes(data), host)
+    except (ValueError, redis.ResponseError):
+        return True
+
+
 def _is_dead(report: WorkerReport, host: str) -> bool:
     """Whether a report was left by a process of this host that has ended."""
-    if report.host != host:
+    if report.host != host or report.pid <= 0:
         return False
     try:
         os.kill(report.pid, 0)
     except ProcessLookupError:
         return True
-    except PermissionError:
+    except (PermissionError, OverflowError):
         return False
     return report.pid == os.getpid()

@@ -14,7 +14,8 @@ import tempfile
 from pathlib import Path
 
 from renderer.artefact import ArtefactError, name_of, pack, unpack
-from worker.link import Link, LinkError, RefusedError
+from worker.errors import WorkerError
+from worker.link import Link
 from worker.process import spawn_guard
 
 __all__ = ["fetch_kernels", "hand_in", "hand_in_beside"]
@@ -28,12 +29,12 @@ def fetch_kernels(link: Link, token: str, folder: Path) -> str:
                 return "the farm has no kernels of this kind yet"
             file.seek(0)
             return f"fetched the farm's kernels ({unpack(file, token, folder)} files)"
-        except (LinkError, RefusedError, ArtefactError, OSError) as error:
+        except (WorkerError, ArtefactError, OSError) as error:
             return f"the farm's kernels cannot be fetched: {error}"
 
 
 def hand_in(link: Link, token: str, folder: Path) -> None:
-    """Give the farm the kernels that lie in this folder, unless it has them. Raises LinkError, RefusedError or OSError."""
+    """Give the farm the kernels that lie in this folder, unless it has them. Raises WorkerError or OSError."""
     name = name_of(folder)
     if link.has_kernels(name):
         return
@@ -58,7 +59,7 @@ def main() -> int:
     token = os.environ.get("RAYFARM_TOKEN", "")
     try:
         hand_in(Link(options.service, token), token, options.folder)
-    except (LinkError, RefusedError, OSError) as error:
+    except (WorkerError, OSError) as error:
         print(f"the kernels are not handed in: {error}", file=sys.stderr)
         return 1
     return 0

@@ -20,13 +20,16 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.load import read
 from renderer.scene.readers import gltf, obj, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
-from worker.bounded import Send, WorkError, run_bounded
+from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, Manifest, SceneInfo
+from worker.errors import MachineError, WorkError, is_of_machine
+from worker.patience import patiently
 
-__all__ = ["prepare_scene"]
+__all__ = ["memory_budget", "prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
+STORE_PATIENCE_S = 60.0
 MAX_NAMES = 10_000
 THUMBNAIL_WIDTH = 256
 THUMBNAIL_SPP = 32
@@ -36,30 +39,23 @@ THUMBNAIL_SECONDS = 0.4  # passes double, so that it takes at most about twice t
 def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None]) -> SceneInfo:
     """Prepare an uploaded scene and store what came of it at the service.
 
-    Raises WorkError with a sentence where the files are no scene; LinkError or RefusedError where the service cannot be used.
+    Raises WorkError with a sentence where the files are no scene; Trouble or RefusedError where the service or this machine
+    cannot be used.
     """
     begun = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="rayfarm-prepare-") as name:
-        folder = Path(name) / "scene"
-        out = Path(name) / "out"
-        out.mkdir()
-        progress("fetching files", 0.0)
-        for file in manifest.files:
-            _place(worker.cache.path(file.sha256), folder, file.path)
-        summary = run_bounded(
-            lambda send: _work(folder, manifest.main, manifest.environment, out, send),
-            lambda message: progress(message["step"], message["fraction"]),
-            memory_bytes=_memory_budget(),
-            seconds=SECONDS,
-            faults=(SceneError,),
-            subject=manifest.main,
-        )
-        progress("storing", 0.95)
-        compiled = worker.link.store(out / "compiled.safetensors")
-        worker.cache.adopt(out / "compiled.safetensors", compiled.sha256)
-        thumbnail: BlobRef | None = None
-        if (out / "thumbnail.png").is_file():
-            thumbnail = worker.link.store(out / "thumbnail.png")
+    try:
+        with tempfile.TemporaryDirectory(prefix="rayfarm-prepare-") as name:
+            try:
+                summary, compiled, thumbnail = _prepared(worker, manifest, Path(name) / "first", progress)
+            except WorkError:
+                # Files that have suffered in the cache are no fault of who uploaded them.
+                if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
+                    raise
+                summary, compiled, thumbnail = _prepared(worker, manifest, Path(name) / "again", progress)
+    except OSError as error:
+        if not is_of_machine(error):
+            raise
+        raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
     return SceneInfo(
         kind=worker.kind,
         compiled=compiled,
@@ -73,6 +69,38 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         seconds=time.monotonic() - begun,
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )
+
+
+def _prepared(
+    worker: WorkerContext, manifest: Manifest, room: Path, progress: Callable[[str, float], None]
+) -> tuple[dict[str, Any], BlobRef, BlobRef | None]:
+    """The summary, and what was stored: the compiled scene and its thumbnail. room: a folder to work in."""
+    folder = room / "scene"
+    out = room / "out"
+    out.mkdir(parents=True)
+    progress("fetching files", 0.0)
+    for file in manifest.files:
+        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
+    summary = run_bounded(
+        lambda send: _work(folder, manifest.main, manifest.environment, out, send),
+        lambda message: progress(message["step"], message["fraction"]),
+        memory_bytes=memory_budget(),
+        seconds=SECONDS,
+        faults=(SceneError,),
+        subject=manifest.main,
+    )
+    progress("storing", 0.95)
+    compiled = _stored(worker, out / "compiled.safetensors")
+    worker.cache.adopt(out / "compiled.safetensors", compiled.sha256)
+    thumbnail: BlobRef | None = None
+    if (out / "thumbnail.png").is_file():
+        thumbnail = _stored(worker, out / "thumbnail.png")
+    return summary, compiled, thumbnail
+
+
+def _stored(worker: WorkerContext, path: Path) -> BlobRef:
+    """Stored with patience: what came of minutes of work is not thrown away because the service starts anew."""
+    return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
 def _work(folder: Path, main: str, environment: str | None, out: Path, send: Send) -> dict[str, Any]:
@@ -108,15 +136,25 @@ def _place(blob: Path, folder: Path, name: str) -> None:
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
         raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
     target = folder.joinpath(*parts)
-    target.parent.mkdir(parents=True, exist_ok=True)
     try:
-        os.link(blob, target)
-    except OSError:
-        shutil.copyfile(blob, target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(blob, target)
+        except OSError:
+            shutil.copyfile(blob, target)
+    except OSError as error:
+        if is_of_machine(error):
+            raise
+        if not blob.is_file():
+            raise MachineError("the scene's files do not stay in the cache while they are needed; give it more room") from error
+        raise WorkError(f"{name!r} cannot be the name of a file here ({error.strerror}); rename it.") from error
 
 
-def _memory_budget() -> int:
-    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now."""
+def memory_budget() -> int:
+    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now.
+
+    Raises ValueError where the variable is no number.
+    """
     if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):
         return int(named) << 20
     try:

@@ -7,15 +7,19 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
-from renderer.errors import RayfarmError
+from renderer.errors import RayfarmError, SceneError
 from renderer.render import is_warm, render_batch, warm_up
 from renderer.scene.compiled import CompiledScene, load
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums
-from worker.link import LinkError, RefusedError
+from worker.errors import MachineError, RefusedError, Trouble, is_of_machine
+from worker.patience import patiently
 from worker.reproduce import batch_command
 
-__all__ = ["batch_event", "failure", "render"]
+__all__ = ["batch_event", "failure", "not_understood", "render", "returned"]
+
+# How long a batch waits in its slot for a service that is away: less than the service waits for a batch that is in hand.
+PATIENCE_S = 30.0
 
 # Mapped scenes that a slot keeps open. They cost address space; their pages are shared with every other slot.
 OPEN_SCENES = 8
@@ -30,10 +34,12 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
             compiling(True)
             warm_up(batch.settings)
             compiling(False)
+        scene = patiently(lambda: _scene(worker, batch.compiled), PATIENCE_S)
         begun = time.perf_counter()
-        scene = _scene(worker, batch.compiled)
         sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
-    except (LinkError, RefusedError) as error:
+    except Trouble as error:
+        return returned(worker, batch, f"{worker.name} hands a batch back: {error}")
+    except RefusedError as error:
         return failure(worker, batch, f"{worker.name} cannot fetch the scene: {error}")
     except RayfarmError as error:
         return failure(worker, batch, str(error))
@@ -56,6 +62,18 @@ def failure(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
     return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command})
 
 
+def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
+    """The event of a batch that this worker cannot render now, by no fault of its scene."""
+    return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
+
+
+def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
+    """The event of a batch in words that this worker does not know; RenderBatch.to_json says them."""
+    event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
+    sentence = f"{worker.name} does not understand the batch ({error}). Run the same release of Rayfarm on all machines."
+    return Result({"type": "batch-failed", **event, "worker": worker.name, "error": sentence, "reproduce": None})
+
+
 def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[str, Any]:
     """What every event about a batch says."""
     return {
@@ -74,9 +92,25 @@ def _scene(worker: WorkerContext, sha256: str) -> CompiledScene:
     """The compiled scene, mapped once per slot."""
     scene = _open.get(sha256)
     if scene is None:
-        scene = load(worker.cache.path(sha256))
+        scene = _loaded(worker, sha256)
         _open[sha256] = scene
         if len(_open) > OPEN_SCENES:
             _open.popitem(last=False)
     _open.move_to_end(sha256)
     return scene
+
+
+def _loaded(worker: WorkerContext, sha256: str) -> CompiledScene:
+    """The compiled scene from the cache; where the cache's file has suffered, it is fetched anew once."""
+    try:
+        return load(worker.cache.path(sha256))
+    except SceneError:
+        if not worker.cache.discard_damaged(sha256):
+            raise
+    except FileNotFoundError:
+        pass  # another slot made room in between
+    except OSError as error:
+        if not is_of_machine(error):
+            raise
+        raise MachineError(f"the cached scene cannot be read ({error.strerror})") from error
+    return load(worker.cache.path(sha256))

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
-import time
-from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, TypeVar
+from typing import Any
 
 import redis
 from billiard import current_process
 from celery import Celery
 
+from renderer.errors import RayfarmError
 from worker import context
-from worker.bounded import WorkError
 from worker.contract import DENOISE, PREPARE, RENDER_BATCH, DenoiseFrame, RenderBatch, Result
 from worker.denoise import denoise_failure, denoise_frame
-from worker.link import LinkError, RefusedError
+from worker.errors import RefusedError, Trouble, WorkError
+from worker.patience import patiently
 from worker.prepare import prepare_scene
-from worker.render import failure, render
+from worker.render import failure, not_understood, render
 
 __all__ = ["register"]
 
@@ -26,7 +26,6 @@ DEATHS_ALLOWED = 3
 LINK_PATIENCE_S = 60.0
 
 log = logging.getLogger(__name__)
-T = TypeVar("T")
 
 
 def register(app: Celery) -> None:
@@ -39,14 +38,22 @@ def register(app: Celery) -> None:
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
     """Render a batch (RenderBatch.to_json) and send its sums."""
     worker = context.current()
-    work = RenderBatch.from_json(batch)
+    try:
+        work = RenderBatch.from_json(batch)
+    except (RayfarmError, KeyError, TypeError, ValueError) as error:
+        worker.results.send(not_understood(worker, batch, error))
+        return
     doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
     worker.board.write(_slot(), doing)
     try:
-        if _deaths(task, worker, work.batch) >= DEATHS_ALLOWED:
+        deaths = _deaths(task, worker, work.batch)
+        if deaths >= DEATHS_ALLOWED:
             sentence = f"the worker process died {DEATHS_ALLOWED} times while it rendered this batch"
             worker.results.send(failure(worker, work, sentence))
             return
+        if deaths:
+            with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
+                worker.cache.discard_damaged(work.compiled)
         result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
         worker.results.send(result)
         speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
@@ -64,19 +71,22 @@ def _prepare(task: Any, scene: str) -> None:
     def send(kind: str, **more: Any) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
 
+    def progress(step: str, fraction: float) -> None:
+        worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
+
     try:
         if _deaths(task, worker, scene) >= DEATHS_ALLOWED:
             send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
             return
         send("prepare-started")
-        manifest = _patiently(lambda: worker.link.manifest(scene))
-        info = _patiently(
-            lambda: prepare_scene(worker, manifest, lambda step, part: send("prepare-progress", step=step, fraction=part))
-        )
+        manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
+        info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
         send("prepared", info=asdict(info))
     except WorkError as error:
         send("prepare-failed", error=str(error))
-    except (LinkError, RefusedError) as error:
+    except Trouble as error:
+        send("prepare-returned", error=f"{worker.name} hands the scene back: {error}")
+    except RefusedError as error:
         send("prepare-failed", error=f"{worker.name} could not exchange the scene's files with the service: {error}")
     except Exception as error:
         log.exception("preparing %s failed", scene)
@@ -88,7 +98,13 @@ def _prepare(task: Any, scene: str) -> None:
 def _denoise(task: Any, frame: dict[str, Any]) -> None:
     """Denoise a frame (DenoiseFrame as a dict), and say where the result is."""
     worker = context.current()
-    work = DenoiseFrame(**frame)
+    try:
+        work = DenoiseFrame.from_json(frame)
+    except ValueError as error:
+        worker.results.send(
+            Result({"type": "denoise-failed", "work": frame.get("work"), "worker": worker.name, "error": str(error)})
+        )
+        return
     worker.board.write(_slot(), {"denoise": work.job, "frame": work.frame})
     try:
         if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
@@ -98,18 +114,6 @@ def _denoise(task: Any, frame: dict[str, Any]) -> None:
         worker.results.send(Result(event))
     finally:
         worker.board.write(_slot(), {})
-
-
-def _patiently(call: Callable[[], T]) -> T:
-    """Call, again and again while the service is away."""
-    deadline = time.monotonic() + LINK_PATIENCE_S
-    while True:
-        try:
-            return call()
-        except LinkError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(1.0)
 
 
 def _deaths(task: Any, worker: context.WorkerContext, work: str) -> int:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from dataclasses import asdict
+from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from rayfarm import options
@@ -26,19 +28,22 @@ def jobs(
     server: options.Server = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """List a farm's jobs, or show one of them.
+    """List a farm's jobs, or show one of them; why one failed or waits stands below.
+
+    Ends with 1 and a sentence where no farm answers, or it has no such job.
 
     [bold]Examples[/bold]
 
       rayfarm jobs
+      rayfarm jobs --server http://studio:8000
       rayfarm jobs 7f3a --json
     """
     with Client(server_url(server)) as farm:
-        found: list[dict[str, Any]] | dict[str, Any] = farm.jobs() if job is None else farm.job(job)
+        rows = farm.jobs() if job is None else [farm.job(job)]
     if as_json:
-        print(json.dumps(found, indent=1))
+        found = [asdict(row) for row in rows]
+        print(json.dumps(found if job is None else found[0], indent=1))
         return
-    rows = found if isinstance(found, list) else [found]
     if not rows:
         out.print("No jobs yet. `rayfarm submit SCENE` makes one.")
         return
@@ -53,10 +58,10 @@ def jobs(
     ):
         table.add_column(title, justify=side)  # type: ignore[arg-type]
     for row in rows:
-        size = f"{row.get('width', '?')}x{row.get('height', '?')}"
-        name = str(row.get("name") or row.get("scene_name") or row.get("scene", ""))
-        table.add_row(row["id"], row["state"], f"{100 * row['progress']:.0f} %", size, str(row.get("spp") or ""), name)
+        size = f"{row.width or '?'}x{row.height or '?'}"
+        done = f"{100 * row.progress:.0f} %"
+        table.add_row(row.id, row.state, done, size, str(row.spp or ""), escape(row.name or row.scene))
     out.print(table)
     for row in rows:
-        if row.get("error"):
-            out.print(f"{row['id']}: {row['error']}", markup=False, soft_wrap=True)
+        if why := row.error or row.message:
+            out.print(f"{row.id}: {why}", markup=False, soft_wrap=True)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from rayfarm import options
-from rayfarm.client import Client
+from rayfarm.answers import Job, Scene
+from rayfarm.client import Client, ClientError
 from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.scene_files import belonging
 
@@ -27,11 +30,12 @@ def register(app: typer.Typer) -> None:
 
 def server_url(server: str | None) -> str:
     """The farm to talk to: --server, $RAYFARM_SERVER, the one that runs on the data folder, or this machine's port 8000."""
-    from rayfarm.local.state import default_data_dir, running_farm
+    from rayfarm.local.state import running_farm
+    from service.places import default_data_folder
 
     if server or (server := os.environ.get("RAYFARM_SERVER")):
         return server
-    here = running_farm(default_data_dir())
+    here = running_farm(default_data_folder())
     return here.url if here else "http://127.0.0.1:8000"
 
 
@@ -49,17 +53,21 @@ def submit(
     """Upload a scene to a farm and ask for its picture.
 
     Prints the job's number. Without --wait it returns at once; Ctrl-C while waiting leaves the job running.
+    Whether the picture can be written is looked at first. Ends with 1 and a sentence where anything fails, with 130 at Ctrl-C.
 
     [bold]Examples[/bold]
 
+      rayfarm submit scene.glb
       rayfarm submit scene.glb --wait -o out.exr
+      rayfarm submit folder/ -o out.png --denoise --noise 0.02
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
     """
     if output is not None:
         if output.suffix.lower().lstrip(".").replace("jpeg", "jpg") not in FORMATS:
             raise CommandError(f"{output.name}: a farm gives .{', .'.join(FORMATS)}; end the name with one of these")
-        if not output.parent.is_dir():
-            raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
+        check_writable(output)
+        if denoise:
+            check_writable(options.denoised_name(output))
         if aov and output.suffix.lower() != ".exr":
             raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
         wait = True
@@ -77,24 +85,24 @@ def submit(
             files, main=scene.name if inside and scene.is_file() else None, environment=inside, name=scene.name
         )
         ready = _prepared(farm, uploaded)
-        for warning in ready.get("warnings", []):
+        for warning in ready.warnings:
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
-        job = farm.submit(ready["id"], priority=priority, **picture.request(ready["cameras"]))
-        out.print(job["id"], markup=False)
+        job = farm.submit(ready.id, priority=priority, **picture.request([asdict(camera) for camera in ready.cameras]))
+        out.print(job.id, markup=False)
         if wait:
-            _wait(farm, job["id"], output, aov, denoise)
+            _wait(farm, job.id, output, aov, denoise)
         else:
-            err.print(f"Watch it at {farm.url}/#/jobs/{job['id']}", markup=False, soft_wrap=True)
+            err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
 
 
-def _prepared(farm: Client, uploaded: dict[str, Any]) -> dict[str, Any]:
+def _prepared(farm: Client, uploaded: Scene) -> Scene:
     with bar() as progress:
         task = progress.add_task("preparing", total=1.0)
 
-        def show(state: dict[str, Any]) -> None:
-            progress.update(task, description=str(state["step"] or "preparing"), completed=float(state["progress"] or 0.0))
+        def show(scene: Scene) -> None:
+            progress.update(task, description=scene.step or "preparing", completed=scene.progress or 0.0)
 
-        return farm.wait_for_scene(uploaded["id"], watch=show)
+        return farm.wait_for_scene(uploaded.id, watch=show)
 
 
 def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool) -> None:
@@ -103,28 +111,31 @@ def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise:
         with bar() as progress:
             task = progress.add_task("rendering", total=1.0)
 
-            def show(state: dict[str, Any]) -> None:
-                progress.update(task, description=str(state["message"] or state["state"]), completed=float(state["progress"]))
-                ticker.tick(f"{state['message'] or state['state']}: {100 * state['progress']:.0f} %")
+            def show(job: Job) -> None:
+                progress.update(task, description=job.message or job.state, completed=job.progress)
+                ticker.tick(f"{job.message or job.state}: {100 * job.progress:.0f} %")
 
             final = farm.wait(job, watch=show)
     except KeyboardInterrupt:
         err.print(f"The job goes on. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
-    if final["state"] != "finished":
+    if final.state != "finished":
         raise CommandError(f"The job {job} {_outcome(final)}")
     if output is None:
         return
     format = output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
-    output.write_bytes(farm.image(job, format, aov=f"color,{aov}" if aov else "color"))
-    err.print(f"{output} written", markup=False, soft_wrap=True)
-    if denoise:
-        clean = options.denoised_name(output)
-        clean.write_bytes(farm.image(job, format, denoise=True))
-        err.print(f"{clean} written", markup=False, soft_wrap=True)
+    try:
+        write(output, farm.image(job, format, aov=f"color,{aov}" if aov else "color"))
+        err.print(f"{output} written", markup=False, soft_wrap=True)
+        if denoise:
+            clean = options.denoised_name(output)
+            write(clean, farm.image(job, format, denoise=True))
+            err.print(f"{clean} written", markup=False, soft_wrap=True)
+    except (ClientError, CommandError) as error:
+        raise CommandError(f"{error} The farm keeps the picture: {farm.url}/#/jobs/{job}") from error
 
 
-def _outcome(job: dict[str, Any]) -> str:
-    if job["state"] == "failed":
-        return f"failed: {job.get('error') or 'no reason given'}"
-    return f"was {job['state']} before it was finished."
+def _outcome(job: Job) -> str:
+    if job.state == "failed":
+        return f"failed: {job.error or 'no reason given'}"
+    return f"was {job.state} before it was finished."

@@ -13,6 +13,7 @@ import typer
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores
+from worker.foreign import is_address
 
 __all__ = ["register"]
 
@@ -31,16 +32,21 @@ def worker(
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
 
     The machine needs a way to the farm's page and to its Redis, and no shared folder. It may come and go at any time.
+    It waits for a farm that is away. Where no farm is, or the token is wrong, it ends with 1 and a sentence.
 
-    [bold]Example[/bold]
+    [bold]Examples[/bold]
 
       rayfarm worker --join http://studio.local:8000 --token T
+      RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import Part, Supervisor
+    from renderer.places import cache_home
 
-    if not join.startswith(("http://", "https://")):
+    if "://" not in join:
         join = f"http://{join}"
+    if not is_address(join):
+        raise CommandError(f"{join!r} is no address of a farm; give one as http://host:8000")
     token = token or os.environ.get("RAYFARM_TOKEN", "")
     if not token:
         raise CommandError(f"A worker shows the farm's token. Give it as --token; `{PROGRAM} up` prints the whole command.")
@@ -48,10 +54,15 @@ def worker(
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:
         command += ["--name", name]
-    log = Path(os.environ.get("RAYFARM_CACHE", Path.home() / ".cache" / "rayfarm")) / "logs" / f"worker-{os.getpid()}.log"
+    log = cache_home() / "logs" / f"worker-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     part = Part("worker", command, log, {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}, grace_s=10.0, fatal_codes=(3,))
-    supervisor.start(part)
+    try:
+        supervisor.start(part)
+    except OSError as error:
+        raise CommandError(
+            f"The worker's log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
+        ) from error
     out.print(f"Joining {join} with {slots or cores()} slots. Ctrl-C leaves the farm. Log: {log}", soft_wrap=True)
     shown = 0
     try:

@@ -91,7 +91,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
 
 
 def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
-    live = engine.snapshot.jobs.get(job.id)
+    live = engine.snapshot.jobs.get(job.id) if job.state in ACTIVE else None
     frames = [
         FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
         for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import anyio
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
@@ -88,7 +89,7 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
     if not is_sha256(sha256):
         raise Invalid("A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
-    writer = farm.blobs.writer()
+    writer = await run_in_threadpool(farm.blobs.writer)
     try:
         async for chunk in gathered(request.stream()):
             check_disk(len(chunk))
@@ -100,5 +101,6 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
         farm.garbage.promise(sha256)
         await run_in_threadpool(writer.commit)
     finally:
-        writer.discard()
+        with anyio.CancelScope(shield=True):
+            await run_in_threadpool(writer.discard)
     return Response(status_code=204)

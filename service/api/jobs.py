@@ -108,7 +108,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 
     A job that is over and set to running renders what its picture lacks; a film that is damaged is set aside first.
     """
-    is_anew = change.state == "running" and begins_anew(find_job(id, farm), farm.films)
+    may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
+    is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:

@@ -19,12 +19,14 @@ from service.scheduling.merging import batch_of, merge
 from service.scheduling.messages import (
     BatchDone,
     BatchFailed,
+    BatchReturned,
     DenoiseDone,
     DenoiseFailed,
     Message,
     PrepareDone,
     PrepareFailed,
     PrepareGoesOn,
+    PrepareReturned,
     PrepareStarted,
     Wake,
     understand,
@@ -96,7 +98,7 @@ class Answers:
     def review(self) -> None:
         """Once a second: read the stream anew where there is more in it than is kept here: Redis was away when something
         was to be deleted, or has lost what it had. Raises redis.RedisError."""
-        more = self._results.has_read(self._results.end()) and self._results.length() > sum(map(len, self._kept.values()))
+        more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
         if more and self._overlooked:
             self._results.start_over()
         self._overlooked = more and not self._overlooked
@@ -153,6 +155,11 @@ class Answers:
         match message:
             case BatchFailed():
                 self._failed(message)
+            case BatchReturned():
+                job = self._scheduler.jobs.get(message.job)
+                batch = batch_of(message, job) if job else None
+                if job is not None and batch is not None:
+                    self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
             case DenoiseDone():
                 self._denoising.heard(message.work, Denoised(message.sha256, message.version, message.samples))
             case DenoiseFailed():
@@ -168,6 +175,9 @@ class Answers:
                 self._tell("scene", message.scene)
             case PrepareFailed():
                 self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
+            case PrepareReturned():
+                self._preparing.returned(message.scene, message.kind, message.error)
+                self._tell("scene", message.scene)
 
     def _failed(self, message: BatchFailed) -> None:
         job = self._scheduler.jobs.get(message.job)

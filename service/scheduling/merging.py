@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from renderer.film import BadSample
 from renderer.settings import Tile
 from service.scheduling.active_job import ActiveJob
-from service.scheduling.messages import BatchDone, BatchFailed
+from service.scheduling.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.plan import Range
 from service.store.films import Part
 
@@ -37,7 +37,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
     ]
 
 
-def batch_of(message: BatchDone | BatchFailed, job: ActiveJob) -> Range | None:
+def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
     """The batch that a message is about; None where the job's film has no such tile."""
     tile = job.film.index_of(Tile(*message.tile)) if message.frame == job.frame else None
     return None if tile is None else Range(tile, message.first, message.count)

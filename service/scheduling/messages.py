@@ -15,12 +15,14 @@ from worker.contract import SceneInfo
 __all__ = [
     "BatchDone",
     "BatchFailed",
+    "BatchReturned",
     "DenoiseDone",
     "DenoiseFailed",
     "Message",
     "PrepareDone",
     "PrepareFailed",
     "PrepareGoesOn",
+    "PrepareReturned",
     "PrepareStarted",
     "Wake",
     "understand",
@@ -65,6 +67,13 @@ class BatchFailed(_Batch):
     type: Literal["batch-failed"]
     error: Sentence
     reproduce: Sentence | None = None
+
+
+class BatchReturned(_Batch):
+    """A worker hands a batch back for trouble of its own: a lost connection, a full disk."""
+
+    type: Literal["batch-returned"]
+    error: Sentence
 
 
 class _Denoise(BaseModel):
@@ -142,6 +151,13 @@ class PrepareFailed(_Prepare):
     error: Sentence
 
 
+class PrepareReturned(_Prepare):
+    """A worker hands a scene back for trouble of its own."""
+
+    type: Literal["prepare-returned"]
+    error: Sentence
+
+
 class Wake(BaseModel):
     """Says nothing: there is something else to do than to wait for messages."""
 
@@ -150,7 +166,17 @@ class Wake(BaseModel):
 
 
 Message = (
-    BatchDone | BatchFailed | DenoiseDone | DenoiseFailed | PrepareStarted | PrepareGoesOn | PrepareDone | PrepareFailed | Wake
+    BatchDone
+    | BatchFailed
+    | BatchReturned
+    | DenoiseDone
+    | DenoiseFailed
+    | PrepareStarted
+    | PrepareGoesOn
+    | PrepareDone
+    | PrepareFailed
+    | PrepareReturned
+    | Wake
 )
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 

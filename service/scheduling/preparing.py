@@ -77,6 +77,13 @@ class Preparing:
         if progress is not None:
             self.progress[scene] = progress
 
+    def returned(self, scene: str, kind: str, why: str) -> None:
+        """A worker could not prepare a scene by its own trouble: it is handed out again, and the scene is not to blame."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+                self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
+
     def review(self, results: Results) -> list[tuple[str, str | None]]:
         """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often.
 

@@ -138,6 +138,15 @@ class Scheduler:
         self._set_aside_if_alone(worker)
         return None
 
+    def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
+        """A worker could not render a batch by its own trouble: it is handed out again, and the job is not to blame."""
+        if self.leases.end(lease) is None:
+            return
+        log.info("job %s: %s", job.id, why)
+        job.plan.lose(batch)
+        self.suspicion.failed(worker, (job.id, batch))
+        self._set_aside_if_alone(worker)
+
     def withdraw(self, job: ActiveJob) -> None:
         """Take back what waits of a job; what a worker has in hand comes back by itself, and is lost for the plan."""
         mine = self.leases.of(job.id)

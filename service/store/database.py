@@ -27,11 +27,11 @@ LOCK_PATIENCE_S = 5.0
 class Sessions:
     """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes.
 
-    Raises NoRoom where the disk is full, and Unavailable where the database is locked or away. patience_s: how long a lock
-    of SQLite's is waited for.
+    Raises NoRoom where the disk is full, and Unavailable where the database is locked or away.
+    patience_s: how long a lock of SQLite's is waited for.
     """
 
-    def __init__(self, engine: Engine, patience_s: float = 30.0) -> None:
+    def __init__(self, engine: Engine, patience_s: float = LOCK_PATIENCE_S) -> None:
         self._engine = engine
         options = {"patience_ms": round(patience_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
@@ -118,6 +118,6 @@ def _begin_sqlite(connection: Connection) -> None:
     # A transaction that reads and then writes must hold the lock from its beginning: else another writer may come between,
     # and what was decided by the reading is no longer true (or SQLite gives up with "database is locked").
     options = connection.get_execution_options()
-    writes, patience_ms = options.get("writes"), options.get("patience_ms", 30_000)
+    writes, patience_ms = options.get("writes"), options.get("patience_ms", round(LOCK_PATIENCE_S * 1000))
     connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")  # of this use of the connection, which is pooled
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

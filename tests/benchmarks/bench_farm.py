@@ -70,10 +70,10 @@ def alone(folder: Path, threads: int, spp: int) -> tuple[float, float]:
 def through(farm: Farm, spp: int) -> tuple[float, float]:
     """Wall seconds through the farm, from the request to the finished job, and processor seconds of all its processes."""
     with farm.client() as client:
-        scene = client.wait_for_scene(client.upload([SCENE])["id"])
+        scene = client.wait_for_scene(client.upload([SCENE]).id)
         begun = time.perf_counter(), _processor(farm)
-        job = client.submit(scene["id"], spp=spp, **REQUEST)["id"]
-        while client.job(job)["state"] != "finished":
+        job = client.submit(scene.id, spp=spp, **REQUEST).id
+        while client.job(job).state != "finished":
             time.sleep(0.1)
         return time.perf_counter() - begun[0], _processor(farm) - begun[1]
 
@@ -88,10 +88,10 @@ def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float
     farm = start_farm(data, slots, until=b"is up at", **environment)
     try:
         with farm.client() as client:
-            scene = client.upload([SCENE])["id"]
-            from_start = _samples_of(client, client.submit(scene, spp=64, **REQUEST)["id"]) - begun
+            scene = client.upload([SCENE]).id
+            from_start = _samples_of(client, client.submit(scene, spp=64, **REQUEST).id) - begun
             again = time.perf_counter()
-            from_submit = _samples_of(client, client.submit(scene, spp=64, seed=1, **REQUEST)["id"]) - again
+            from_submit = _samples_of(client, client.submit(scene, spp=64, seed=1, **REQUEST).id) - again
         return from_start, from_submit
     finally:
         stop_farm(farm)
@@ -99,7 +99,7 @@ def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float
 
 def _samples_of(client: Client, job: str) -> float:
     """When the job has its first samples; then it is cancelled."""
-    while not client.job(job)["samples"]:
+    while not client.job(job).samples:
         time.sleep(0.01)
     now = time.perf_counter()
     client.change(job, state="cancelled")

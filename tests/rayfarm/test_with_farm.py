@@ -104,12 +104,12 @@ def test_ctrl_c_leaves_the_job_running_and_says_how_to_find_it(farm: Farm) -> No
     job = process.stdout.readline().strip()
     with farm.client() as client:
         try:
-            wait_until(lambda: client.job(job)["samples"] > 0, 60, "the job has begun")
+            wait_until(lambda: client.job(job).samples > 0, 60, "the job has begun")
             process.send_signal(signal.SIGINT)
             _, err = process.communicate(timeout=10)
             assert process.returncode == 130
             assert f"rayfarm jobs {job}" in err
-            assert client.job(job)["state"] == "running"
+            assert client.job(job).state == "running"
         finally:
             client.change(job, state="cancelled")
 
@@ -119,7 +119,7 @@ def test_a_machine_joins_and_leaves(farm: Farm) -> None:
     with farm.client() as client:
 
         def states() -> dict[str, str]:
-            return {worker["name"]: worker["state"] for worker in client.workers()}
+            return {worker.name: worker.state for worker in client.workers()}
 
         wait_until(lambda: states().get("second") == "ready", 60, "the second worker is ready")
         assert len(states()) == 2

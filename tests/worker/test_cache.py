@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import threading
@@ -11,7 +12,8 @@ from typing import BinaryIO
 import pytest
 
 from worker.cache import BlobCache
-from worker.link import FarmAnswer, Link, LinkError
+from worker.errors import LinkError, MachineError
+from worker.link import FarmAnswer, Link
 
 ELSEWHERE = FarmAnswer("redis://", "instance-1", "")
 
@@ -106,3 +108,99 @@ def test_what_was_made_here_is_not_fetched_back(tmp_path: Path) -> None:
 def test_a_name_that_is_no_hash_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no SHA-256"):
         BlobCache(CountingLink({}), ELSEWHERE, tmp_path).path("../../etc/passwd")
+
+
+def test_the_files_that_another_slot_is_writing_are_left_alone(tmp_path: Path) -> None:
+    """A slot that makes room must not remove what its neighbour fetches, however old; but what a killed one left."""
+    slow, other = b"slow" * 100, b"other" * 100
+    half_way, go_on = threading.Event(), threading.Event()
+
+    class Slow(CountingLink):
+        def fetch(self, sha256: str, out: BinaryIO) -> None:
+            if sha256 == sha(slow):
+                half_way.set()
+                assert go_on.wait(10)
+            super().fetch(sha256, out)
+
+    link = Slow({sha(slow): slow, sha(other): other})
+    found: list[Path] = []
+    thread = threading.Thread(target=lambda: found.append(BlobCache(link, ELSEWHERE, tmp_path, 1).path(sha(slow))))
+    thread.start()
+    assert half_way.wait(10)
+    [part] = tmp_path.glob("??/.part-*")
+    orphan = part.parent / ".part-of-a-killed-slot"
+    orphan.write_bytes(b"half")
+    for path in (part, orphan):
+        os.utime(path, (1, 1))
+    BlobCache(link, ELSEWHERE, tmp_path, max_bytes=1).path(sha(other))
+    assert part.exists()
+    assert not orphan.exists()
+    go_on.set()
+    thread.join()
+    assert found[0].read_bytes() == slow
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    fsync, replace = os.fsync, Path.replace
+    monkeypatch.setattr(
+        "os.fsync", lambda handle: (done.append(Path(f"/proc/self/fd/{handle}").readlink().name), fsync(handle))[1]
+    )
+    monkeypatch.setattr(Path, "replace", lambda self, target: (done.append("renamed"), replace(self, target))[1])
+    data = b"compiled scene"
+    BlobCache(CountingLink({sha(data): data}), ELSEWHERE, tmp_path).path(sha(data))
+    assert [name[:6] for name in done] == [".part-", "rename", sha(data)[:2]]
+
+
+def test_a_file_that_has_suffered_is_fetched_anew(tmp_path: Path) -> None:
+    data = b"compiled scene"
+    link = CountingLink({sha(data): data})
+    cache = BlobCache(link, ELSEWHERE, tmp_path)
+    path = cache.path(sha(data))
+    assert not cache.discard_damaged(sha(data))
+    path.write_bytes(b"compiled scenf")
+    assert cache.discard_damaged(sha(data))
+    assert cache.path(sha(data)).read_bytes() == data
+    path.write_bytes(b"")
+    assert cache.path(sha(data), len(data)).read_bytes() == data
+    assert len(link.fetched) == 3
+    assert not cache.discard_damaged(sha(b"never fetched"))
+
+
+class FullLink(CountingLink):
+    """A link whose disk is full while more than one blob is kept."""
+
+    def __init__(self, blobs: dict[str, bytes], folder: Path) -> None:
+        super().__init__(blobs)
+        self.folder = folder
+
+    def fetch(self, sha256: str, out: BinaryIO) -> None:
+        if len(list(self.folder.glob("??/*"))) > self.room:
+            out.write(self.blobs[sha256][:3])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        super().fetch(sha256, out)
+
+    room = 1
+
+
+def test_a_full_disk_costs_the_other_blobs_and_is_then_a_sentence(tmp_path: Path) -> None:
+    old, new = b"old" * 100, b"new" * 100
+    link = FullLink({sha(old): old, sha(new): new}, tmp_path)
+    cache = BlobCache(link, ELSEWHERE, tmp_path)
+    cache.path(sha(old))
+    assert cache.path(sha(new)).read_bytes() == new
+    assert not (tmp_path / sha(old)[:2] / sha(old)).exists()
+    link.room = 0
+    with pytest.raises(MachineError, match=r"no room for a scene in .*Free some"):
+        cache.path(sha(old))
+    assert not list(tmp_path.glob("??/.part-*"))
+
+
+def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    cache = BlobCache(CountingLink({}), ELSEWHERE, tmp_path / "file" / "blobs")
+    with pytest.raises(MachineError, match="Not a directory"):
+        cache.check()
+    with pytest.raises(MachineError, match="Not a directory"):
+        cache.path(sha(b"x"))
+    BlobCache(CountingLink({}), ELSEWHERE, tmp_path / "new").check()

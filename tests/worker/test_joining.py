@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import redis
 
-from tests.helpers import wait_until
+from tests.foreign_server import HTML, foreign_server
+from tests.helpers import running_redis, wait_until
+from worker import __main__ as program
 from worker.contract import WorkerReport, worker_key
-from worker.joining import Joining, free_name
-from worker.link import FarmAnswer, Link, LinkError, RefusedError
+from worker.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
+from worker.joining import Joining, check_redis, free_name
+from worker.link import FarmAnswer, Link
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:
@@ -34,8 +40,8 @@ class Service(Link):
         return answer
 
 
-def joining(service: Service, said: list[str]) -> Joining:
-    return Joining(service, None, "vm", "here", lambda name: report(name, os.getpid()), said.append)
+def joining(service: Service, said: list[str], redis_url: str | None = None) -> Joining:
+    return Joining(service, redis_url, "vm", "here", lambda name: report(name, os.getpid()), said.append)
 
 
 def test_it_waits_for_the_service_and_then_reports_starting(redis_url: str, store: redis.Redis) -> None:
@@ -47,7 +53,7 @@ def test_it_waits_for_the_service_and_then_reports_starting(redis_url: str, stor
     joined = begun.finish(lambda: False)
     assert joined is not None
     assert (joined.farm, joined.redis_url, joined.name) == (answer, redis_url, "vm")
-    assert said == ["waiting for the service: no answer"]
+    assert said == ["waiting: no answer"]
 
 
 def test_a_refusal_is_told_at_once_or_when_it_comes() -> None:
@@ -78,3 +84,75 @@ def test_the_name_of_a_dead_worker_of_this_host_is_taken_again(redis_url: str, s
     dead.wait()
     store.set(worker_key("vm"), report("vm", dead.pid).to_bytes())
     assert free_name("vm", redis_url, "here") == "vm"
+
+
+@pytest.mark.parametrize("refusal", [TokenError("no"), NotAFarmError("no"), RefusedError("no"), ZeroDivisionError("a fault")])
+def test_whatever_happens_while_it_joins_nobody_waits_for_ever(refusal: Exception) -> None:
+    later = joining(Service(LinkError("no answer"), refusal), [])
+    later.begin()
+    with pytest.raises(WorkerError):
+        later.finish(lambda: False)
+
+
+@pytest.mark.parametrize(
+    "held", [b"", b"\xff\x00", b"[]", b"null", b'{"name": "vm"}', b'{"name": "vm", "pid": "x"}', b"[" * 9000]
+)
+def test_a_name_that_another_release_holds_is_left_to_it(redis_url: str, store: redis.Redis, held: bytes) -> None:
+    store.set(worker_key("vm"), held)
+    assert free_name("vm", redis_url, "here") == "vm-2"
+    store.delete(worker_key("vm"))
+    store.rpush(worker_key("vm"), b"a list")
+    assert free_name("vm", redis_url, "here") == "vm-2"
+
+
+def test_a_report_with_more_fields_than_this_release_knows_is_read(redis_url: str, store: redis.Redis) -> None:
+    data = json.loads(report("vm", 1).to_bytes()) | {"gpu": "yes", "colour": [1, 2]}
+    store.set(worker_key("vm"), json.dumps(data))
+    assert free_name("vm", redis_url, "here") == "vm-2"
+    assert WorkerReport.from_bytes(json.dumps(data).encode()).pid == 1
+
+
+def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -> None:
+    server = running_redis(tmp_path)
+    server.start()
+    said: list[str] = []
+    try:
+        wrong = server.url.replace(server.password, "wrong")
+        for url, hint in (
+            (wrong, "wants another password"),
+            (f"redis://127.0.0.1:{server.port}/0", "wants another password"),
+            ("redis://127.0.0.1:9/0", "must be reachable"),
+        ):
+            with pytest.raises(LinkError, match=hint) as error:
+                check_redis(url)
+            assert "wrong@" not in str(error.value)
+        with redis.Redis.from_url(server.url) as store:
+            store.config_set("maxmemory", "1")
+            with pytest.raises(LinkError, match="takes no reports"):
+                check_redis(server.url)
+            waiting = joining(Service(FarmAnswer(server.url, "instance", "")), said)
+            waiting.begin()
+            wait_until(lambda: bool(said), 5, "it says that it waits")
+            store.config_set("maxmemory", "0")
+        joined = waiting.finish(lambda: False)
+        assert joined is not None
+        assert joined.name == "vm"
+    finally:
+        server.stop()
+    assert len(said) == 1, "said once, however often it is tried"
+
+
+def test_an_http_server_is_no_redis() -> None:
+    with foreign_server(HTML) as port, pytest.raises(LinkError, match="no Redis"):
+        check_redis(f"redis://127.0.0.1:{port}/0")
+    with foreign_server(b"") as port, pytest.raises(LinkError, match="no Redis"):
+        check_redis(f"redis://127.0.0.1:{port}/0")
+
+
+def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(RefusedError, match="RAYFARM_REDIS_URL"):
+        program._check(argparse.Namespace(redis="nonsense"))
+    program._check(argparse.Namespace(redis=None))
+    monkeypatch.setenv("RAYFARM_PREPARE_MEMORY_MB", "much")
+    with pytest.raises(RefusedError, match="RAYFARM_PREPARE_MEMORY_MB"):
+        program._check(argparse.Namespace(redis="redis://127.0.0.1/0"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,10 @@ from renderer.scene import compiled as compiled_file
 from renderer.settings import RenderSettings, Tile, View
 from tests.renderer.builders import emitter, scene, square
 from worker import render as slot
+from worker.cache import BlobCache
 from worker.contract import RenderBatch, unpack_sums
+from worker.errors import DamagedError, LinkError, MachineError, NotAFarmError, RefusedError, TokenError
+from worker.link import FarmAnswer, Link
 
 SETTINGS = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)))
 TILE = Tile(0, 0, 8, 8)
@@ -42,3 +46,80 @@ def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytes
     monkeypatch.setattr(slot, "is_warm", is_warm)
     assert slot.render(worker, batch, told.append).sums == result.sums
     assert told == []
+
+
+BATCH = RenderBatch("b", "job", 0, "0" * 64, TILE, 0, 2, SETTINGS)
+
+
+@pytest.mark.parametrize("trouble", [LinkError, DamagedError, TokenError, NotAFarmError, MachineError])
+def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, trouble: type[Exception]
+) -> None:
+    asked: list[str] = []
+
+    def path(sha256: str) -> Path:
+        asked.append(sha256)
+        raise trouble("it is away")
+
+    worker.cache = SimpleNamespace(path=path)
+    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr(slot, "PATIENCE_S", 1.05)
+    event = slot.render(worker, BATCH, lambda is_so: None).event
+    assert (event["type"], event["batch"], event["worker"]) == ("batch-returned", "b", "w")
+    assert "it is away" in event["error"]
+    assert len(asked) > 2
+
+
+def test_what_passes_is_waited_for(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    there = worker.cache.path("")
+    answers: list[Any] = [LinkError("away"), MachineError("full"), there]
+
+    def path(sha256: str) -> Path:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    worker.cache = SimpleNamespace(path=path)
+    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    assert slot.render(worker, BATCH, lambda is_so: None).event["type"] == "batch"
+
+
+def test_a_scene_that_the_service_does_not_have_is_a_failure(worker: Any) -> None:
+    def path(sha256: str) -> Path:
+        raise RefusedError("http://farm answers 404")
+
+    worker.cache = SimpleNamespace(path=path)
+    event = slot.render(worker, BATCH, lambda is_so: None).event
+    assert event["type"] == "batch-failed"
+    assert "answers 404" in event["error"]
+
+
+@pytest.mark.parametrize("damage", ["cut", "header", "empty", "gone"])
+def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_path: Path, worker: Any, damage: str) -> None:
+    data = (tmp_path / "compiled").read_bytes()
+    sha256 = hashlib.sha256(data).hexdigest()
+
+    class Service(Link):
+        def fetch(self, sha256: str, out: Any) -> None:
+            out.write(data)
+
+    cache = BlobCache(Service("http://service.invalid", ""), FarmAnswer("", "", ""), tmp_path / "cache")
+    path = cache.path(sha256)
+    spoilt = {"cut": data[:-100], "header": b"\0" * 100 + data[100:], "empty": b"", "gone": b""}[damage]
+    path.write_bytes(spoilt)
+    if damage == "gone":  # between the look and the opening: another slot makes room
+        found, first = cache.path, iter([tmp_path / "nowhere"])
+        cache.path = lambda sha256, size=None: next(first, None) or found(sha256)  # type: ignore[method-assign]
+        path.write_bytes(data)
+    worker.cache = cache
+    event = slot.render(worker, RenderBatch(**{**vars(BATCH), "compiled": sha256}), lambda is_so: None).event
+    assert event["type"] == "batch", event
+    assert path.read_bytes() == data
+
+
+def test_a_batch_in_words_of_another_release_is_a_sentence(worker: Any) -> None:
+    event = slot.not_understood(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
+    assert event["type"] == "batch-failed"
+    assert "lacks 'tile'" in event["error"]
+    assert "same release" in event["error"]

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import event, exc
+from sqlalchemy import event
 
 from service.errors import FilmWaits
+from service.scheduling import bulkhead
+from service.store.database import no_room
 from service.store.film_file import FilmFile
 from service.store.films import Film
 from service.store.records import Records
@@ -108,10 +110,9 @@ def film_file(service: Service, job: str) -> FilmFile:
 
 
 def garbage(service: Service, job: str) -> None:
-    path = film_of(service, job)
-    film_file(service, job)._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
-    path.write_bytes(b"this is no film" * (path.stat().st_size // 15))
-    service.farm.films._cache.forget(job)  # type: ignore[attr-defined]
+    service.stop()
+    film_of(service, job).write_bytes(b"this is no film" * 4000)
+    service.start()
 
 
 def no_table(service: Service, job: str) -> None:
@@ -236,10 +237,10 @@ RECORDS = ("job", "scene", "resolve", "started", "progress", "finished", "prepar
 
 def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     service.stop()
+    monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
-    full = lambda: exc.OperationalError("INSERT", {}, sqlite3.OperationalError("database or disk is full"))  # noqa: E731
     for name in RECORDS:
-        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), full, lambda *_: True, failed))
+        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), no_room, lambda *_: True, failed))
     service.start()
     with service.worker() as worker:
         scene = service.upload()
@@ -257,6 +258,7 @@ FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_sums", "ind
 def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
     engine = service.farm.engine._thread
 

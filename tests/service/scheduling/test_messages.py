@@ -97,3 +97,5 @@ def test_nonsense_of_workers_stops_nothing(service: Service, worker: PeerWorker)
     names = {known["name"] for known in service.http.get("/api/workers").json()}
     assert names == {worker.name, "strange 3", "strange 10"}, "what makes sense is there"
     assert service.http.get("/readyz").status_code == 200
+    worker.on_batch = lambda batch: None
+    worker.redis.delete(*worker.redis.keys(worker_key("strange*")))

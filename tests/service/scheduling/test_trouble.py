@@ -173,21 +173,22 @@ def test_a_redis_that_is_slow_makes_the_service_say_so(service: Service, worker:
     assert service.digest(job) == expected_digest(spp=30)
 
 
-def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service, worker: PeerWorker) -> None:
+def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service) -> None:
     go = threading.Event()
+    with service.worker(slots=1) as worker:
 
-    def hold(batch: RenderBatch) -> None:
-        worker.current = {key: value for key, value in worker.current.items() if key != "batch"}
-        go.wait(20)
+        def hold(batch: RenderBatch) -> None:
+            worker.current = {key: value for key, value in worker.current.items() if key != "batch"}
+            go.wait(20)
 
-    worker.on_batch = hold
-    job = service.submit(service.ready_scene(), spp=1, tile_size=64)
-    until(lambda: bool(worker.batches), "the worker holds the batch")
-    time.sleep(4.5)
-    assert service.farm.engine.snapshot.counts["lost"] == 0, "it is seen there, and not handed out again"
-    go.set()
-    service.wait_for(job, "finished")
-    assert len(worker.batches) == 1
+        worker.on_batch = hold
+        job = service.submit(service.ready_scene(), spp=1, tile_size=64)
+        until(lambda: bool(worker.batches), "the worker holds the batch")
+        time.sleep(4.5)
+        assert service.farm.engine.snapshot.counts["lost"] == 0, "it is seen there, and not handed out again"
+        go.set()
+        service.wait_for(job, "finished")
+        assert len(worker.batches) == 1
 
 
 def test_what_a_vanished_worker_held_is_handed_out_at_once(tmp_path, redis_server: running_redis) -> None:  # type: ignore[no-untyped-def]

@@ -1,0 +1,155 @@
+"""What a farm's service answers, as the Python client gives it. /docs of the service describes every field.
+
+Written for services of other releases too: what a newer one says besides is left out, and what an answer must have and lacks
+is a ValueError that names it.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, cast
+
+__all__ = ["BadSample", "Camera", "Frame", "Job", "Scene", "Worker", "read", "read_list"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera of a scene. `view` is what `Client.submit` takes as view."""
+
+    name: str
+    view: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An uploaded scene. status: preparing, ready or failed."""
+
+    id: str
+    status: str
+    name: str
+    main: str  # which of its files is the scene
+    created: float  # unix time
+    bytes: int
+    error: str | None = None
+    step: str | None = None  # what preparing does at the moment
+    progress: float | None = None  # of preparing, 0 to 1
+    files: list[dict[str, Any]] = field(default_factory=list)
+    cameras: list[Camera] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)  # triangles, spheres, materials, ...
+    bounds: list[list[float]] | None = None  # lower and upper corner
+    animations: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    defaults: dict[str, Any] = field(default_factory=dict)  # settings that the scene file asks for
+    thumbnail: str | None = None
+
+
+@dataclass(frozen=True)
+class BadSample:
+    """A sample that was NaN or infinite, and left out. reproduce: a command that follows its path."""
+
+    x: int
+    y: int
+    sample: int
+    reproduce: str = ""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture of a job."""
+
+    number: int
+    samples: int
+    progress: float
+    bad_samples: int = 0
+    bad: list[BadSample] = field(default_factory=list)  # the first of them
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
+
+    id: str
+    scene: str
+    state: str
+    progress: float  # 0 to 1
+    samples: int  # of all pixels together
+    created: float  # unix time
+    name: str = ""
+    message: str | None = None  # why it does not go on at the moment
+    error: str | None = None
+    reproduce: str | None = None  # a command that shows the error again
+    priority: int = 0
+    started: float | None = None
+    finished: float | None = None
+    active_s: float = 0.0
+    eta_s: float | None = None
+    samples_per_s: float = 0.0
+    bad_samples: int = 0
+    width: int | None = None
+    height: int | None = None
+    spp: int | None = None
+    noise: float | None = None
+    seconds: float | None = None
+    tile_size: int | None = None
+    kind: str | None = None  # of the workers that it began with
+    settings: dict[str, Any] | None = None  # fixed when the scene is ready
+    frames: list[Frame] = field(default_factory=list)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more happens by itself."""
+        return self.state in ("finished", "failed", "cancelled")
+
+
+@dataclass(frozen=True)
+class Worker:
+    """A worker of the farm. state: starting, ready or paused."""
+
+    name: str
+    host: str
+    slots: int
+    kind: str
+    state: str
+    cpu: str = ""
+    pid: int = 0
+    message: str | None = None  # why it is paused
+    started: float = 0.0
+    samples_per_s: float = 0.0  # of one slot
+    current: list[dict[str, Any]] = field(default_factory=list)  # what each slot does
+    denoises: bool = False
+
+
+def read(cls: type[T], data: Any) -> T:
+    """The answer that this JSON is. Raises ValueError, with the fields that are wrong, where it is not one."""
+    from pydantic import ValidationError
+
+    try:
+        answer: T = _adapter(cast("Any", cls)).validate_python(data)
+    except ValidationError as error:
+        raise ValueError(_sentence(cls.__name__.lower(), error.errors())) from None
+    return answer
+
+
+def read_list(cls: type[T], data: Any) -> list[T]:
+    """As `read`, of a list."""
+    if not isinstance(data, list):
+        raise ValueError(f"it sends something else than a list of {cls.__name__.lower()}s")
+    return [read(cls, item) for item in data]
+
+
+@functools.cache
+def _adapter(cls: Any) -> Any:
+    from pydantic import TypeAdapter  # a fifth of a second, which --help need not wait for
+
+    return TypeAdapter(cls)
+
+
+def _sentence(noun: str, errors: list[Any]) -> str:
+    lacking = [str(error["loc"][-1]) for error in errors if error["type"] == "missing"]
+    if lacking:
+        return f"its {noun} lacks {', '.join(lacking[:4])}"
+    at = ".".join(str(part) for part in errors[0]["loc"])
+    return f"its {noun} cannot be read" + (f" ({at}: {errors[0]['msg'].lower()})" if at else "")

@@ -1,0 +1,76 @@
+"""Something on loopback that is no farm: a real server that answers every request with the same bytes."""
+
+from __future__ import annotations
+
+import json
+import socketserver
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+__all__ = ["EMPTY", "HTML", "NOT_A_FARM", "foreign_server", "http_answer", "json_answer"]
+
+
+def http_answer(body: bytes, content_type: str = "application/json", status: str = "200 OK", length: int | None = None) -> bytes:
+    """A whole answer. length: what it claims of its body, where that is not true."""
+    head = f"HTTP/1.1 {status}\r\nContent-Type: {content_type}\r\nContent-Length: {len(body) if length is None else length}\r\n"
+    return head.encode() + b"Connection: close\r\n\r\n" + body
+
+
+HTML = http_answer(b"<!DOCTYPE html><title>Welcome to nginx!</title>", "text/html")
+EMPTY = http_answer(b"", "text/plain")
+
+# What a person's typing error may reach, and the words by which the sentence tells it apart.
+NOT_A_FARM: dict[str, tuple[bytes, str]] = {
+    "html": (HTML, "an HTML page"),
+    "empty": (EMPTY, "an empty answer"),
+    "binary": (http_answer(bytes(range(256)) * 8, "application/octet-stream"), "no JSON"),
+    "list": (http_answer(b"[]"), "a list"),
+    "null": (http_answer(b"null"), "null"),
+    "text": (http_answer(b'"hello"'), "a text"),
+    "other JSON": (http_answer(b'{"hello": "world"}'), "lacks what a farm says"),
+    "deep JSON": (http_answer(b"[" * 100_000), "no JSON"),
+    "login": (
+        http_answer(b"", "text/html", "302 Found").replace(b"Connection", b"Location: /login\r\nConnection"),
+        "/login",
+    ),
+    "missing": (http_answer(b"<html>404", "text/html", "404 Not Found"), "404"),
+}
+
+
+@contextmanager
+def foreign_server(answer: bytes | Callable[[bytes], bytes | Iterator[bytes]]) -> Iterator[int]:
+    """Its port. answer: what it sends, or a function of the request's first line."""
+
+    class Handler(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            first = self.rfile.readline()
+            length = 0
+            while (line := self.rfile.readline().strip()) and b":" in line:
+                if line.lower().startswith(b"content-length:"):
+                    length = int(line.partition(b":")[2])
+            self.rfile.read(length)
+            said = answer(first) if callable(answer) else answer
+            try:
+                for part in [said] if isinstance(said, bytes) else said:
+                    self.wfile.write(part)
+                    self.wfile.flush()
+            except OSError:
+                pass  # the other end has heard enough
+
+    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
+    thread.start()
+    try:
+        yield server.server_address[1]
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+def json_answer(data: Any) -> bytes:
+    """An answer in JSON."""
+    return http_answer(json.dumps(data).encode())

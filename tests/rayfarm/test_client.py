@@ -1,0 +1,291 @@
+"""The Python client and its commands, held against whatever answers: a service of another release, and what is no farm."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rayfarm
+from rayfarm.answers import Job, Scene, Worker, read
+from rayfarm.cli import main
+from rayfarm.client import Client, ClientError
+from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer, json_answer
+from tests.helpers import ROOT
+
+OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
+CORNELL = ROOT / "scenes" / "cornell-box.yaml"
+
+ASKING: dict[str, Callable[[Client], Any]] = {
+    "upload": lambda farm: farm.upload([CORNELL]),
+    "scene": lambda farm: farm.scene("s"),
+    "wait_for_scene": lambda farm: farm.wait_for_scene("s"),
+    "submit": lambda farm: farm.submit("s", width=16, height=16),
+    "job": lambda farm: farm.job("j"),
+    "jobs": lambda farm: farm.jobs(),
+    "change": lambda farm: farm.change("j", priority=1),
+    "wait": lambda farm: farm.wait("j"),
+    "image": lambda farm: farm.image("j"),
+    "digest": lambda farm: farm.digest("j"),
+    "workers": lambda farm: farm.workers(),
+}
+
+
+def command(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    """A command in this process: exit code, standard output and standard error."""
+    before, sys.argv = sys.argv, ["rayfarm", *map(str, arguments)]
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main()
+    finally:
+        sys.argv = before
+    said = capsys.readouterr()
+    return int(ended.value.code or 0), said.out, said.err
+
+
+@pytest.mark.parametrize("name", NOT_A_FARM)
+def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
+    answer, words = NOT_A_FARM[name]
+    with foreign_server(answer) as port, Client(f"http://127.0.0.1:{port}") as farm:
+        for method, ask in ASKING.items():
+            with pytest.raises(ClientError, match="not a Rayfarm service") as said:
+                ask(farm)
+            if method in ("upload", "job", "digest") and name != "other JSON":
+                assert words in str(said.value)
+
+
+@pytest.mark.parametrize("name", NOT_A_FARM)
+def test_what_is_no_farm_ends_every_command_with_a_sentence(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    with foreign_server(NOT_A_FARM[name][0]) as port:
+        for arguments in (
+            ["jobs"],
+            ["jobs", "7f3a"],
+            ["jobs", "--json"],
+            ["submit", CORNELL],
+            ["submit", CORNELL, "--wait", "-o", tmp_path / "out.png"],
+        ):
+            code, out, err = command(capsys, *arguments, f"--server=127.0.0.1:{port}")
+            assert code == 1
+            assert out == ""
+            assert "it is not a Rayfarm service" in err
+            assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:
+    def answer(request: bytes) -> bytes:
+        return json_answer({"name": "rayfarm", "version": "0.1.0"} if b"/api/info" in request else [])
+
+    with foreign_server(answer) as port, Client(f"127.0.0.1:{port}") as farm:
+        assert farm.jobs() == []
+        assert farm.workers() == []
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (http_answer(b"<html>Bad Gateway", "text/html", "502 Bad Gateway"), "answers 502"),
+        (http_answer(b"", "text/html", "503 Service Unavailable"), "answers 503"),
+        (http_answer(b"<html>login", "text/html", "401 Unauthorized"), "a login stands before it"),
+        (http_answer(b'{"id": "x"', length=9000), "does not answer"),
+        (b"SSH-2.0-OpenSSH_9.2\r\n", "does not answer"),
+        (b"", "does not answer"),
+        (
+            http_answer(
+                json.dumps({"status": 507, "detail": "The disk is full. Delete scenes or jobs."}).encode(),
+                "application/problem+json",
+                "507 Insufficient Storage",
+            ),
+            "Delete scenes or jobs",
+        ),
+    ],
+)
+def test_a_farm_that_is_not_well_is_a_sentence(answer: bytes, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with foreign_server(answer) as port:
+        for arguments in (["jobs"], ["submit", CORNELL]):
+            code, _, err = command(capsys, *arguments, f"--server=http://127.0.0.1:{port}")
+            assert code == 1
+            assert words in err
+            assert "Traceback" not in err
+
+
+def test_a_farm_that_is_away_and_an_address_that_is_none_are_sentences(capsys: pytest.CaptureFixture[str]) -> None:
+    for server, words in (
+        ("http://127.0.0.1:9", "No farm answers"),
+        ("http://exa mple", "no address"),
+        ("http://[", "no address"),
+        ("ftp://host", "no address"),
+        ("host:99999", "no address"),
+    ):
+        code, _, err = command(capsys, "jobs", "--server", server)
+        assert code == 1
+        assert words in err
+
+
+def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rayfarm.client.MAX_ANSWER", 1 << 20)
+    monkeypatch.setattr("rayfarm.client.MAX_PICTURE", 1 << 21)
+
+    def endless(request: bytes) -> Iterator[bytes]:
+        yield b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n"
+        while True:
+            yield b" " * 65536
+
+    with foreign_server(endless) as port, Client(f"127.0.0.1:{port}") as farm:
+        for ask in (lambda: farm.job("j"), lambda: farm.image("j")):
+            with pytest.raises(ClientError, match="does not end"):
+                ask()
+
+
+def test_the_answers_of_release_0_1_0_are_read_and_so_are_a_newer_ones() -> None:
+    newer = {"scene": OLD["scene"] | {"owner": "Ann"}, "worker": OLD["worker"] | {"gpus": 2}}
+    newer["job"] = OLD["job"] | {"deadline": 7.0, "frames": [OLD["job"]["frames"][0] | {"time": 0.5}]}
+    for answers in (OLD, newer):
+        scene = read(Scene, answers["scene"])
+        assert (scene.status, scene.cameras[0].name, scene.counts["triangles"]) == ("ready", "front", 12)
+        assert scene.cameras[0].view["fov"] == 40.0
+        job = read(Job, answers["job"])
+        assert (job.state, job.progress, job.frames[0].number, job.is_over) == ("finished", 1.0, 0, True)
+        assert read(Worker, answers["worker"]).state == "ready"
+
+
+def test_what_lacks_a_field_says_which() -> None:
+    for cls, name, missing in ((Scene, "scene", "status"), (Job, "job", "state"), (Worker, "worker", "slots")):
+        cut = {key: value for key, value in OLD[name].items() if key != missing}
+        with pytest.raises(ValueError, match=f"its {name} lacks {missing}"):
+            read(cls, cut)
+        with pytest.raises(ValueError, match=f"its {name} cannot be read \\({missing}"):
+            read(cls, OLD[name] | {missing: {"of": "another type"}})
+
+
+def test_the_results_types_are_there_by_name() -> None:
+    assert {"Client", "ClientError", "Scene", "Job", "Frame", "Worker", "BadSample", "Camera"} <= set(rayfarm.__all__)
+    assert all(hasattr(rayfarm, name) for name in rayfarm.__all__)
+
+
+def farm_that(state: str, picture: bytes = b"", uploads: list[bytes] | None = None) -> Callable[[bytes], bytes]:
+    """A service of release 0.1.0 whose job is in this state."""
+
+    def answer(request: bytes) -> bytes:
+        if b"/api/scenes" in request:
+            if uploads is not None:
+                uploads.append(request)
+            return json_answer(OLD["scene"])
+        if b"/image." in request:
+            return http_answer(picture, "image/png").replace(b"Connection", b"X-Samples: 12\r\nConnection")
+        return json_answer(OLD["job"] | {"state": state, "error": "The disk is full.", "message": "Waits for a worker."})
+
+    return answer
+
+
+def test_a_picture_arrives_whole(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    output = tmp_path / "out.png"
+    output.write_bytes(b"an older one")
+    with foreign_server(farm_that("finished", b"\x89PNG...")) as port:
+        code, _, err = command(capsys, "submit", CORNELL, "-o", output, f"--server=127.0.0.1:{port}")
+    assert code == 0, err
+    assert output.read_bytes() == b"\x89PNG..."
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_a_job_that_fails_ends_with_its_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    for state, words in (("failed", "The disk is full."), ("cancelled", "was cancelled before it was finished")):
+        with foreign_server(farm_that(state)) as port:
+            code, _, err = command(capsys, "submit", CORNELL, "--wait", f"--server=127.0.0.1:{port}")
+        assert code == 1
+        assert words in err
+
+
+def test_where_the_picture_goes_is_looked_at_before_anything_is_rendered(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uploads: list[bytes] = []
+    (tmp_path / "folder.png").mkdir()
+
+    def read_only(*_: Any, **__: Any) -> Any:
+        raise OSError(30, "Read-only file system")
+
+    with foreign_server(farm_that("finished", uploads=uploads)) as port:
+        for output, words in (
+            (tmp_path / "folder.png", "is a folder"),
+            (tmp_path / "missing" / "out.png", "There is no folder"),
+            (tmp_path / ("x" * 300 + ".png"), "cannot be written"),
+        ):
+            code, _, err = command(capsys, "submit", CORNELL, "-o", output, f"--server=127.0.0.1:{port}")
+            assert code == 1
+            assert words in err
+        monkeypatch.setattr("rayfarm.output_files.tempfile.NamedTemporaryFile", read_only)
+        code, _, err = command(capsys, "submit", CORNELL, "-o", tmp_path / "out.png", f"--server=127.0.0.1:{port}")
+        assert code == 1
+        assert "Read-only file system" in err
+    assert uploads == []
+
+
+def test_a_disk_that_fills_up_leaves_the_older_picture_and_says_where_the_new_one_is(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = tmp_path / "out.png"
+    output.write_bytes(b"an older one")
+
+    def full(self: Path, target: Path) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with foreign_server(farm_that("finished", b"\x89PNG...")) as port:
+        code, _, err = command(capsys, "submit", CORNELL, "-o", output, f"--server=127.0.0.1:{port}")
+    assert code == 1
+    assert "No space left on device" in err
+    assert f"The farm keeps the picture: http://127.0.0.1:{port}/#/jobs/" in err
+    assert output.read_bytes() == b"an older one"
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_a_picture_that_is_cut_short_is_not_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    def answer(request: bytes) -> bytes:
+        if b"/image." in request:
+            return http_answer(b"\x89PNG", "image/png", length=5000).replace(b"Connection", b"X-Samples: 12\r\nConnection")
+        return farm_that("finished")(request)
+
+    with foreign_server(answer) as port:
+        code, _, err = command(capsys, "submit", CORNELL, "-o", tmp_path / "out.png", f"--server=127.0.0.1:{port}")
+    assert code == 1
+    assert "does not answer" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_ends_with_130(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    with foreign_server(farm_that("running")) as port:
+        monkeypatch.setattr("rayfarm.client.time.sleep", interrupt)
+        code, _, err = command(capsys, "submit", CORNELL, "--wait", f"--server=127.0.0.1:{port}")
+        assert code == 130
+        assert "The job goes on" in err
+        monkeypatch.setattr(Client, "jobs", interrupt)
+        assert command(capsys, "jobs", f"--server=127.0.0.1:{port}")[0] == 130
+
+
+def test_a_job_that_waits_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+    def answer(request: bytes) -> bytes:
+        return json_answer([OLD["job"] | {"state": "queued", "message": "Waits for a worker: none is connected.", "error": None}])
+
+    with foreign_server(answer) as port:
+        code, out, _ = command(capsys, "jobs", f"--server=127.0.0.1:{port}")
+    assert code == 0
+    assert "Waits for a worker: none is connected." in out
+
+
+def test_a_service_that_is_away_for_a_while_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = [http_answer(b"", "text/html", "503 Service Unavailable"), b"", json_answer(OLD["job"])]
+    sleep = time.sleep
+    monkeypatch.setattr("rayfarm.client.time.sleep", lambda seconds: sleep(0.01))
+    with foreign_server(lambda request: answers.pop(0)) as port, Client(f"127.0.0.1:{port}") as farm:
+        assert farm.wait("j").state == "finished"

@@ -1,0 +1,49 @@
+"""What answers where a farm should: a sentence about an answer that is none of a Rayfarm service's.
+
+Imports nothing heavy: the command line says the same sentence.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+from urllib.parse import urlsplit
+
+__all__ = ["MAX_ANSWER", "is_address", "kind_of_answer", "not_a_farm"]
+
+MAX_ANSWER = 64 << 20  # bytes of JSON; whoever sends more is no farm, and is not listened to any longer
+
+
+def is_address(url: str) -> bool:
+    """Whether this can be the address of a service."""
+    try:
+        parts = urlsplit(url)
+        is_http = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        return False
+    return is_http and not re.search(r"\s", url)
+
+
+def not_a_farm(url: str, came: str) -> str:
+    """The sentence. came: what was sent instead, as `kind_of_answer` says it."""
+    return (
+        f"{url} answers, but it is not a Rayfarm service: {came}. Give the address that `rayfarm up` shows, as http://host:8000."
+    )
+
+
+def kind_of_answer(body: bytes, content_type: str = "") -> str:
+    """What an answer is, for a person: an empty one, an HTML page, a list ..."""
+    if not body.strip():
+        return "it sends an empty answer"
+    if "html" in content_type or body.lstrip()[:15].lower().startswith((b"<!doctype html", b"<html")):
+        return "it sends an HTML page"
+    try:
+        data: Any = json.loads(body)
+    except (ValueError, RecursionError):
+        named = content_type.partition(";")[0].strip()
+        return f"what it sends is no JSON ({named or 'of no named type'})"
+    if isinstance(data, dict):
+        return "its JSON lacks what a farm says"
+    name = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}.get(type(data), "a number")
+    return f"it sends {name} where a farm sends something else"
