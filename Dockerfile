@@ -1,27 +1,25 @@
-# One file, two targets: `service` (no numba in it) and `worker`.
+# One file, two targets: `service` (no numba in it) and `worker` (no database in it). What each installs is listed beside its sources.
 # BASE is any Debian-like image with Python 3.11 or 3.12 and its venv module; see docs/deployment.md for making one yourself.
 ARG BASE=python:3.12-slim-bookworm
 
 FROM ${BASE} AS base
-ENV PYTHONUNBUFFERED=1 PIP_NO_CACHE_DIR=1 PATH=/venv/bin:$PATH
+ENV PYTHONUNBUFFERED=1 PIP_NO_CACHE_DIR=1 PATH=/venv/bin:$PATH PYTHONPATH=/app
 RUN python3 -m venv /venv \
  && useradd --create-home --uid 1000 rayfarm \
  && mkdir -p /data /home/rayfarm/.cache/rayfarm \
  && chown -R rayfarm /data /home/rayfarm/.cache
 WORKDIR /app
-# The dependencies first, over empty packages: editing a source file then rebuilds only the last layer.
-COPY pyproject.toml constraints.txt README.md ./
-RUN mkdir renderer worker service rayfarm \
- && touch renderer/__init__.py worker/__init__.py service/__init__.py rayfarm/__init__.py
+COPY constraints.txt LICENSE ./
 
+# The packages before the sources: editing a source file then rebuilds only the last layers.
 FROM base AS service
-RUN pip install -c constraints.txt -e .
+COPY service/requirements.txt service/requirements.txt
+RUN pip install --constraint constraints.txt --requirement service/requirements.txt
 COPY renderer renderer
 COPY worker worker
 COPY service service
-COPY rayfarm rayfarm
-COPY scenes scenes
-COPY web web
+COPY scenes service/scenes
+COPY web service/web
 USER rayfarm
 ENV RAYFARM_DATA=/data
 VOLUME /data
@@ -31,7 +29,8 @@ HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=6 \
 CMD ["uvicorn", "--factory", "service.main:create_app", "--host", "0.0.0.0", "--port", "8000"]
 
 FROM base AS worker
-RUN pip install -c constraints.txt -e .[worker,denoise]
+COPY worker/requirements.txt worker/requirements.txt
+RUN pip install --constraint constraints.txt --requirement worker/requirements.txt
 COPY renderer renderer
 COPY worker worker
 USER rayfarm

@@ -23,8 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
-FOR_USE = ("worker", "denoise", "local")
-FOR_TESTS = ("worker", "denoise", "local", "test")
+FOR_TESTS = ("test",)
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
@@ -42,12 +41,12 @@ def main():
         return run_tests(install(FOR_TESTS), rest)
     if command == "sheets":
         program = str(ROOT / "scenes" / "sheets.py")
-        return subprocess.call([str(install(FOR_USE)), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
+        return subprocess.call([str(install()), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
         return run_benchmarks(install(FOR_TESTS), rest)
-    install(FOR_USE)
+    install()
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
 
@@ -80,7 +79,7 @@ def find_python():
     )
 
 
-def install(extras):
+def install(extras=()):
     """The environment's Python, with Rayfarm and these extras installed; quick where nothing has changed."""
     python = VENV / "bin" / "python"
     stamp = VENV / "rayfarm-stamp"
@@ -91,9 +90,9 @@ def install(extras):
     if not usable(python):
         make_environment()
         known = []
-    extras = sorted(set(extras) | set(known[1:]))
+    extras = sorted(set(extras) | (set(known[1:]) & set(FOR_TESTS)))
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
-    target = "{}[{}]".format(ROOT, ",".join(extras))
+    target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
     stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")
@@ -177,34 +176,16 @@ def apt_install(package):
 
 
 def run_tests(python, arguments):
-    """Every check, then the tests; pytest's closing line comes last."""
+    """All tests; the linter, the types and the import contracts are among them. pytest's closing line comes last."""
     need_chromium()
-    long = "--long" in arguments
-    arguments = [a for a in arguments if a != "--long"]
-    failed = []
-    checks = [
-        ("ruff check", [str(python), "-m", "ruff", "check", "."]),
-        ("ruff format", [str(python), "-m", "ruff", "format", "--check", "."]),
-        ("mypy", [str(python), "-m", "mypy"]),
-        ("import contracts", [str(VENV / "bin" / "lint-imports"), "--no-cache"]),
-    ]
-    typescript = typescript_check()
-    if typescript:
-        checks.append(("types of web/", typescript))
-    for name, command in checks:
-        begun = time.monotonic()
-        done = subprocess.run(command, cwd=str(ROOT), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
-        say("{:<18} {} ({:.1f} s)".format(name, "ok" if done.returncode == 0 else "FAILED", time.monotonic() - begun))
-        if done.returncode != 0:
-            failed.append(name)
-            sys.stdout.write(done.stdout.decode(errors="replace"))
-            sys.stdout.flush()
-    marks = [] if long else ["-m", "not long"]
-    if subprocess.call([str(python), "-m", "pytest", *marks, *arguments], cwd=str(ROOT)) != 0:
-        failed.append("pytest")
-    if failed:
-        fail("failed: " + ", ".join(failed))
-    return 0
+    need_typescript()
+    if "--long" in arguments:
+        arguments = [a for a in arguments if a != "--long"]
+    else:
+        arguments = ["-m", "not long", *arguments]
+    processes = min(os.cpu_count() or 1, 4)
+    spread = ["-n", str(processes), "--dist", "loadgroup", "--no-loadscope-reorder"] if processes > 1 else []
+    return subprocess.call([str(python), "-m", "pytest", *spread, *arguments], cwd=str(ROOT))
 
 
 def run_peers(python, arguments):
@@ -259,36 +240,26 @@ def need_chromium():
         say("No Chromium is installed: the browser tests are skipped. On Debian: apt install chromium")
 
 
-def typescript_check():
-    """The command that checks the types of web/, or None where this machine cannot."""
+def need_typescript():
+    """A test checks the types of web/ with TypeScript's compiler."""
     package = ROOT / "web" / "package.json"
     npm = shutil.which("npm")
-    if not package.is_file():
-        return None
     if npm is None:
         say("Node.js is not installed: the types of web/ are not checked. On Debian: apt install nodejs npm")
-        return None
+        return
     compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
     copied = TYPESCRIPT / "package.json"
-    if not compiler.exists() or not copied.is_file() or copied.read_bytes() != package.read_bytes():
-        say("installing TypeScript ...")
-        TYPESCRIPT.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(str(package), str(copied))
-        done = subprocess.run(
-            [npm, "install", "--no-audit", "--no-fund", "--ignore-scripts", "--prefix", str(TYPESCRIPT)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            check=False,
-        )
-        if done.returncode != 0:
-            copied.unlink()
-            say(
-                "npm cannot install TypeScript: the types of web/ are not checked.\n"
-                + done.stdout.decode(errors="replace")[-1000:]
-            )
-            return None
-    config = next((c for c in (ROOT / "web" / "tsconfig.json", ROOT / "web" / "jsconfig.json") if c.is_file()), None)
-    return [str(compiler), "--noEmit", "--project", str(config)] if config else None
+    if compiler.exists() and copied.is_file() and copied.read_bytes() == package.read_bytes():
+        return
+    say("installing TypeScript ...")
+    TYPESCRIPT.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(str(package), str(copied))
+    command = [npm, "install", "--no-audit", "--no-fund", "--ignore-scripts", "--prefix", str(TYPESCRIPT)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    if done.returncode != 0:
+        copied.unlink()
+        output = done.stdout.decode(errors="replace")[-1000:]
+        say("npm cannot install TypeScript: the types of web/ are not checked.\n" + output)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,8 @@ import typer
 
 from rayfarm.errors import CommandError
 from renderer.aovs import AOVS
+from renderer.cameras import camera_number
+from renderer.errors import SettingsError
 from renderer.settings import Tile, Vec3
 
 __all__ = [
@@ -17,6 +19,7 @@ __all__ = [
     "Denoise",
     "Env",
     "Server",
+    "Variant",
     "denoised_name",
     "environment_of",
     "find_camera",
@@ -24,6 +27,7 @@ __all__ = [
     "parse_size",
     "parse_tile",
     "parse_vec3",
+    "told",
 ]
 
 SKY = "sky:"
@@ -42,6 +46,12 @@ Denoise = Annotated[
         "--denoise",
         help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one.",
         rich_help_panel="What is written",
+    ),
+]
+Variant = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|N", help="One of a glTF file's variants of its materials, by name or number from 0.", rich_help_panel="View"
     ),
 ]
 Server = Annotated[
@@ -134,12 +144,16 @@ def _sky(text: str) -> tuple[float, float]:
     return numbers[0], numbers[1] if len(numbers) == 2 else 0.0
 
 
-def find_camera(cameras: list[dict[str, Any]], camera: str) -> dict[str, Any]:
-    """The camera of this name, or of this number."""
-    names = [c["name"] for c in cameras]
-    if camera in names:
-        return cameras[names.index(camera)]
-    if camera.isdigit() and int(camera) < len(cameras):
-        return cameras[int(camera)]
-    listed = ", ".join(f"{i}: {name}" for i, name in enumerate(names[:12]))
-    raise CommandError(f"The scene has no camera {camera!r}. Its cameras are {listed}.")
+def told(warnings: list[str], env: Env) -> list[str]:
+    """A scene's warnings without those that are idle for this picture: a colour or a sky of its own puts out the studio."""
+    from renderer.scene.studio import STUDIO_NOTES
+
+    return [w for w in warnings if env == Env() or w not in STUDIO_NOTES]
+
+
+def find_camera(cameras: list[dict[str, Any]], camera: str | None) -> dict[str, Any]:
+    """The camera of this name, or of this number; the first where none is named."""
+    try:
+        return cameras[camera_number([each["name"] for each in cameras], camera)]
+    except SettingsError as error:
+        raise CommandError(f"--{error}.") from None

@@ -35,8 +35,10 @@ class Clock:
         self._last = now
 
 
-def load_scene(scene: Path, environment: Env, clock: Clock, brute: bool = False) -> tuple[CompiledScene, dict[str, Any]]:
-    """The compiled scene and its summary; brute: without a BVH."""
+def load_scene(
+    scene: Path, environment: Env, clock: Clock, brute: bool = False, variant: str | None = None
+) -> tuple[CompiledScene, dict[str, Any]]:
+    """The compiled scene and its summary; brute: without a BVH. variant: of its materials."""
     from renderer.scene.compile import compile_scene, summarise
     from renderer.scene.load import read
 
@@ -45,7 +47,7 @@ def load_scene(scene: Path, environment: Env, clock: Clock, brute: bool = False)
         with opened(scene, environment.image) as (folder, main, inside):
             if environment.sky is not None:
                 inside = "sky:{:g},{:g}".format(*environment.sky)
-            description = read(folder, main, inside)
+            description = read(folder, main, inside, variant)
         clock.mark("load_s")
         progress.update(step, description="building")
         compiled = compile_scene(description, brute=brute)

@@ -11,14 +11,13 @@ from pathlib import Path
 from urllib.parse import quote
 
 from rayfarm.errors import CommandError
-from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
 
 __all__ = ["belonging", "opened"]
 
 # Beyond these, a folder beside a scene is a person's home and not the scene's.
 MAX_NEIGHBOURS = 5000
 MAX_UNPACKED = 8 << 30
-TEXT_SUFFIXES = (".gltf", ".glb", ".obj", ".mtl", ".dae", ".yaml", ".yml")
 
 
 def check(scene: Path) -> None:
@@ -97,7 +96,7 @@ def belonging(scene: Path) -> dict[str, Path]:
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
     taken = {scene.name: scene}
-    if scene.suffix.lower() not in TEXT_SUFFIXES:
+    if scene.suffix.lower() not in NAMING_SUFFIXES:
         return taken
     neighbours = _neighbours(scene)
     unread = [scene]
@@ -106,7 +105,7 @@ def belonging(scene: Path) -> dict[str, Path]:
         for name, path in neighbours.items():
             if name not in taken and (path.name.encode() in text or quote(path.name).encode() in text):
                 taken[name] = path
-                if path.suffix.lower() in TEXT_SUFFIXES:
+                if path.suffix.lower() in NAMING_SUFFIXES:
                     unread.append(path)
     return taken
 

@@ -13,4 +13,4 @@ Knows numpy, numba and files; nothing of queues, HTTP or jobs. The folders, in t
 This module imports nothing, so that `renderer.film` and `renderer.image` can be used where numba is not installed.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 from pathlib import PurePosixPath
+from typing import NamedTuple
 
 from renderer.errors import SceneError
 
-__all__ = ["ARCHIVE_SUFFIXES", "SCENE_SUFFIXES", "is_junk", "pick_main"]
+__all__ = ["ARCHIVE_SUFFIXES", "FORMATS", "MESH_FORMATS", "NAMING_SUFFIXES", "SCENE_SUFFIXES", "Format", "is_junk", "pick_main"]
+
+
+class Format(NamedTuple):
+    """A kind of file that a scene may be."""
+
+    suffix: str
+    reader: str  # in renderer/scene/readers
+    is_mesh_file: bool = True  # which scene files of ours may place
+    names_files: bool = False  # whether it may need others beside it
+    has_variants: bool = False  # of its materials
+
 
 # Best first: where an upload holds several kinds, the one that says most about the scene is taken.
-SCENE_SUFFIXES = (".yaml", ".yml", ".glb", ".gltf", ".dae", ".obj", ".ply", ".stl", ".off")
+FORMATS = (
+    Format(".yaml", "yaml", is_mesh_file=False, names_files=True),
+    Format(".yml", "yaml", is_mesh_file=False, names_files=True),
+    Format(".glb", "gltf", names_files=True, has_variants=True),
+    Format(".gltf", "gltf", names_files=True, has_variants=True),
+    Format(".dae", "other", names_files=True),
+    Format(".obj", "obj", names_files=True),
+    Format(".ply", "other", names_files=True),
+    Format(".stl", "other"),
+    Format(".off", "other"),
+)
+MESH_FORMATS = tuple(format for format in FORMATS if format.is_mesh_file)
+SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
+NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl")
 
 # What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
 _AUXILIARY = ("control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly")

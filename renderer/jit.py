@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from renderer import __version__, sources
+from renderer.places import cache_home
 
 __all__ = [
     "TARGET",
@@ -54,15 +55,9 @@ def _target() -> tuple[str, str]:
 TARGET, _CPU = _target()
 
 
-def _base() -> Path:
-    """$RAYFARM_CACHE, by default ~/.cache/rayfarm."""
-    base = os.environ.get("RAYFARM_CACHE")
-    return Path(base) if base else Path.home() / ".cache" / "rayfarm"
-
-
 def _hash(parts: Iterable[str]) -> str:
     """Of what these sources mean, of the compiler and of the target."""
-    meaning = sources.kept_meaning(sources.files_of(parts), _base() / "sources")
+    meaning = sources.kept_meaning(sources.files_of(parts), cache_home() / "sources")
     return hashlib.sha256(f"{meaning} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
@@ -84,7 +79,7 @@ def cache_folder() -> Path:
     Numba looks at the age of one function's file only, so a change in a function that it calls would go unseen: hence a
     folder of its own for each state of the sources.
     """
-    return _base() / "kernels" / _MACHINE_CODE[:16]
+    return cache_home() / "kernels" / _MACHINE_CODE[:16]
 
 
 def _configure() -> None:
@@ -252,8 +247,10 @@ def is_loaded(kernel: Any) -> bool:
 
 
 @contextlib.contextmanager
-def compiling(name: str) -> Iterator[None]:
+def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[None]:
     """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
+
+    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder.
 
     A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it. Who waits
     in vain, because the one is stopped or the file system has no locks, compiles too.
@@ -265,6 +262,8 @@ def compiling(name: str) -> Iterator[None]:
         deadline = time.monotonic() + COMPILE_PATIENCE_S
         while not done.exists() and not _is_taken(lock) and time.monotonic() < deadline:
             time.sleep(0.1)
+        if fetch is not None and not done.exists():
+            fetch()
         yield
         done.touch()
 

@@ -16,7 +16,7 @@ from renderer import jit
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
-from renderer.kernel.accumulate import MAX_BAD, renderer_of
+from renderer.kernel.accumulate import MAX_BAD, Batch, Output, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.visibility import MAX_PASSED
@@ -64,13 +64,8 @@ def _render(
         new_stack(),
         camera_frame(settings),
         kernel_options(settings, scene),
-        tile.x,
-        tile.y,
-        first,
-        count,
-        sums,
-        bad,
-        log,
+        Batch(tile.x, tile.y, first, count),
+        Output(sums, bad, log),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     return BatchSums(sums, listed, int(bad_count)), int(rays)
@@ -163,19 +158,20 @@ def is_warm(settings: RenderSettings) -> bool:
     return jit.is_loaded(renderer_of(settings))
 
 
-def warm_up(settings: RenderSettings | None = None) -> float:
+def warm_up(settings: RenderSettings | None = None, fetch: Callable[[], None] | None = None) -> float:
     """Compiles the kernels for scenes and for these settings (None: for pictures), or loads them: the seconds that took.
 
+    fetch: called before anything is compiled that this machine has not compiled yet, to bring it from elsewhere.
     A parent that does this before it forks shares the machine code with its children.
     """
     begin = time.perf_counter()
-    corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-    mesh = Mesh("triangle", corner, np.array([[0, 1, 2]], np.int32))
-    scene = compile_scene(
-        SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
-    )
     view = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
     settings = RenderSettings(2, 2, view) if settings is None else replace(settings, width=2, height=2, view=view)
-    with jit.compiling(renderer_of(settings).__name__):
+    with jit.compiling(renderer_of(settings).__name__, fetch):
+        corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+        mesh = Mesh("triangle", corner, np.array([[0, 1, 2]], np.int32))
+        scene = compile_scene(
+            SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
+        )
         render_batch(scene, settings, Tile(0, 0, 2, 2), 0, 1)
     return time.perf_counter() - begin

@@ -5,6 +5,7 @@ FarmError           a sentence that a person can act on
 ├── Conflict        it cannot be done in the state that things are in
 ├── Invalid         what is asked for makes no sense
 ├── TooLarge        it is beyond a limit of this farm
+├── UnknownFormat   it comes in a format that this farm does not read
 ├── NoRoom          the disk is full
 ├── Unavailable     a part of the farm is away; the same may work later
 ├── Failed          a worker could not do it
@@ -27,6 +28,7 @@ __all__ = [
     "TooLarge",
     "TooLate",
     "Unavailable",
+    "UnknownFormat",
 ]
 
 
@@ -48,6 +50,10 @@ class Invalid(FarmError):  # noqa: N818
 
 class TooLarge(FarmError):  # noqa: N818
     """It is beyond a limit of this farm."""
+
+
+class UnknownFormat(FarmError):  # noqa: N818
+    """It comes in a format that this farm does not read."""
 
 
 class NoRoom(FarmError):  # noqa: N818

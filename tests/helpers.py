@@ -103,20 +103,17 @@ class Farm:
 
 def start_farm(data: Path, workers: int, until: bytes = b"Ready", **environment: str) -> Farm:
     """`rayfarm up` on a free port; returns when it has said `until`: unless told, when all slots are ready."""
+    command = [sys.executable, "-m", "rayfarm", "up", "--port=0", f"--workers={workers}", f"--data={data}", "--no-browser"]
+    return farm_of(command, data, ROOT, until, **environment)
+
+
+def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:
+    """A farm by a command of one's own, which keeps its data in `data`."""
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:
         process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "rayfarm",
-                "up",
-                "--port=0",
-                f"--workers={workers}",
-                f"--data={data}",
-                "--no-browser",
-            ],
-            cwd=ROOT,
+            command,
+            cwd=cwd,
             env={**os.environ, **environment},
             stdout=out,
             stderr=out,

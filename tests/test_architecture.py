@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,21 @@ def test_one_concept_a_file(package: str) -> None:
         if path.suffix in (".py", ".js") and "node_modules" not in path.parts and (lines := _lines(path)) > TALLEST
     }
     assert not tall, f"longer than {TALLEST} lines: {tall}"
+
+
+def test_what_the_table_of_additions_names_is_there() -> None:
+    """docs/architecture.md, "To add X, touch Y": each path in it, the last of some files named by the folder of the first."""
+    table = (ROOT / "docs" / "architecture.md").read_text().split("## To add X, touch Y", 1)[1].split("\n## ", 1)[0]
+    for row in [line for line in table.splitlines() if line.startswith("| ")][1:]:
+        folder = ROOT
+        for word in re.findall(r"`([\w./-]+)`", row.split("|", 2)[2]):
+            if "/" not in word and Path(word).suffix not in (".py", ".js", ".md", ".json", ".yaml", ".jpg"):
+                continue  # a name in the code
+            pattern = word.replace("NAME", "*").strip("/")
+            near = [folder.relative_to(ROOT).as_posix() + "/" + pattern, pattern]
+            found = [path for each in near for path in ROOT.glob(each)]
+            assert found, f"there is no {word}, which the row says to touch: {row}"
+            folder = found[0].parent
 
 
 def _lines(path: Path) -> int:

@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from renderer.places import cache_home
 from worker.errors import MachineError
 from worker.link import FarmAnswer, Link
 
@@ -29,9 +30,8 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def default_cache_dir() -> Path:
-    """Beside the kernels' cache (renderer.jit): $RAYFARM_CACHE/blobs, by default under ~/.cache/rayfarm."""
-    base = os.environ.get("RAYFARM_CACHE")
-    return (Path(base) if base else Path.home() / ".cache" / "rayfarm") / "blobs"
+    """Beside the kernels' cache (renderer.jit)."""
+    return cache_home() / "blobs"
 
 
 class BlobCache:

@@ -255,7 +255,7 @@ class WorkerReport:
     samples_per_s: float = 0.0  # of one slot, over its latest batches
     current: list[dict[str, Any]] = field(
         default_factory=list
-    )  # a slot each: {} or {job, frame, tile, first, count} or {scene} or {denoise, frame}
+    )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise, frame}
     denoises: bool = False  # whether it has Open Image Denoise
 
     def to_bytes(self) -> bytes:

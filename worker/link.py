@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -126,6 +127,33 @@ class Link:
             ) as response:
                 self._body(response)
         return BlobRef(path="", sha256=sha256, size=size)
+
+    def kernels(self, name: str, out: BinaryIO) -> bool:
+        """Write the kernels of this name (renderer.artefact) to `out`; False where the farm has none."""
+        try:
+            with self._stream("GET", f"/api/farm/kernels/{name}") as response:
+                for chunk in response.iter_bytes(CHUNK):
+                    out.write(chunk)
+        except RefusedError:
+            return False
+        return True
+
+    def has_kernels(self, name: str) -> bool:
+        """Whether the farm has the kernels of this name."""
+        try:
+            with self._stream("HEAD", f"/api/farm/kernels/{name}"):
+                return True
+        except RefusedError:
+            return False
+
+    def store_kernels(self, name: str, file: BinaryIO) -> None:
+        """Give the farm the kernels of this name. Raises RefusedError where it does not take them."""
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        content = iter(lambda: file.read(CHUNK), b"")
+        headers = {"Content-Length": str(size)}
+        with self._stream("PUT", f"/api/farm/kernels/{name}", content=content, headers=headers) as response:
+            self._body(response)
 
     def _object(self, path: str, *needed: str) -> dict[str, Any]:
         """The JSON object at `path`, which has these keys."""

@@ -43,7 +43,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         worker.results.send(not_understood(worker, batch, error))
         return
-    doing = {key: batch[key] for key in ("job", "frame", "tile", "first", "count")}
+    doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
     worker.board.write(_slot(), doing)
     try:
         deaths = _deaths(task, worker, work.batch)

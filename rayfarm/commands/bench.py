@@ -16,6 +16,7 @@ from rayfarm.console import bar, err, out
 from rayfarm.errors import CommandError
 from rayfarm.picture import Picture
 from rayfarm.scene_files import opened
+from service.places import shipped
 
 if TYPE_CHECKING:
     from renderer.film import Sums
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-SCENE = Path(__file__).resolve().parents[2] / "scenes" / "still-life.yaml"
+SCENE = shipped("scenes") / "still-life.yaml"
 SIZE = "64x36"
 ENOUGH_S = 0.5  # what is over sooner is measured with more samples
 MOST_SAMPLES = 4096
@@ -78,7 +79,7 @@ def bvh(
         descriptions = [read(folder, main), read(folder, main)]
     tree, brute = compile_scene(descriptions[0]), compile_scene(descriptions[1], brute=True)
     summary = summarise(descriptions[0], tree)
-    settings = Picture(size=size).settings(summary["cameras"], summary["defaults"])
+    settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
     warm_up(settings)
     expected = _expected_s(brute, settings, spp)
     cores = machine.cores()

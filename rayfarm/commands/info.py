@@ -57,6 +57,8 @@ def _show(summary: dict[str, Any]) -> None:
         view = camera["view"]
         text = f"{number}: {camera['name']}, eye {_vector(view['eye'])}, target {_vector(view['target'])}, fov {view['fov']:.4g}"
         line("Cameras" if number == 0 else "", text)
+    for number, name in enumerate(summary["variants"]):
+        line("Variants" if number == 0 else "", f"{number}: {name}")
     if summary["animations"]:
         line("Animations", ", ".join(summary["animations"]))
     if summary["defaults"]:

@@ -19,6 +19,7 @@ from rayfarm.rendering import Clock, load_kernels, load_scene, part_of_frame, wh
 from rayfarm.replay import show_path
 from renderer import aovs
 from renderer.denoise import is_available
+from renderer.formats import SCENE_SUFFIXES
 from renderer.settings import RenderSettings, Tile
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def register(app: typer.Typer) -> None:
 
 @takes_picture
 def render(
-    scene: Annotated[Path, typer.Argument(help="A scene file (.yaml .glb .gltf .obj .dae .ply .stl .off), a folder, or a .zip.")],
+    scene: Annotated[Path, typer.Argument(help=f"A scene file ({' '.join(SCENE_SUFFIXES)}), a folder, or a .zip.")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -50,6 +51,7 @@ def render(
         ),
     ] = None,
     picture: Picture = Picture(),
+    variant: options.Variant = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
@@ -91,7 +93,7 @@ def render(
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
     if pixel is not None:
-        _replay(scene, picture, pixel, sample or 0, no_bvh, as_json)
+        _replay(scene, variant, picture, pixel, sample or 0, no_bvh, as_json)
         return
     if output is None:
         raise typer.BadParameter("Name the picture to write, or a path to follow by --pixel.", param_hint="'--output' / '-o'")
@@ -116,8 +118,8 @@ def render(
     encode.format_of(output)
     if tonemap not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {tonemap!r}; known are {', '.join(tonemaps.CURVES)}")
-    compiled, summary = load_scene(scene, environment, clock, no_bvh)
-    for warning in summary["warnings"]:
+    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant)
+    for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
 
     settings = picture.settings(summary["cameras"], summary["defaults"])
@@ -141,9 +143,9 @@ def render(
         _write_stats(stats, clock, done)
 
 
-def _replay(scene: Path, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool) -> None:
+def _replay(scene: Path, variant: str | None, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool) -> None:
     x, y = options.parse_pixel(pixel)
-    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh)
+    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh, variant)
     settings = picture.settings(summary["cameras"], summary["defaults"])
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")

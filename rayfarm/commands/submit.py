@@ -30,11 +30,12 @@ def register(app: typer.Typer) -> None:
 
 def server_url(server: str | None) -> str:
     """The farm to talk to: --server, $RAYFARM_SERVER, the one that runs on the data folder, or this machine's port 8000."""
-    from rayfarm.local.state import default_data_dir, running_farm
+    from rayfarm.local.state import running_farm
+    from service.places import default_data_folder
 
     if server or (server := os.environ.get("RAYFARM_SERVER")):
         return server
-    here = running_farm(default_data_dir())
+    here = running_farm(default_data_folder())
     return here.url if here else "http://127.0.0.1:8000"
 
 

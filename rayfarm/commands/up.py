@@ -33,7 +33,11 @@ def up(
         int | None, typer.Option("--workers", "--slots", min=0, help="Worker slots; one per core unless told. 0: none here.")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(file_okay=False, help="Where scenes, jobs and films are kept. [dim]$RAYFARM_DATA[/dim]")
+        Path | None,
+        typer.Option(
+            file_okay=False,
+            help="Where scenes, jobs and films are kept; it says so when it is up. [dim]$RAYFARM_DATA[/dim]",
+        ),
     ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
@@ -48,10 +52,11 @@ def up(
       rayfarm up --host 0.0.0.0        other machines may join
     """
     from rayfarm.local.farm import LocalFarm
-    from rayfarm.local.state import default_data_dir, locked
+    from rayfarm.local.state import locked
+    from service.places import default_data_folder
 
     signals = StopSignals()
-    folder = data.expanduser().resolve() if data else default_data_dir()
+    folder = data.expanduser().resolve() if data else default_data_folder()
     slots = cores() if workers is None else workers
     begun = time.monotonic()
 

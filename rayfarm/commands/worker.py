@@ -41,6 +41,7 @@ def worker(
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import Part, Supervisor
+    from renderer.places import cache_home
 
     if "://" not in join:
         join = f"http://{join}"
@@ -53,7 +54,7 @@ def worker(
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:
         command += ["--name", name]
-    log = Path(os.environ.get("RAYFARM_CACHE", Path.home() / ".cache" / "rayfarm")) / "logs" / f"worker-{os.getpid()}.log"
+    log = cache_home() / "logs" / f"worker-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     part = Part("worker", command, log, {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}, grace_s=10.0, fatal_codes=(3,))
     try:

@@ -21,15 +21,9 @@ from typing import Any
 import rayfarm
 from rayfarm.errors import CommandError
 
-__all__ = ["ROOT", "FarmAddress", "Secrets", "default_data_dir", "locked", "running_farm", "secrets_of"]
+__all__ = ["ROOT", "FarmAddress", "Secrets", "locked", "running_farm", "secrets_of"]
 
 ROOT = Path(rayfarm.__file__).resolve().parent.parent
-
-
-def default_data_dir() -> Path:
-    """$RAYFARM_DATA, or `data` in the folder that Rayfarm was cloned into."""
-    named = os.environ.get("RAYFARM_DATA")
-    return Path(named).expanduser().resolve() if named else ROOT / "data"
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Processes that belong together: started, watched, restarted with a growing pause, and stopped without a remainder.
+"""Processes that belong together: started, watched, restarted (with growing pauses where they die young), and stopped whole.
 
 Every part is the leader of its own session, so that a Ctrl-C at the terminal reaches the supervisor alone and it decides the
 order; and so that whatever a part forks can be ended with it as one group. Should the supervisor itself be killed, the
@@ -22,8 +22,10 @@ from worker.process import spawn_guard
 __all__ = ["Part", "Supervisor"]
 
 LOG_KEPT = 5 << 20
-STEADY_S = 30.0
+STEADY_S = 5.0  # what ends sooner after its start may be unable to live, and is started ever more rarely
 PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
+KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
+KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 @dataclass
@@ -91,15 +93,14 @@ class Supervisor:
         now = time.monotonic()
         for part in self.parts:
             if part.running:
-                if part.failures and now - part.started > STEADY_S:
+                if now - part.started > STEADY_S:
                     part.failures = 0
             elif part.restart_at is None:
                 code = part.process.returncode if part.process else None
                 self._end_group(part)
                 if code in part.fatal_codes:
                     return part
-                pause = PAUSES_S[min(part.failures, len(PAUSES_S) - 1)]
-                part.failures += 1
+                pause = self._pause(part, code, now - part.started)
                 part.restart_at = now + pause
                 self.say(f"{part.name} ended ({_ending(code)}); it starts again in {pause:g} s. Its log: {part.log}")
             elif now >= part.restart_at:
@@ -119,6 +120,15 @@ class Supervisor:
                 time.sleep(0.02)
             self._end_group(part)
         self.parts.clear()
+
+    def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
+        """How long to wait before a part that ended is started again."""
+        if lived_s > STEADY_S:
+            part.failures = 0
+        pause = PAUSES_S[min(part.failures, len(PAUSES_S) - 1)]
+        part.failures += 1
+        was_killed = code is not None and -code in KILLS
+        return min(pause, KILLED_PAUSE_S) if was_killed else pause
 
     def _end_group(self, part: Part) -> None:
         """End whatever is left of a part and of the processes it started."""

@@ -74,7 +74,8 @@ SRGB = 5  # 0 or 1
 UV_SET = 6
 ABOVE = 7  # the row of the layer that lies on this one; -1 for none
 BLEND = 8  # by which operation this one lies on what is beneath (renderer/kernel/material/blend.py)
-TEXTURE_COLUMNS = 9
+NEAREST = 9  # 0 or 1: each texel is seen as the square that it is
+TEXTURE_COLUMNS = 10
 
 # Columns of `texture_transform`, float32, behind the matrix: what a row means in a stack.
 STRENGTH = 6

@@ -48,18 +48,18 @@ def _open(tree_box, tree, root, members):
 def count_wide_nodes(tree_box, tree, order, solids):
     """How many wide nodes and packets the folded tree has. solids: the number of triangles and spheres."""
     members = np.empty(WIDTH, np.int32)
-    pending = np.empty(STACK_SIZE, np.int32)
-    pending[0] = 0
-    waiting = 1
+    stack = np.empty(STACK_SIZE, np.int32)
+    stack[0] = 0
+    top = 1
     nodes = 0
     packets = 0
-    while waiting > 0:
-        waiting -= 1
+    while top > 0:
+        top -= 1
         nodes += 1
-        for i in range(_open(tree_box, tree, pending[waiting], members)):
+        for i in range(_open(tree_box, tree, stack[top], members)):
             if tree[members[i], 0] >= 0:
-                pending[waiting] = members[i]
-                waiting += 1
+                stack[top] = members[i]
+                top += 1
             elif order[tree[members[i], 1]] < solids:
                 packets += 1
     return nodes, packets
@@ -93,16 +93,16 @@ def fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, 
     """
     solids = len(triangle) + len(sphere)
     members = np.empty(WIDTH, np.int32)
-    pending = np.empty((STACK_SIZE, 2), np.int32)  # a binary node, the wide node it becomes
-    pending[0, 0] = 0
-    pending[0, 1] = 0
-    waiting = 1
+    stack = np.empty((STACK_SIZE, 2), np.int32)  # a binary node, the wide node it becomes
+    stack[0, 0] = 0
+    stack[0, 1] = 0
+    top = 1
     nodes = 1
     packets = 0
-    while waiting > 0:
-        waiting -= 1
-        wide = np.int64(pending[waiting, 1])
-        count = _open(tree_box, tree, pending[waiting, 0], members)
+    while top > 0:
+        top -= 1
+        wide = np.int64(stack[top, 1])
+        count = _open(tree_box, tree, stack[top, 0], members)
         for lane in range(WIDTH):
             if lane >= count:
                 for k in range(3):
@@ -118,9 +118,9 @@ def fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, 
                 node[wide, 2 * k + 1, lane] = upper + abs(upper) * _SLACK
             if tree[member, 0] >= 0:
                 child = nodes
-                pending[waiting, 0] = member
-                pending[waiting, 1] = nodes
-                waiting += 1
+                stack[top, 0] = member
+                stack[top, 1] = nodes
+                top += 1
                 nodes += 1
             elif order[tree[member, 1]] >= solids:
                 child = ~(4 * (order[tree[member, 1]] - solids) + INSTANCE)

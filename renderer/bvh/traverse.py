@@ -177,8 +177,8 @@ def _child(node, base, lane):
 
 
 @device
-def _put_aside(stack, top, base, keys, key):
-    """Keeps a node's other children on the stack: its new top."""
+def _push(stack, top, base, keys, key):
+    """Puts a node's other children on the stack: its new top."""
     store(stack, top, keys)
     store_int(stack, top + _W, key)
     store_int(stack, top + _W + np.uintp(1), np.int32(base // _NODE))
@@ -186,8 +186,8 @@ def _put_aside(stack, top, base, keys, key):
 
 
 @device
-def _take_up(stack, top):
-    """The (node, keys, least key) that were put aside last."""
+def _pop(stack, top):
+    """The (node, keys, least key) on top of the stack."""
     key = load_int(stack, top + _W)
     base = np.uintp(np.uint32(load_int(stack, top + _W + np.uintp(1)))) * _NODE
     return base, load(stack, top), key
@@ -235,14 +235,14 @@ def _closest_in_instance(bvh, stack, bottom, number, o, d, best):
             if top == bottom:
                 return best, primitive, u, v
             top -= _ENTRY
-            base, keys, key = _take_up(stack, top)
+            base, keys, key = _pop(stack, top)
             continue
         child = _child(bvh.node, base, key & _LANE)
         keys = beyond(keys, key)
         key = least(keys)
         if child >= 0:
             if key <= key_limit(best):
-                top = _put_aside(stack, top, base, keys, key)
+                top = _push(stack, top, base, keys, key)
             base = np.uintp(child) * _NODE
             keys, key = _enter(bvh.node, base, x, y, z, best)
             continue
@@ -266,14 +266,14 @@ def closest_hit(bvh, stack, o, d, t_max):
             if top == np.uintp(0):
                 break
             top -= _ENTRY
-            base, keys, key = _take_up(stack, top)
+            base, keys, key = _pop(stack, top)
             continue
         child = _child(bvh.node, base, key & _LANE)
         keys = beyond(keys, key)
         key = least(keys)  # wanted next, and found while the leaf is looked at
         if child >= 0:
             if key <= key_limit(best):
-                top = _put_aside(stack, top, base, keys, key)
+                top = _push(stack, top, base, keys, key)
             base = np.uintp(child) * _NODE
             keys, key = _enter(bvh.node, base, x, y, z, best)
             continue

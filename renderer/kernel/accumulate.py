@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.film import (
     ALBEDO,
@@ -28,10 +30,10 @@ from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special
 from renderer.kernel.sampling.filter import filter_offset
-from renderer.kernel.sampling.sampler import pixel_key, uniform4
+from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "in_half", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "in_half", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -76,15 +78,32 @@ def in_half(sample):
     return second == 0 and sample != 1
 
 
-@template
-def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    """Adds `count` samples a pixel to sums (CHANNELS, h, w) int64. Returns (bad samples, rays).
+class Batch(NamedTuple):
+    """Which samples are wanted: `count` from number `first` on, of each pixel of a tile with its corner at (x, y)."""
 
-    stack: from new_stack; camera: from camera_frame; options: from kernel_options; (x0, y0): the tile's corner;
-    bad: (MAX_BAD, 3) int64, filled with x, y and sample number of samples that were NaN or infinite and so left out;
-    trace: the integrator, known when this is compiled, as is whether `special` is None; log: rows for the last sample's
-    protocol, or none.
+    x: int
+    y: int
+    first: int
+    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+
+
+class Output(NamedTuple):
+    """The arrays that a batch is written to."""
+
+    sums: npt.NDArray[np.int64]  # (CHANNELS, h, w), added to; its size is the tile's
+    bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite and so left out
+    log: npt.NDArray[np.float64]  # rows for the last sample's protocol (integrators/record.py), or none
+
+
+@template
+def _render_tile(trace, special, scene, stack, camera, options, batch, output):
+    """Renders a batch: (number of bad samples, number of rays).
+
+    trace: the integrator, known when this is compiled, as is whether `special` is None; stack: from new_stack; camera: from
+    camera_frame; options: from kernel_options.
     """
+    sums, bad, log = output.sums, output.bad, output.log
+    x0, y0, first, count = batch.x, batch.y, batch.first, batch.count
     bad_count = 0
     rays = 0
     scale = options.scale
@@ -94,13 +113,16 @@ def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, c
             pixel = pixel_key(x0 + x, y0 + y)
             color = half = albedo = normal = position = _NOTHING
             object_id = material_id = depth = samples = samples_half = np.int64(0)
-            u = uniform4(options.sampler, options.seed, pixel, np.uint32(first), _FIRST)
+            u = draw4(Stream(options.sampler, options.seed, pixel, np.uint32(first)), _FIRST)
             for sample in range(first, first + count):
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
-                u = uniform4(options.sampler, options.seed, pixel, np.uint32(sample + 1), _FIRST)  # as in path.py: in good time
-                radiance, met = trace(scene, stack, o, d, options, pixel, np.uint32(sample), log, hit, special)
+                u = draw4(
+                    Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)), _FIRST
+                )  # as in path.py: in good time
+                stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
+                radiance, met = trace(scene, stack, o, d, options, stream, log, hit, special)
                 rays += met
                 base, upright, place, distance, object_number, material_number = first_hit(hit)
                 finite = vec.is_finite(radiance) and vec.is_finite(upright) and vec.is_finite(base)
@@ -143,23 +165,23 @@ def _render_tile(trace, special, scene, stack, camera, options, x0, y0, first, c
 
 
 @entry
-def _render_path(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    return _render_tile(trace_path, None, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+def _render_path(scene, stack, camera, options, batch, output):
+    return _render_tile(trace_path, None, scene, stack, camera, options, batch, output)
 
 
 @entry
-def _render_special_path(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    return _render_tile(trace_path, True, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+def _render_special_path(scene, stack, camera, options, batch, output):
+    return _render_tile(trace_path, True, scene, stack, camera, options, batch, output)
 
 
 @entry
-def _render_whitted(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    return _render_tile(trace_whitted, None, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+def _render_whitted(scene, stack, camera, options, batch, output):
+    return _render_tile(trace_whitted, None, scene, stack, camera, options, batch, output)
 
 
 @entry
-def _render_ao(scene, stack, camera, options, x0, y0, first, count, sums, bad, log):
-    return _render_tile(trace_ao, None, scene, stack, camera, options, x0, y0, first, count, sums, bad, log)
+def _render_ao(scene, stack, camera, options, batch, output):
+    return _render_tile(trace_ao, None, scene, stack, camera, options, batch, output)
 
 
 def renderer_of(settings: RenderSettings) -> Renderer:

@@ -8,6 +8,7 @@ studio.py       the light of scenes that have none
 compile.py      description -> compiled scene, by geometry.py, packing.py (materials, texels), lights.py and the BVH
 framing.py      a camera for scenes without one
 compiled.py     the compiled scene (renderer/arrays/scene.py: the flat arrays that the kernel reads) in one file
+material.py    the table of a material's parameters, which readers, checks, packing and schema.json follow
 
-To add a format: a reader with `read(files, main, description)`, its suffix in renderer/formats.py, a branch in load.py.
+To add a format: a reader with `read(files, main, description)`, and its row in renderer/formats.py.
 """

@@ -23,7 +23,7 @@ from renderer.scene.margins import edge_margins
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
-from renderer.scene.studio import light_studio
+from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
 
 __all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
@@ -55,7 +55,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, bounds):
         light_studio(description)
-        description.warnings.append("The scene's own lights are weak: lit by a soft studio light as well.")
+        description.warnings.append(STUDIO_TOO)
     environment = tabulate_environment(description)
     chance = choose_environment(environment, lights.power, bounds)
     say("building the BVH", 0.5)
@@ -109,7 +109,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
 
 
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
-    """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, warnings, defaults.
+    """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, variants, warnings, defaults.
 
     cameras: the file's own, then always one named "auto" that frames the scene. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
@@ -136,6 +136,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "materials": [m.name for m in description.materials],
         "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
         "animations": list(description.animations),
+        "variants": list(description.variants),
         "warnings": list(description.warnings),
         "defaults": dict(description.defaults),
     }

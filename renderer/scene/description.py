@@ -12,10 +12,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene.material import AlphaMode, Material
+from renderer.scene.parameters import MaterialKind
 from renderer.settings import Vec3, View
 
 __all__ = [
-    "SINGLE_TEXTURES",
     "AlphaMode",
     "Blend",
     "Camera",
@@ -30,6 +31,8 @@ __all__ = [
     "SceneDescription",
     "Sky",
     "Sphere",
+    "SurfaceNote",
+    "TexelFilter",
     "Texture",
     "TextureLayer",
     "UvTransform",
@@ -38,25 +41,11 @@ __all__ = [
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
-MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness"]
-AlphaMode = Literal["opaque", "mask", "blend"]
 LightKind = Literal["point", "spot", "directional"]
 Wrap = Literal["repeat", "mirror", "clamp"]
+TexelFilter = Literal["linear", "nearest"]
 Blend = Literal["over", "multiply", "add", "subtract", "divide", "screen", "signed_add", "darken", "lighten", "difference"]
 UvTransform = tuple[float, float, float, float, float, float]
-
-# Slots whose textures have no layers: those that hold directions, which are not mixed as colours are, and those read by their
-# alpha, which layers leave as it is.
-SINGLE_TEXTURES = frozenset(
-    {
-        "normal_texture",
-        "clearcoat_normal_texture",
-        "anisotropy_texture",
-        "specular_texture",
-        "sheen_roughness_texture",
-        "diffuse_transmission_texture",
-    }
-)
 
 
 @dataclass
@@ -81,7 +70,7 @@ class TextureLayer:
     strength: float = 1.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class Texture:
     """An image, how it repeats, and how it is looked up. UV (0, 0) is the image's upper left corner, as in glTF.
 
@@ -95,74 +84,7 @@ class Texture:
     uv_set: int = 0  # 0 or 1
     transform: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     layers: tuple[TextureLayer, ...] = ()
-
-
-@dataclass
-class Material:
-    """A surface. `base_color` is reflectance (diffuse, mirror), tint (glass), kd (blinn_phong) or glTF's base colour.
-
-    Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use what they know:
-
-    diffuse: base_color. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation. conductor: eta, k,
-    roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit: base_color is what is seen.
-    metallic_roughness: all from metallic to diffuse_transmission_color, as glTF 2.0 and its KHR_materials extensions say.
-
-    emission: radiance; emission_texture multiplies it. It leaves the front face (counter-clockwise side, or a sphere's
-    outside), and the back face too where `double_sided`. Scattering is the same from both sides in any case.
-    thin: transmits without refraction, as a pane or a soap film does; else the inside of the mesh is filled with it.
-    """
-
-    name: str = "default"
-    kind: MaterialKind = "diffuse"
-    base_color: Vec3 = (0.8, 0.8, 0.8)
-    base_color_texture: int | None = None
-    opacity: float = 1.0  # times the base colour texture's alpha and the vertex colour's
-    alpha_mode: AlphaMode = "opaque"
-    alpha_cutoff: float = 0.5
-    metallic: float = 0.0
-    roughness: float | None = None  # None: smooth glass and conductors, 1 for the rest
-    metallic_roughness_texture: int | None = None  # G roughness, B metallic
-    ior: float = 1.5
-    emission: Vec3 = (0.0, 0.0, 0.0)
-    emission_texture: int | None = None
-    double_sided: bool = False
-    normal_texture: int | None = None
-    normal_scale: float = 1.0
-    specular: float = 1.0
-    specular_texture: int | None = None  # A
-    specular_color: Vec3 = (1.0, 1.0, 1.0)
-    specular_color_texture: int | None = None
-    clearcoat: float = 0.0
-    clearcoat_texture: int | None = None  # R
-    clearcoat_roughness: float = 0.0
-    clearcoat_roughness_texture: int | None = None  # G
-    clearcoat_normal_texture: int | None = None
-    clearcoat_normal_scale: float = 1.0
-    sheen_color: Vec3 = (0.0, 0.0, 0.0)
-    sheen_color_texture: int | None = None
-    sheen_roughness: float = 0.0
-    sheen_roughness_texture: int | None = None  # A
-    transmission: float = 0.0
-    transmission_texture: int | None = None  # R
-    thin: bool = False
-    attenuation_color: Vec3 = (1.0, 1.0, 1.0)  # what is left of white after attenuation_distance
-    attenuation_distance: float = float("inf")
-    anisotropy: float = 0.0
-    anisotropy_rotation: float = 0.0  # radians, counter-clockwise from the tangent
-    anisotropy_texture: int | None = None  # RG direction, B strength
-    iridescence: float = 0.0
-    iridescence_texture: int | None = None  # R
-    iridescence_ior: float = 1.3
-    iridescence_thickness: tuple[float, float] = (100.0, 400.0)  # nanometres
-    iridescence_thickness_texture: int | None = None  # G
-    dispersion: float = 0.0  # 20 / Abbe number
-    diffuse_transmission: float = 0.0
-    diffuse_transmission_texture: int | None = None  # A
-    diffuse_transmission_color: Vec3 = (1.0, 1.0, 1.0)
-    diffuse_transmission_color_texture: int | None = None
-    eta: Vec3 = (0.0, 0.0, 0.0)  # a conductor's complex index of refraction is eta + i k, at the primaries
-    k: Vec3 = (1.0, 1.0, 1.0)
-    shininess: float = 32.0
+    filter: TexelFilter = "linear"  # between texels; nearest: each is seen as the square that it is
 
 
 @dataclass
@@ -260,6 +182,12 @@ class Camera:
     view: View
 
 
+class SurfaceNote(str):
+    """A warning of how a surface looks, which is idle where another material replaces it."""
+
+    __slots__ = ()
+
+
 @dataclass
 class SceneDescription:
     """A whole scene. `defaults` holds settings the file asks for (width, height, spp, max_depth, integrator)."""
@@ -278,4 +206,5 @@ class SceneDescription:
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
     animations: list[str] = field(default_factory=list)
+    variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

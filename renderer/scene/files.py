@@ -23,12 +23,16 @@ MAX_SEARCHED = 20_000  # files looked at for one that is not where it is said to
 
 
 class SceneFiles:
-    """Files below one folder, by names relative to it with forward slashes."""
+    """Files below one folder, by names relative to it with forward slashes.
 
-    def __init__(self, folder: Path) -> None:
+    environment: the name of one that came along to light the scene, and is no part of it.
+    """
+
+    def __init__(self, folder: Path, environment: str | None = None) -> None:
         if not folder.is_dir():
             raise SceneError(f"{folder.name}: is no folder; give the folder that holds the scene's files")
         self._root = folder.resolve()
+        self._environment = environment
 
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
@@ -75,13 +79,14 @@ class SceneFiles:
         return self.find(uri, beside) or self.find(unquote(uri), beside)
 
     def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
-        """Names of the plain files in the same folder that end in one of the suffixes, in order of the alphabet."""
+        """Names of the scene's plain files in the same folder that end in one of the suffixes, in order of the alphabet."""
         home = PurePosixPath(beside).parent
         folder = self._inside(str(home))
         if folder is None:
             return []
         names = sorted(e.name for e in os.scandir(folder) if e.is_file() and not e.name.startswith("."))
-        return [str(home / n) for n in names if n.lower().endswith(suffixes)]
+        found = [str(home / n) for n in names if n.lower().endswith(suffixes)]
+        return [name for name in found if name != self._environment]
 
     def _inside(self, name: str) -> Path | None:
         if "\0" in name or "\\" in name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:

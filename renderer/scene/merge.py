@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from typing import Any
 
-from renderer.scene.description import Instance, SceneDescription
+from renderer.scene.description import Instance, SceneDescription, SurfaceNote
 
 __all__ = ["merge"]
 
@@ -16,7 +16,8 @@ def merge(part: SceneDescription, whole: SceneDescription, material: int | None 
     Returns what shows them as the part does, not yet in the whole's list. The part's lights, cameras and environment stay out.
     """
     images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
-    whole.warnings += [w for w in part.warnings if w not in whole.warnings]
+    idle = SurfaceNote if material is not None else ()
+    whole.warnings += [w for w in part.warnings if w not in whole.warnings and not isinstance(w, idle)]
     if material is None:
 
         def moved(index: int | None) -> int | None:

@@ -9,8 +9,9 @@ import numpy as np
 from renderer.arrays import rows
 from renderer.errors import SceneError
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.scene.description import F32, I32, SINGLE_TEXTURES, Material, SceneDescription
+from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.lights import luminance
+from renderer.scene.material import PARAMETERS, check
 from renderer.scene.texels import MAX_EMISSION, Texels
 
 __all__ = ["Packed", "conductor_reflectance", "pack"]
@@ -26,26 +27,6 @@ _KINDS = {
 }
 _SMOOTH = ("glass", "conductor")  # where no roughness is given
 _LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
-
-# Slots that are filled by the texture alone; emission's texels have a scale.
-_TEXTURES = {
-    "base_color_texture": rows.BASE_TEXTURE,
-    "metallic_roughness_texture": rows.METALLIC_ROUGHNESS_TEXTURE,
-    "normal_texture": rows.NORMAL_TEXTURE,
-    "specular_texture": rows.SPECULAR_TEXTURE,
-    "specular_color_texture": rows.SPECULAR_COLOR_TEXTURE,
-    "clearcoat_texture": rows.CLEARCOAT_TEXTURE,
-    "clearcoat_roughness_texture": rows.CLEARCOAT_ROUGHNESS_TEXTURE,
-    "clearcoat_normal_texture": rows.CLEARCOAT_NORMAL_TEXTURE,
-    "sheen_color_texture": rows.SHEEN_COLOR_TEXTURE,
-    "sheen_roughness_texture": rows.SHEEN_ROUGHNESS_TEXTURE,
-    "transmission_texture": rows.TRANSMISSION_TEXTURE,
-    "anisotropy_texture": rows.ANISOTROPY_TEXTURE,
-    "iridescence_texture": rows.IRIDESCENCE_TEXTURE,
-    "iridescence_thickness_texture": rows.THICKNESS_TEXTURE,
-    "diffuse_transmission_texture": rows.DIFFUSE_TRANSMISSION_TEXTURE,
-    "diffuse_transmission_color_texture": rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE,
-}
 
 
 class Packed(NamedTuple):
@@ -64,7 +45,8 @@ class Packed(NamedTuple):
 def pack(description: SceneDescription) -> Packed:
     """The materials and the textures that they use.
 
-    Raises SceneError where the texels are too many, or a slot that takes one texture is given a stack.
+    Raises SceneError where the texels are too many, a parameter is out of its range, or a slot that takes one texture is given
+    a stack.
     """
     texels = Texels(description)
     count = len(description.materials)
@@ -74,13 +56,16 @@ def pack(description: SceneDescription) -> Packed:
     textures = np.full((count, rows.SLOTS), -1, np.int32)
     emitted = np.zeros(count)
     for i, m in enumerate(description.materials):
-        for name, slot in _TEXTURES.items():
-            index = getattr(m, name)
+        check(m)
+        for parameter in PARAMETERS:
+            index = getattr(m, parameter.name) if parameter.slot is not None else None
             if index is None:
                 continue
-            if name in SINGLE_TEXTURES and description.textures[index].layers:
-                raise SceneError(f"Material {m.name}: its {name} has layers, which that slot does not take; give it one texture")
-            textures[i, slot] = texels.add(index)[0]
+            if not parameter.layered and description.textures[index].layers:
+                raise SceneError(
+                    f"Material {m.name}: its {parameter.name} has layers, which that slot does not take; give it one texture"
+                )
+            textures[i, parameter.slot] = texels.add(index)[0]
         emission = np.array(m.emission, np.float64)
         emitted[i] = luminance(emission)
         if m.emission_texture is not None and emitted[i] > 0:
@@ -137,35 +122,14 @@ def _fill(row: F32, m: Material, emission: np.ndarray) -> None:
     def put(column: int, *values: float) -> None:
         row[column : column + len(values)] = values
 
-    put(rows.BASE, *m.base_color)
+    for parameter in PARAMETERS:
+        if parameter.column is not None:
+            value = getattr(m, parameter.name)
+            put(parameter.column, *(value if isinstance(value, tuple) else (value,)))
     put(rows.EMISSION, *emission)
-    put(rows.METALLIC, m.metallic)
     put(rows.ROUGHNESS, _roughness(m))
-    put(rows.IOR, m.ior)
-    put(rows.DOUBLE_SIDED, float(m.double_sided))
-    put(rows.OPACITY, m.opacity)
-    put(rows.ALPHA_CUTOFF, m.alpha_cutoff)
-    put(rows.NORMAL_SCALE, m.normal_scale)
-    put(rows.SPECULAR, m.specular)
-    put(rows.SPECULAR_COLOR, *m.specular_color)
-    put(rows.CLEARCOAT, m.clearcoat)
-    put(rows.CLEARCOAT_ROUGHNESS, m.clearcoat_roughness)
-    put(rows.CLEARCOAT_NORMAL_SCALE, m.clearcoat_normal_scale)
-    put(rows.SHEEN_COLOR, *m.sheen_color)
-    put(rows.SHEEN_ROUGHNESS, m.sheen_roughness)
-    put(rows.TRANSMISSION, m.transmission)
     put(rows.ABSORPTION, *_absorption(m))
-    put(rows.ANISOTROPY, m.anisotropy)
     put(rows.ROTATION, np.cos(m.anisotropy_rotation), np.sin(m.anisotropy_rotation))
-    put(rows.IRIDESCENCE, m.iridescence)
-    put(rows.IRIDESCENCE_IOR, m.iridescence_ior)
-    put(rows.THICKNESS, *m.iridescence_thickness)
-    put(rows.DISPERSION, m.dispersion)
-    put(rows.DIFFUSE_TRANSMISSION, m.diffuse_transmission)
-    put(rows.DIFFUSE_TRANSMISSION_COLOR, *m.diffuse_transmission_color)
-    put(rows.ETA, *m.eta)
-    put(rows.K, *m.k)
-    put(rows.SHININESS, m.shininess)
     normal_incidence = ((m.ior - 1) / (m.ior + 1)) ** 2
     put(rows.F0, *(min(normal_incidence * c, 1.0) for c in m.specular_color))
     if m.kind == "glass":  # the principled surface that lets everything pass

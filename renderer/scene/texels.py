@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from renderer.arrays.rows import ABOVE, BLEND, GAIN, SRGB, TEXTURE_COLUMNS, TRANSFORM_COLUMNS, UV_SET
+from renderer.arrays.rows import ABOVE, BLEND, GAIN, NEAREST, SRGB, TEXTURE_COLUMNS, TRANSFORM_COLUMNS, UV_SET
 from renderer.errors import SceneError
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.kernel.light.mean_emission import mean_texels
@@ -84,7 +84,8 @@ class Texels:
         first, block, scale = self._place(texture.image, light and floats)
         height, width = image.pixels.shape[:2]
         wraps = _WRAPS[texture.wrap_s], _WRAPS[texture.wrap_t]
-        self._rows.append([first, width, height, *wraps, int(image.srgb or floats), texture.uv_set, -1, 0])
+        self._rows.append([first, width, height, *wraps, int(image.srgb or floats), texture.uv_set, -1, 0, 0])
+        self._rows[-1][NEAREST] = int(texture.filter == "nearest")
         self._transforms.append((*texture.transform, 1.0, 1.0, 1.0))
         self._block_of_row.append(block)
         return scale

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.image import read
-from renderer.scene.description import Image, SceneDescription, Texture, TextureLayer, UvTransform, Wrap
+from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
@@ -23,8 +24,12 @@ class TextureShelf:
         self._description = description
         self._files = files
         self._images: dict[tuple[str, bool], int | None] = {}
-        self._textures: dict[tuple[int, Wrap, Wrap, int, UvTransform, tuple[TextureLayer, ...]], int] = {}
+        self._textures: dict[Texture, int] = {}
         self._bytes = 0
+
+    def warn_of_surface(self, sentence: str) -> None:
+        """Adds a warning of how something looks, once."""
+        self.warn(SurfaceNote(sentence))
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, once."""
@@ -39,7 +44,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, read.read(self._files.read(name), name), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn(f"{error}; rendered without it.")
+                self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
@@ -50,7 +55,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, read.read(data, name), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn(f"{error}; rendered without it.")
+                self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
 
     def texture(
@@ -61,15 +66,18 @@ class TextureShelf:
         uv_set: int = 0,
         transform: UvTransform = UNMOVED,
         layers: tuple[TextureLayer, ...] = (),
+        filter: TexelFilter = "linear",
     ) -> int | None:
         """The texture of an image, how it repeats, how it is looked up, what lies on it; None for an image that is not there."""
         if image is None:
             return None
-        key = (image, wrap_s, wrap_t, uv_set, transform, layers)
-        if key not in self._textures:
-            self._description.textures.append(Texture(*key))
-            self._textures[key] = len(self._description.textures) - 1
-        return self._textures[key]
+        return self._shelve(Texture(image, wrap_s, wrap_t, uv_set, transform, layers, filter))
+
+    def _shelve(self, texture: Texture) -> int:
+        if texture not in self._textures:
+            self._description.textures.append(texture)
+            self._textures[texture] = len(self._description.textures) - 1
+        return self._textures[texture]
 
     def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
         """A texture whose image is made of another's, with its layers and looked up as that is; `what` tells it from others."""
@@ -80,15 +88,14 @@ class TextureShelf:
         key = (f"\0{what} of image {source.image}", image.srgb)
         if key not in self._images:
             self._images[key] = self.add(make(image))
-        looked_up = source.wrap_s, source.wrap_t, source.uv_set, source.transform
-        return self.texture(self._images[key], *looked_up, source.layers)
+        made = self._images[key]
+        return None if made is None else self._shelve(replace(source, image=made))
 
     def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
         """A texture with these layers on it."""
         if texture is None or not layers:
             return texture
-        t = self._description.textures[texture]
-        return self.texture(t.image, t.wrap_s, t.wrap_t, t.uv_set, t.transform, layers)
+        return self._shelve(replace(self._description.textures[texture], layers=layers))
 
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
         """A texture whose image is made of two others', looked up as the first is; None without the first or second."""
@@ -120,7 +127,9 @@ class TextureShelf:
     def missing(self, reference: str, user: str) -> None:
         """Warns of a texture that is not among the files."""
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
-        self.warn(f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile.")
+        self.warn_of_surface(
+            f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile."
+        )
 
     def add(self, image: Image) -> int:
         """Puts an image on the shelf. Raises SceneError where all of them together are too large."""

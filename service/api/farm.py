@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 import os
-import secrets
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Depends, Header, Request, Response
-from fastapi.responses import FileResponse
+import anyio
+from fastapi import APIRouter, Depends, Request, Response
+from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
 from renderer import film as film_math
-from service.api.jobs import find_job
-from service.api.problem import Problem
+from service.api.describe import UNREADABLE
+from service.api.lookup import find_job
+from service.api.token import check_token
+from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
-from service.intake.uploads import disk_checker
-from service.store.blobs import is_sha256
+from service.intake.uploads import disk_checker, gathered
+from service.store.blobs import is_sha256, no_blob
 from service.store.models import Scene
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]
-
-
-def check_token(farm: FarmDependency, authorization: Annotated[str, Header()] = "") -> None:
-    """Let only those in who show the farm's token."""
-    if not secrets.compare_digest(authorization.encode(), f"Bearer {farm.settings.token}".encode()):
-        raise Problem(
-            401,
-            "Workers show the farm's token: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
-            headers={"WWW-Authenticate": "Bearer"},
-        )
 
 
 router = APIRouter(prefix="/api/farm", tags=["farm"], dependencies=[Depends(check_token)])
@@ -42,7 +34,8 @@ router = APIRouter(prefix="/api/farm", tags=["farm"], dependencies=[Depends(chec
 @router.get("/join")
 def join(farm: FarmDependency) -> dict[str, str]:
     """Where the queue is, and how a worker on this machine recognises the service's own files."""
-    return {"redis_url": farm.settings.worker_redis_url, "instance": farm.instance, "data_dir": str(farm.settings.data)}
+    data = str(farm.settings.data) if farm.blobs.is_local else ""
+    return {"redis_url": farm.settings.worker_redis_url, "instance": farm.instance, "data_dir": data}
 
 
 @router.get("/scenes/{id}/manifest")
@@ -51,16 +44,19 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
     with farm.sessions() as session:
         scene = session.get(Scene, id)
     if scene is None:
-        raise Problem(404, "There is no such scene; it may have been deleted.")
+        raise NotFound("There is no such scene; it may have been deleted.")
+    if not scene.files:
+        raise Conflict(UNREADABLE.format(what="scene"))
     return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment))
 
 
-@router.get("/blobs/{sha256}", response_class=FileResponse)
-def get_blob(sha256: str, farm: FarmDependency) -> FileResponse:
+@router.get("/blobs/{sha256}", response_class=StreamingResponse)
+def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
     """A stored file by its hash."""
-    if not is_sha256(sha256) or not farm.blobs.path(sha256).is_file():
-        raise Problem(404, "There is no blob of this hash; its scene may have been deleted.")
-    return FileResponse(farm.blobs.path(sha256), media_type="application/octet-stream")
+    if not is_sha256(sha256):
+        raise no_blob()
+    blob = farm.blobs.serve(sha256)
+    return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers={"Content-Length": str(blob.size)})
 
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
@@ -69,7 +65,7 @@ def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or frame != 0:
-        raise Problem(404, "The job has no such picture yet.")
+        raise NotFound("The job has no such picture yet.")
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
@@ -91,18 +87,20 @@ def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
     """Store a file; its bytes must have the hash it is stored under."""
     if not is_sha256(sha256):
-        raise Problem(422, "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
+        raise Invalid("A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
-    writer = farm.blobs.writer()
+    writer = await run_in_threadpool(farm.blobs.writer)
     try:
-        async for chunk in request.stream():
+        async for chunk in gathered(request.stream()):
             check_disk(len(chunk))
-            writer.write(chunk)
+            await run_in_threadpool(writer.write, chunk)
             if writer.size > farm.settings.max_blob_bytes:
-                raise Problem(413, f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
+                raise TooLarge(f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
         if writer.sha256 != sha256:
-            raise Problem(422, "The bytes do not have the hash that they are to be stored under. Send them again.")
+            raise Invalid("The bytes do not have the hash that they are to be stored under. Send them again.")
+        farm.garbage.promise(sha256)
         await run_in_threadpool(writer.commit)
     finally:
-        writer.discard()
+        with anyio.CancelScope(shield=True):
+            await run_in_threadpool(writer.discard)
     return Response(status_code=204)

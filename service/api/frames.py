@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import math
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,8 +17,8 @@ from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
 from renderer.image import tonemap
-from service.api.jobs import find_job
-from service.api.problem import Problem
+from service.api.lookup import find_job
+from service.errors import Conflict, Invalid, NotFound
 from service.farm import Farm, FarmDependency
 from service.scheduling.denoising import Denoised
 from service.store.films import Film
@@ -31,6 +32,7 @@ router = APIRouter(prefix="/api/jobs/{id}/frames/{n}", tags=["frames"])
 
 Number = Annotated[int, Path(ge=0, le=65535, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = f"color, or one of {', '.join(aovs.AOVS)}; for exr also a list as color,normal, or all: layers beside the colour"
 
 
@@ -69,7 +71,7 @@ async def image(
     aov: str = Query("color", max_length=200, description=AOV_HELP),
     denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
-    tonemap_curve: str = Query("neutral", alias="tonemap", max_length=40, description="a curve's name; for png and jpg"),
+    tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
 ) -> Response:
     """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
@@ -77,22 +79,24 @@ async def image(
     The header X-Samples has the number of samples, of all pixels together, that it was made of.
     """
     if tonemap_curve not in tonemap.CURVES:
-        raise Problem(422, f"tonemap: {tonemap_curve!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
     planes, in_layers = _planes(aov)
     if denoise and planes:
-        raise Problem(422, "denoise: only colour is denoised; leave aov out.")
+        raise Invalid("denoise: only colour is denoised; leave aov out.")
     PictureWish(extension, planes, in_layers).check()
-    film = await run_in_threadpool(_film, id, n, farm)
-    denoised = await _denoised(id, n, film, farm) if denoise else None
-    version, samples = (film.version(n), film.samples(n)) if denoised is None else (denoised.version, denoised.samples)
+    film, version, samples = await run_in_threadpool(_state, id, n, farm)
+    denoised = await _denoised(id, n, film, samples, farm) if denoise else None
+    if denoised is not None:
+        version, samples = denoised.version, denoised.samples
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
-    if headers["ETag"] in request.headers.get("if-none-match", ""):
+    known = request.headers.get("if-none-match", "")
+    if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
-    blob = None if denoised is None else farm.blobs.path(denoised.sha256)
+    blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
-    data = await run_in_threadpool(picture, film, n, wish)
+    data = await farm.pictures.make((id, headers["ETag"]), picture, film, n, wish)
     kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
     headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{kind}.{extension}"'
     return Response(data, media_type=MEDIA[extension], headers=headers)
@@ -103,7 +107,7 @@ def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int
     """The exact values of a pixel, counted from the upper left, and how many samples it has."""
     film = _film(id, n, farm)
     if x >= film.width or y >= film.height:
-        raise Problem(422, f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
+        raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     sums = film.tile_sums(n, at)
     sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
@@ -119,16 +123,16 @@ def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int
 
 
 @router.get("/digest", response_model=Digest)
-def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
+async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
-    film = _film(id, n, farm)
-    return Digest(digest=film.digest(n), samples=film.samples(n))
+    film, version, samples = await run_in_threadpool(_state, id, n, farm)
+    return Digest(digest=await farm.pictures.make((id, n, "digest", version), film.digest, n), samples=samples)
 
 
-async def _denoised(id: str, n: int, film: Film, farm: Farm) -> Denoised:
+async def _denoised(id: str, n: int, film: Film, samples: int, farm: Farm) -> Denoised:
     """Waits without a thread of its own: many readers may wait at a time."""
-    if not film.samples(n):
-        raise Problem(409, "The picture has no samples yet. Try again when its first tiles are there.")
+    if not samples:
+        raise Conflict("The picture has no samples yet. Try again when its first tiles are there.")
     made = await run_in_threadpool(farm.engine.denoise, id, n, film)
     # Shielded: a reader that leaves must not take the picture from those who wait for the same.
     return await asyncio.shield(asyncio.wrap_future(made))
@@ -140,17 +144,23 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     try:
         names = aovs.known(name for name in asked if name not in ("color", ""))
     except SettingsError as error:
-        raise Problem(422, f"{error}.") from None
+        raise Invalid(f"{error}.") from None
     return tuple(dict.fromkeys(names)), bool(names) and (len(asked) > 1 or "all" in asked)
+
+
+def _state(id: str, n: int, farm: Farm) -> tuple[Film, str, int]:
+    """A frame's film, the version of its content, and its samples."""
+    film = _film(id, n, farm)
+    return film, film.version(n), film.samples(n)
 
 
 def _film(id: str, n: int, farm: Farm) -> Film:
     job = find_job(id, farm)
     if n != 0:
-        raise Problem(404, f"The job has no frame {n}; it has frame 0.")
+        raise NotFound(f"The job has no frame {n}; it has frame 0.")
     film = farm.film(job)
     if film is None:
-        raise Problem(409, f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
     return film
 
 

@@ -12,19 +12,24 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from service.api.describe import job_out
+from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
-from service.api.scenes import record
 from service.api.schemas import JobIn, JobOut, JobPatch
+from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
+from service.intake.record import record
 from service.intake.resolve import resolve
 from service.intake.uploads import under_sky
-from service.store.models import ACTIVE, Frame, Job, Scene
+from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
+from service.store.models import Frame, Job, Scene
 
-__all__ = ["find_job", "router"]
+__all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 
-Key = Annotated[str | None, Header(max_length=255, description="A repeated POST with the same key makes one job.")]
+Key = Annotated[
+    str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
+]
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -51,7 +56,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     )
     try:
         with farm.sessions.begin() as session:
-            scene = session.get(Scene, scene_id)
+            scene = session.get(Scene, scene_id, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
@@ -99,17 +104,23 @@ def get_job(id: str, farm: FarmDependency) -> JobOut:
 
 @router.patch("/{id}", response_model=JobOut)
 def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
-    """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far."""
+    """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
+
+    A job that is over and set to running renders what its picture lacks; a film that is damaged is set aside first.
+    """
+    may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
+    is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
-            raise _unknown(id)
+            raise no_job(id)
         if change.priority is not None:
             job.priority = change.priority
-        if change.spp is not None:
-            _raise_spp(job, change.spp)
+        if change.spp is not None or change.more is not None:
+            frame = session.get(Frame, (id, 0))
+            ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
         if change.state is not None:
-            _set_state(job, change.state)
+            set_state(job, change.state, is_anew)
         session.flush()
         answer = job_out(job, session, farm.engine)
     farm.engine.changed("job", id)
@@ -120,25 +131,20 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 @router.delete("/{id}", status_code=204)
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
-    with farm.sessions.begin() as session:
-        job = session.get(Job, id)
-        if job is None:
-            raise _unknown(id)
-        for frame in session.scalars(select(Frame).where(Frame.job == id)):
-            session.delete(frame)
-        session.flush()
-        session.delete(job)
+
+    def forget() -> None:
+        with farm.sessions.begin() as session:
+            job = session.get(Job, id)
+            if job is None:
+                raise no_job(id)
+            for frame in session.scalars(select(Frame).where(Frame.job == id)):
+                session.delete(frame)
+            session.flush()
+            session.delete(job)
+
+    farm.reserve.spend_on(forget)
     farm.engine.changed("job", id)  # which removes the film, once it is out of its hands
     farm.broadcast.tell("job", id)
-
-
-def find_job(id: str, farm: Farm) -> Job:
-    """The job's row. Raises Problem 404."""
-    with farm.sessions() as session:
-        job = session.get(Job, id)
-    if job is None:
-        raise _unknown(id)
-    return job
 
 
 def _under_its_sky(request: JobIn, farm: Farm) -> str:
@@ -146,15 +152,22 @@ def _under_its_sky(request: JobIn, farm: Farm) -> str:
     sky = request.environment.sky if request.environment else None
     if sky is None:
         return request.scene
+    stored = under_sky(_scene(request.scene, farm), sky.elevation, sky.azimuth)
+    with farm.garbage.pinned(ref.sha256 for ref in stored.files):
+        _scene(request.scene, farm)  # where it is deleted by now, its files may be
+        return record(stored, farm).id
+
+
+def _scene(id: str, farm: Farm) -> Scene:
     with farm.sessions() as session:
-        scene = session.get(Scene, request.scene)
+        scene = session.get(Scene, id)
     if scene is None:
-        raise _no_scene(request.scene)
-    return record(under_sky(scene, sky.elevation, sky.azimuth), farm).id
+        raise _no_scene(id)
+    return scene
 
 
-def _no_scene(id: str) -> Problem:
-    return Problem(404, f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
+def _no_scene(id: str) -> NotFound:
+    return NotFound(f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
 
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
@@ -162,7 +175,7 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     if scene is None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
-        raise Problem(409, f"The scene cannot be rendered: {scene.error}")
+        raise Conflict(f"The scene cannot be rendered: {scene.error}")
     job.name = job.name or scene.name
     width, height = job.request["width"], job.request["height"]
     if width and height and width * height > farm.settings.max_pixels:
@@ -185,38 +198,8 @@ def _earlier(key: str, farm: Farm) -> Job | None:
 
 def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response) -> JobOut:
     if earlier.request != asked:
-        raise Problem(409, "This Idempotency-Key was used for another request. Take a new key for a new job.")
+        raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
     response.headers["Idempotent-Replayed"] = "true"
     response.headers["Location"] = f"/api/jobs/{earlier.id}"
     with farm.sessions() as session:
         return job_out(earlier, session, farm.engine)
-
-
-def _raise_spp(job: Job, spp: int) -> None:
-    if job.spp is not None and spp < job.spp:
-        raise Problem(409, f"spp: the job has {job.spp} samples a pixel already; samples are added, never taken away.")
-    if job.spp == spp:
-        return
-    job.spp = spp
-    if job.state == "finished":
-        job.state, job.finished = "queued", None
-
-
-def _set_state(job: Job, state: str) -> None:
-    if state == "cancelled":
-        if job.state == "finished":
-            raise Problem(409, "The job is finished; there is nothing to cancel. To remove it, delete it.")
-        if job.state != "cancelled":
-            job.state, job.finished = "cancelled", time.time()
-    elif state == "paused":
-        if job.state not in ACTIVE:
-            raise Problem(409, f"The job is {job.state}; only a queued or running job can be paused.")
-        job.state = "paused"
-    elif job.state == "finished":
-        raise Problem(409, "The job is finished. Raise spp to go on with it.")
-    elif job.state in ("paused", "failed", "cancelled"):
-        job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
-
-
-def _unknown(id: str) -> Problem:
-    return Problem(404, f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")

@@ -18,8 +18,9 @@ from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from starlette.concurrency import run_in_threadpool
 
 from service.api.describe import snapshot
+from service.errors import FarmError
 from service.farm import Farm, FarmDependency
-from service.store.films import Film, FilmClosed
+from service.store.films import Film
 from service.store.models import Job
 from service.watching import tile_packet
 from service.watching.broadcast import Listener
@@ -97,7 +98,8 @@ class _Watcher:
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
                 try:
                     await self._send_round(self._film)
-                except FilmClosed:  # the job is deleted, or the service ends: the next state says which
+                except FarmError:  # the job is deleted, its film cannot be read, or the service ends: the next state says which
+                    self._film = None
                     self._listener.changed["job", self._job] = None
                     self._listener.tiles.clear()
                     self._state_at = 0.0
@@ -151,7 +153,10 @@ def _job(farm: Farm, id: str) -> Job | None:
 
 def _film(farm: Farm, id: str) -> Film | None:
     job = _job(farm, id)
-    return farm.film(job) if job is not None else None
+    try:
+        return farm.film(job) if job is not None else None
+    except FarmError:
+        return None  # the job's state says why there is nothing to see
 
 
 def _state(farm: Farm, id: str) -> dict[str, object] | None:

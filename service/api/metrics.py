@@ -19,29 +19,28 @@ class _Collector:
         self._farm = farm
 
     def collect(self) -> Iterator[Metric]:
-        engine = self._farm.engine
+        view = self._farm.engine.snapshot
         with self._farm.sessions() as session:
             jobs = session.execute(select(Job.state, func.count()).group_by(Job.state)).all()
             scenes = session.execute(select(Scene.status, func.count()).group_by(Scene.status)).all()
             samples, bad = session.execute(select(func.sum(Frame.samples), func.sum(Frame.bad_samples))).one()
         yield _gauge("rayfarm_jobs", "Jobs by state", "state", {row[0]: row[1] for row in jobs})
         yield _gauge("rayfarm_scenes", "Scenes by status", "status", {row[0]: row[1] for row in scenes})
-        reports = list(engine.workers.reports.values())
+        reports = list(view.roster.reports.values())
         yield _gauge("rayfarm_worker_slots", "Slots by worker", "worker", {r.name: r.slots for r in reports})
         speeds = {r.name: r.samples_per_s * r.slots for r in reports}
         yield _gauge("rayfarm_worker_samples_per_second", "Speed by worker, all slots", "worker", speeds)
-        yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", sum(1 for _ in engine.scheduler.leases))
+        yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", view.batches_out)
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
         yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples left out as NaN or infinite", float(bad or 0))
-        counts = engine.counts
         for name, text in (
             ("merged", "Batches added to a film"),
             ("dropped", "Batches that came twice or too late"),
             ("failed", "Batches that failed"),
             ("lost", "Batches handed out again"),
         ):
-            yield CounterMetricFamily(f"rayfarm_batches_{name}", text, counts[name])
-        yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if engine.fault else 1.0)
+            yield CounterMetricFamily(f"rayfarm_batches_{name}", text, view.counts.get(name, 0))
+        yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 
 def _gauge(name: str, text: str, label: str, values: dict[str, float]) -> Metric:

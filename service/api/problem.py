@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from service.api.methods import methods_of
 from service.errors import (
     Conflict,
     Failed,
@@ -25,6 +26,7 @@ from service.errors import (
     TooLarge,
     TooLate,
     Unavailable,
+    UnknownFormat,
 )
 
 __all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
@@ -36,6 +38,7 @@ STATUS: dict[type[FarmError], int] = {
     Conflict: 409,
     Invalid: 422,
     TooLarge: 413,
+    UnknownFormat: 415,
     NoRoom: 507,
     Unavailable: 503,
     Failed: 502,
@@ -43,10 +46,13 @@ STATUS: dict[type[FarmError], int] = {
     FilmWaits: 503,
     FilmLost: 409,
 }
+RETRY_AFTER_S = 2
+MOST_ERRORS = 50  # of a body; what is beyond them is a program's nonsense, and would be echoed to it
+MOST_TEXT = 300  # of what is echoed
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 SENTENCES = {
     404: "There is nothing at {path}. The API is described at /docs.",
-    400: "The body cannot be read. Send JSON in UTF-8.",
+    400: "The body cannot be read. Send JSON in UTF-8, nested a few levels deep, with numbers of a few digits.",
     405: "{method} is not possible at {path}. The API is described at /docs.",
 }
 
@@ -96,6 +102,8 @@ ProblemBody: dict[str, Any] = {
 
 def response(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> ProblemResponse:
     """The response for a status and a sentence."""
+    if status == 503:
+        headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
     body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
     return ProblemResponse(body, status, headers=dict(headers or {}))
 
@@ -109,19 +117,28 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(FarmError)
     async def _farm(request: Request, error: FarmError) -> ProblemResponse:
-        return response(STATUS[type(error)], str(error))
+        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error))
 
     @app.exception_handler(HTTPException)
-    async def _http(request: Request, error: HTTPException) -> ProblemResponse:
-        detail = str(error.detail)
-        if error.status_code in SENTENCES and detail in (http.HTTPStatus(error.status_code).phrase, FASTAPI_BAD_BODY):
-            detail = SENTENCES[error.status_code].format(path=request.url.path, method=request.method)
-        return response(error.status_code, detail, error.headers)
+    async def _http(request: Request, error: HTTPException) -> Response:
+        status, detail, headers = error.status_code, str(error.detail), error.headers
+        methods = methods_of(app, request.scope) if status in (404, 405) else []
+        if methods and (request.method not in methods or request.method == "OPTIONS"):
+            headers = {"Allow": ", ".join(methods)}
+            if request.method == "OPTIONS":
+                return Response(status_code=204, headers=headers)
+            status, detail = 405, http.HTTPStatus.METHOD_NOT_ALLOWED.phrase
+        elif status == 405:
+            status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
+        if status in SENTENCES and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
+            detail = SENTENCES[status].format(path=request.url.path, method=request.method)
+        return response(status, detail, headers)
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
         errors = [
-            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)} for e in error.errors()
+            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)}
+            for e in error.errors()[:MOST_ERRORS]
         ]
         detail = "; ".join(f"{e['field']}: {e['message']}" if e["field"] else e["message"] for e in errors[:5])
         return response(422, f"{detail}.", errors=errors)
@@ -144,7 +161,7 @@ def _field(location: Sequence[Any]) -> str:
     text = ""
     for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
+    return _short(text)
 
 
 def _message(error: Mapping[str, Any]) -> str:
@@ -155,4 +172,8 @@ def _message(error: Mapping[str, Any]) -> str:
     if error["type"] == "model_attributes_type" or (error["type"] == "missing" and tuple(error["loc"]) == ("body",)):
         return JSON_OBJECT if tuple(error["loc"]) == ("body",) else "input should be an object"
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
-    return message[:1].lower() + message[1:]
+    return _short(message[:1].lower() + message[1:])
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT // 2]} ... {text[-MOST_TEXT // 2 :]}"

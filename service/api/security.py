@@ -1,8 +1,8 @@
 """The door: security headers on every answer, and refusal of what a foreign page makes a browser send.
 
-A page elsewhere may post to a service on the reader's own machine (CSRF), or point its own name at 127.0.0.1 and read the
-answers too (DNS rebinding). So a service on loopback answers only to loopback's names, and requests that carry another
-Origin than the Host they go to change nothing and open no WebSocket.
+A page elsewhere may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers
+too (DNS rebinding). So a service answers only to its own names (service.api.hosts), and requests that carry another Origin
+than the Host they go to change nothing and open no WebSocket.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.api.hosts import Hosts, name_of
 from service.api.problem import Problem, response
 from service.settings import Settings
 
-__all__ = ["Door"]
+__all__ = ["Door", "is_beyond"]
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -30,10 +31,13 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
-LOOPBACK_NAMES = {"localhost", "127.0.0.1", "::1"}
+UNKNOWN_NAME = (
+    "The service does not answer to the name {name}. Open it as localhost or by its address; "
+    "to let it answer to this name too, start it with RAYFARM_ALLOWED_HOSTS='[\"{name}\"]'."
+)
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
-STREAMED = ("/api/scenes", "/api/farm/blobs/")
+STREAMED = ("/api/scenes", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
 class Door:
@@ -41,7 +45,7 @@ class Door:
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
-        self._hosts = LOOPBACK_NAMES | set(settings.allowed_hosts) if settings.is_loopback else set(settings.allowed_hosts)
+        self._hosts = Hosts(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Judge a request and pass it on, or answer it here."""
@@ -50,10 +54,11 @@ class Door:
             return
         refusal = self._judge(scope)
         if refusal is not None:
-            if scope["type"] == "websocket":
-                await send({"type": "websocket.close", "code": 1008, "reason": refusal.detail[:120]})
+            answer = response(refusal.status, refusal.detail, refusal.headers)
+            if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
+                await answer(scope, receive, _with_headers(send))
             else:
-                await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, _with_headers(send))
+                await send({"type": "websocket.close", "code": 1008})
         elif scope["type"] == "websocket":
             await self._app(scope, receive, send)
         else:
@@ -61,17 +66,32 @@ class Door:
 
     def _judge(self, scope: Scope) -> Problem | None:
         headers = Headers(scope=scope)
-        host = headers.get("host", "")
-        if self._hosts and _name(host) not in self._hosts:
-            return Problem(421, "The service does not answer to this name. Open it as localhost, or set RAYFARM_ALLOWED_HOSTS.")
+        hosts = headers.getlist("host")
+        name = name_of(hosts[0]) if len(hosts) == 1 else None
+        if name is None:
+            return Problem(400, "The header Host is not the name or address of a machine. Send it once, like localhost:8000.")
+        if not self._hosts.know(name):
+            return Problem(421, UNKNOWN_NAME.format(name=name[:80]))
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
-        origin = headers.get("origin")
-        if changes and origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
             return Problem(403, "The request comes from a page of another origin. Use the service's own page, or a program.")
         length = headers.get("content-length", "")
-        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and length.isdigit() and int(length) > MAX_BODY:
+        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and is_beyond(length, MAX_BODY):
             return _too_large()
         return None
+
+
+def _host_of(origin: str) -> str | None:
+    """Host and port of an Origin; None where it has none."""
+    try:
+        return urlsplit(origin).netloc.lower() or None
+    except ValueError:
+        return None
+
+
+def is_beyond(length: str, limit: int) -> bool:
+    """Whether a Content-Length is larger; one that is no number is left to the server, which refuses it."""
+    return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 
 
 def _head_as_get(scope: Scope) -> Scope:
@@ -84,14 +104,9 @@ def _head_as_get(scope: Scope) -> Scope:
     return scope
 
 
-def _name(host: str) -> str:
-    """A Host header without its port."""
-    return urlsplit(f"//{host}").hostname or ""
-
-
 def _with_headers(send: Send) -> Send:
     async def wrapped(message: Message) -> None:
-        if message["type"] == "http.response.start":
+        if message["type"].endswith("http.response.start"):
             headers = MutableHeaders(scope=message)
             for name, value in HEADERS.items():
                 headers.setdefault(name, value)

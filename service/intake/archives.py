@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import errno
+import lzma
 import stat
+import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from typing import Any, BinaryIO, cast
 
 from renderer.formats import is_junk
-from service.api.problem import Problem
+from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
-from service.store.blobs import BlobStore, BlobWriter
+from service.intake.unpack import CHUNK, pieces
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["expand"]
 
-CHUNK = 1 << 20
 RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
-DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, UnicodeDecodeError, ValueError)
+DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(EOFError, IndexError, NotImplementedError, OverflowError, RuntimeError, ValueError),
+)
+DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
 
 def expand(
-    archive: Path,
+    archive: BinaryIO,
     name: str,
     store: BlobStore,
     max_files: int,
@@ -32,13 +40,13 @@ def expand(
     """The files of a zip: (relative path, written but not committed blob), junk and folders left out.
 
     The caller owns the writers it was given. check_disk(bytes) raises where the disk has no room for as many more.
-    Raises Problem: 413 where the archive is too large in files, bytes or ratio, 422 where it is not a sane archive.
+    Raises TooLarge where the archive is so in files, bytes or ratio, Invalid where it is not a sane archive.
     """
     try:
-        with zipfile.ZipFile(archive) as file:
+        with zipfile.ZipFile(cast(BinaryIO, _Archive(archive, name, max_files))) as file:
             everything = [entry for entry in file.infolist() if not entry.is_dir()]
             for entry in everything:
-                safe_name(entry.orig_filename.split("\0")[0])
+                safe_name(entry.orig_filename)
             entries = [entry for entry in everything if not is_junk(entry.filename)]
             _judge(entries, name, max_files, max_bytes, max_ratio)
             left = max_bytes
@@ -47,26 +55,50 @@ def expand(
                 left -= writer.size
                 yield safe_name(entry.filename), writer
     except DAMAGED as error:
-        raise Problem(
-            422, f"The archive {name} is damaged or of an unknown kind ({error}). Pack it again as a plain zip."
-        ) from error
+        raise _damaged(name, error) from error
+    except OSError as error:
+        if error.errno in (None, errno.EINVAL):  # bzip2 says so of its data, and the disk of a place before its beginning
+            raise _damaged(name, error) from error
+        raise
+
+
+class _Archive:
+    """The file of an archive. zipfile reads the whole directory at once: one that so many files do not need is refused."""
+
+    def __init__(self, file: BinaryIO, name: str, max_files: int) -> None:
+        self._file = file
+        self._limit = max(2 * CHUNK, max_files * DIRECTORY_BYTES_A_FILE)
+        self._refusal = f"The archive {name} has a directory of far more files than the {max_files} that are taken."
+
+    def read(self, size: int = -1) -> bytes:
+        """As the file's."""
+        if size > self._limit:
+            raise TooLarge(self._refusal)
+        return self._file.read(size)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def _damaged(name: str, error: Exception) -> Invalid:
+    return Invalid(f"The archive {name} is damaged or of an unknown kind ({error}). Pack it again as a plain zip.")
 
 
 def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
     """Refuse what the directory itself admits, before anything is written."""
     if len(entries) > max_files:
-        raise Problem(413, f"The archive {name} has {len(entries)} files; at most {max_files} are taken.")
+        raise TooLarge(f"The archive {name} has {len(entries)} files; at most {max_files} are taken.")
     for entry in entries:
         if stat.S_ISLNK(entry.external_attr >> 16):
-            raise Problem(422, f"The entry {entry.filename} of {name} is a symbolic link. Pack the file that it points to.")
+            raise Invalid(f"The entry {entry.filename} of {name} is a symbolic link. Pack the file that it points to.")
         if entry.flag_bits & 0x1:
-            raise Problem(422, f"The archive {name} is encrypted. Pack it again without a password.")
+            raise Invalid(f"The archive {name} is encrypted. Pack it again without a password.")
     total = sum(entry.file_size for entry in entries)
     packed = sum(entry.compress_size for entry in entries)
     if total > max_bytes:
-        raise Problem(413, f"The archive {name} unpacks to {total} bytes; at most {max_bytes} are taken.")
+        raise TooLarge(f"The archive {name} unpacks to {total} bytes; at most {max_bytes} are taken.")
     if total > RATIO_FREE_BYTES and total > max_ratio * max(packed, 1):
-        raise Problem(413, f"The archive {name} unpacks to {total // max(packed, 1)} times its size, as zip bombs do.")
+        raise TooLarge(f"The archive {name} unpacks to {total // max(packed, 1)} times its size, as zip bombs do.")
 
 
 def _extract(
@@ -81,17 +113,15 @@ def _extract(
     """One entry's bytes; its directory may lie, so the bounds are held against what comes out."""
     writer = store.writer()
     try:
-        with file.open(entry) as source:
-            while chunk := source.read(CHUNK):
-                check_disk(len(chunk))
-                writer.write(chunk)
-                if writer.size > left:
-                    raise Problem(413, f"The archive {name} unpacks to more than it says, as zip bombs do.")
-                if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
-                    raise Problem(
-                        413,
-                        f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do.",
-                    )
+        for piece in pieces(file, entry):
+            check_disk(len(piece))
+            writer.write(piece)
+            if writer.size > left:
+                raise TooLarge(f"The archive {name} unpacks to more than it says, as zip bombs do.")
+            if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
+                raise TooLarge(
+                    f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do."
+                )
     except BaseException:
         writer.discard()
         raise

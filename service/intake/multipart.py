@@ -6,11 +6,13 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from python_multipart.exceptions import MultipartParseError
+from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
+from starlette.concurrency import run_in_threadpool
 
-from service.api.problem import Problem
-from service.store.blobs import BlobStore, BlobWriter
+from service.errors import Invalid, TooLarge, UnknownFormat
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["Form", "read_form"]
 
@@ -41,29 +43,32 @@ async def read_form(
     max_bytes: int,
     check_disk: Callable[[int], None],
 ) -> Form:
-    """Read a form with files. Raises Problem: 413 past a limit, 415 for another media type, 422 where it is damaged."""
+    """Read a form with files. Raises TooLarge past a limit, UnknownFormat for another media type, Invalid where it is damaged."""
     media, options = parse_options_header(content_type)
     if media != b"multipart/form-data" or not options.get(b"boundary"):
-        raise Problem(415, "Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes")
+        raise UnknownFormat("Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes")
     reader = _Reader(store, max_files)
     callbacks: Any = {name: getattr(reader, name) for name in dir(reader) if name.startswith("on_")}
-    parser = MultipartParser(options[b"boundary"], callbacks)
     total = 0
     try:
-        async for chunk in chunks:
-            total += len(chunk)
+        parser = MultipartParser(options[b"boundary"], callbacks)
+
+        def take(piece: bytes) -> None:
+            check_disk(len(piece))
+            parser.write(piece)
+
+        async for piece in chunks:
+            total += len(piece)
             if total > max_bytes:
-                raise Problem(
-                    413,
-                    f"The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask who runs the farm.",
+                raise TooLarge(
+                    f"The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask who runs the farm."
                 )
-            check_disk(len(chunk))
-            parser.write(chunk)
+            await run_in_threadpool(take, piece)
         if not reader.ended:
-            raise Problem(422, "The upload ended in the middle. Send it again.")
-    except MultipartParseError as error:
+            raise Invalid("The upload ended in the middle. Send it again.")
+    except FormParserError as error:
         reader.discard()
-        raise Problem(422, f"The upload is not well-formed multipart/form-data ({error}). Send it again.") from error
+        raise Invalid(f"The upload is not well-formed multipart/form-data ({str(error).rstrip('.')}). Send it again.") from error
     except BaseException:
         reader.discard()
         raise
@@ -110,13 +115,13 @@ class _Reader:
             self._field = options.get(b"name", b"").decode()
             filename = _unescape(options[b"filename"].decode()) if b"filename" in options else None
         except UnicodeDecodeError:
-            raise Problem(422, "A name in the upload is not UTF-8. Rename the file and send it again.") from None
+            raise Invalid("A name in the upload is not UTF-8. Rename the file and send it again.") from None
         if filename is None:
             if len(self.form.fields) >= MAX_FIELDS:
-                raise Problem(413, f"The form has more than {MAX_FIELDS} fields.")
+                raise TooLarge(f"The form has more than {MAX_FIELDS} fields.")
             return
         if len(self.form.files) >= self._max_files:
-            raise Problem(413, f"The upload has more than {self._max_files} files. Pack only what the scene needs.")
+            raise TooLarge(f"The upload has more than {self._max_files} files. Pack only what the scene needs.")
         self._writer = self._store.writer()
         self.form.files.append((filename, self._writer))
 
@@ -124,13 +129,16 @@ class _Reader:
         if self._writer is not None:
             self._writer.write(data[start:end])
         elif len(self._text) + end - start > MAX_FIELD:
-            raise Problem(413, f"The field {self._field!r} is longer than {MAX_FIELD} bytes.")
+            raise TooLarge(f"The field {self._field[:60]!r} is longer than {MAX_FIELD} bytes.")
         else:
             self._text += data[start:end]
 
     def on_part_end(self) -> None:
         if self._writer is None:
-            self.form.fields[self._field] = self._text.decode("utf-8", "replace")
+            try:
+                self.form.fields[self._field] = self._text.decode()
+            except UnicodeDecodeError:
+                raise Invalid(f"The field {self._field[:60]!r} is not UTF-8. Send it as UTF-8.") from None
 
     def on_end(self) -> None:
         self.ended = True
@@ -138,7 +146,7 @@ class _Reader:
     @staticmethod
     def _bounded(header: bytes) -> bytes:
         if len(header) > MAX_HEADER:
-            raise Problem(413, f"A header in the upload is longer than {MAX_HEADER} bytes.")
+            raise TooLarge(f"A header in the upload is longer than {MAX_HEADER} bytes.")
         return header
 
 

@@ -5,31 +5,45 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from service.api.problem import Problem
+from service.errors import Invalid
 
-__all__ = ["safe_name"]
+__all__ = ["plain_title", "safe_name"]
 
 MAX_NAME = 1024
 MAX_PART = 255
+CONTROL = ("Cc", "Cs", "Zl", "Zp")  # control characters, halves of surrogate pairs, separators of lines and paragraphs
+TURNING = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")  # a name with these is shown as another one
 DRIVE = re.compile(r"^[A-Za-z]:")
 
 
 def safe_name(name: str) -> str:
-    """The name as a clean relative path with forward slashes. Raises Problem 422 where it could leave the upload."""
+    """The name as a clean relative path with forward slashes. Raises Invalid where it could leave the upload."""
     shown = ascii(name if len(name) <= 120 else name[:117] + "...")
     if not name:
-        raise Problem(422, "A file came without a name. Give every file its name, with its folders if it has any.")
+        raise Invalid("A file came without a name. Give every file its name, with its folders if it has any.")
     if "\\" in name:
-        raise Problem(422, f"The file name {shown} has a backslash. Use forward slashes between folders.")
+        raise Invalid(f"The file name {shown} has a backslash. Use forward slashes between folders.")
     if name.startswith("/") or DRIVE.match(name):
-        raise Problem(422, f"The file name {shown} is an absolute path. Names are relative to the scene's folder.")
-    if any(unicodedata.category(c) in ("Cc", "Cs") for c in name):
-        raise Problem(422, f"The file name {shown} has control characters. Rename the file.")
+        raise Invalid(f"The file name {shown} is an absolute path. Names are relative to the scene's folder.")
+    if _has_control(name):
+        raise Invalid(f"The file name {shown} has control characters. Rename the file.")
     parts = [part for part in name.split("/") if part not in ("", ".")]
     if ".." in parts:
-        raise Problem(422, f"The file name {shown} climbs out of the upload with '..'. Move the file beside the scene.")
+        raise Invalid(f"The file name {shown} climbs out of the upload with '..'. Move the file beside the scene.")
     if not parts:
-        raise Problem(422, f"The file name {shown} names no file.")
+        raise Invalid(f"The file name {shown} names no file.")
     if len(name.encode()) > MAX_NAME or any(len(part.encode()) > MAX_PART for part in parts):
-        raise Problem(422, f"The file name {shown} is too long; {MAX_PART} bytes a part and {MAX_NAME} in all are possible.")
+        raise Invalid(f"The file name {shown} is too long; {MAX_PART} bytes a part and {MAX_NAME} in all are possible.")
     return "/".join(parts)
+
+
+def plain_title(text: str) -> str:
+    """What a person calls a scene or a job: one line of text. Raises Invalid where it is not."""
+    text = text.strip()
+    if _has_control(text):
+        raise Invalid(f"name: {text[:60]!a} has control characters or line breaks. Give it one line of plain text.")
+    return text
+
+
+def _has_control(text: str) -> bool:
+    return any(c in TURNING or unicodedata.category(c) in CONTROL for c in text)

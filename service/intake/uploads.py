@@ -6,27 +6,34 @@ import errno
 import hashlib
 import json
 import shutil
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
 from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
-from service.api.problem import Problem
+from service.errors import Invalid
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
-from service.intake.names import safe_name
+from service.intake.names import plain_title, safe_name
 from service.settings import Settings
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.database import no_room
+from service.store.garbage import Garbage
 from service.store.models import Scene
+from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "check_length", "keep", "no_room", "receive", "under_sky"]
+__all__ = ["Upload", "full_disk", "gathered", "keep", "receive", "under_sky"]
 
 DISK_CHECK_EVERY = 16 << 20
+PIECE = 1 << 20
 SKY = "sky:"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -49,18 +56,8 @@ class Upload:
         return sum(file.size for file in self.files)
 
 
-def check_length(length: str | None, limit: int) -> None:
-    """Refuse by the Content-Length header, before the body is read."""
-    if length is not None and length.isdigit() and int(length) > limit:
-        raise Problem(
-            413,
-            f"The upload has {int(length)} bytes; at most {limit} are taken. Leave files out, or ask who runs the farm.",
-            headers={"Connection": "close"},
-        )
-
-
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
-    """A function of the bytes about to be written; raises Problem 507 where the disk would fall below `keep_free`."""
+    """A function of the bytes about to be written; raises NoRoom where the disk would fall below `keep_free`."""
     since_check = DISK_CHECK_EVERY
 
     def check(size: int) -> None:
@@ -74,45 +71,81 @@ def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
     return check
 
 
-def no_room() -> Problem:
-    """The answer where the disk is full."""
-    return Problem(507, "The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
+async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """The same bytes in larger pieces, each worth a thread in which it is hashed and written; the first chunk at once."""
+    pieces: list[bytes] = []
+    size, enough = 0, 1
+    async for chunk in chunks:
+        pieces.append(chunk)
+        size += len(chunk)
+        if size >= enough:
+            yield b"".join(pieces)
+            pieces, size, enough = [], 0, PIECE
+    if pieces:
+        yield b"".join(pieces)
 
 
-async def receive(content_type: str, chunks: AsyncIterator[bytes], store: BlobStore, settings: Settings) -> Upload:
-    """Read, expand, check and store an upload. Raises Problem; then nothing of it is left."""
+async def receive(
+    content_type: str,
+    chunks: AsyncIterator[bytes],
+    store: BlobStore,
+    garbage: Garbage,
+    settings: Settings,
+    record: Callable[[Upload], T],
+) -> T:
+    """Read, expand, check and store an upload, and write it down. Raises FarmError; then nothing of it is left."""
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
+    limits = settings.max_upload_files, settings.max_upload_bytes
+    with full_disk():
+        form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
+        return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """Raise NoRoom where the system says that the disk is full."""
     try:
-        form = await read_form(content_type, chunks, store, settings.max_upload_files, settings.max_upload_bytes, check_disk)
-        return await run_in_threadpool(keep, form, store, settings, check_disk)
+        yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise no_room() from error
         raise
 
 
-def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]) -> Upload:
-    """Expand, check and store what was sent. Raises Problem; then nothing of it is left."""
+def keep(
+    form: Form,
+    store: BlobStore,
+    garbage: Garbage,
+    settings: Settings,
+    check_disk: Callable[[int], None],
+    record: Callable[[Upload], T],
+) -> T:
+    """Expand, check and store what was sent, and write it down by `record`, before which nobody can delete its blobs.
+
+    Raises FarmError; then nothing of it is left.
+    """
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:
+        title = plain_title(form.fields.get("name", ""))
         for name, writer in _expanded(form, store, settings, check_disk):
             if name in files:
                 writer.discard()
-                raise Problem(422, f"The file {name} is there twice. Send it once.")
+                raise Invalid(f"The file {name} is there twice. Send it once.")
             files[name] = writer
         _refuse_files_as_folders(files)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
-        refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+        if environment is not None and not environment.startswith(SKY):
+            environment = chosen.strip(environment)
+        name = title[:200] or PurePosixPath(chosen.main).stem
+        with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
+            refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+            return record(Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes))
     finally:
         form.discard()
         for writer in files.values():
             writer.discard()
-    if environment is not None and not environment.startswith(SKY):
-        environment = chosen.strip(environment)
-    name = form.fields.get("name", "").strip()[:200] or PurePosixPath(chosen.main).stem
-    return Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
 
 
 def under_sky(scene: Scene, elevation: float, azimuth: float) -> Upload:
@@ -123,9 +156,9 @@ def under_sky(scene: Scene, elevation: float, azimuth: float) -> Upload:
 
 
 def sky_text(elevation: float, azimuth: float) -> str:
-    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Problem where there is none such."""
+    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Invalid where there is none such."""
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
-        raise Problem(422, "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
+        raise Invalid("environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
 
 
@@ -133,7 +166,7 @@ def _sky_of(text: str) -> str:
     try:
         elevation, azimuth = (float(part) for part in (text.removeprefix(SKY) + ",0").split(",")[:2])
     except ValueError:
-        raise Problem(422, f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
+        raise Invalid(f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
     return sky_text(elevation, azimuth)
 
 
@@ -148,7 +181,7 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
     for name in known:
         for folder in PurePosixPath(name).parents:
             if str(folder) in known:
-                raise Problem(422, f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
+                raise Invalid(f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
 
 
 def _expanded(
@@ -182,18 +215,18 @@ def _expanded(
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
     """The scene file, and the environment: an image among the files, or a sky."""
     if not files or all(writer.size == 0 for writer in files.values()):
-        raise Problem(422, "The upload is empty. Choose a scene file, and the textures that it needs.")
+        raise Invalid("The upload is empty. Choose a scene file, and the textures that it needs.")
     main = form.fields.get("main", "").strip()
     if main:
         main = safe_name(main)
         if main not in files:
-            raise Problem(422, f"main: there is no file {main} in the upload.")
+            raise Invalid(f"main: there is no file {main} in the upload.")
     try:
         picked, warnings = pick_main([main] if main else list(files))
     except SceneError as error:
-        raise Problem(422, str(error)) from None
+        raise Invalid(str(error)) from None
     if files[picked].size == 0:
-        raise Problem(422, f"The scene file {picked} is empty.")
+        raise Invalid(f"The scene file {picked} is empty.")
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
@@ -201,7 +234,7 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     elif environment is not None:
         environment = safe_name(environment)
         if environment not in files:
-            raise Problem(422, f"environment: there is no file {environment} in the upload.")
+            raise Invalid(f"environment: there is no file {environment} in the upload.")
     return picked, environment
 
 

@@ -46,15 +46,15 @@ class ActiveJob:
         self.state = row.state
         self.priority = row.priority
         self.kind = row.kind
-        self.noise = row.noise
         self.seconds = row.seconds
         self.active_s = row.active_s
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frame = 0
-        self.plan = FramePlan(film.tiles, row.spp, row.noise, self._coverage, self._tile_noise)
+        self.plan = self._plan(row.spp, row.noise)
         self.bad_samples = film.bad_samples(self.frame)[0]
         self.trouble: dict[Range, Trouble] = {}
+        self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
         self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
         self._tile_cost: dict[int, float] = {}
@@ -105,13 +105,26 @@ class ActiveJob:
         rect = self.film.tiles[batch.tile]
         return self._tile_cost.get(batch.tile, self._pixel_cost) * rect.w * rect.h * batch.count
 
-    def learn(self, batch: Range, seconds: float) -> None:
-        """Take in how long a batch took."""
-        rect = self.film.tiles[batch.tile]
-        cost = seconds / (rect.w * rect.h * batch.count)
-        if cost > 0.0:
-            self._tile_cost[batch.tile] = cost
-            self._pixel_cost += (cost - self._pixel_cost) * (SMOOTHING if self._pixel_cost else 1.0)
+    def came_back(self, batch: Range, seconds: float) -> None:
+        """The film has a batch, or dropped it; `settle` tells the plan."""
+        self._learn(batch, seconds)
+        self._unsettled.append(batch)
+
+    def settle(self) -> None:
+        """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost; then it is to be called again."""
+        while self._unsettled:
+            self.plan.settle(self._unsettled[0])
+            self._unsettled.pop(0)
+
+    def asks_for(self, spp: int, noise: float | None, seconds: float | None) -> bool:
+        """Whether this is other than what the job is rendered for now."""
+        return (spp, noise, seconds) != (self.plan.spp, self.plan.noise, self.seconds)
+
+    def ask(self, spp: int, noise: float | None, seconds: float | None) -> None:
+        """Take over what is asked for now. What is out counts as lost. Raises FilmWaits or FilmLost."""
+        self.plan = self._plan(spp, noise)
+        self.seconds = seconds
+        self._unsettled.clear()
 
     def tick(self, rendering: bool) -> None:
         """Let the wall clock run, where the job is being rendered, and renew its speed about once a second."""
@@ -124,6 +137,16 @@ class ActiveJob:
             rate = (self.plan.samples - samples) / (now - since)
             self.samples_per_s += (rate - self.samples_per_s) * (SMOOTHING if self.samples_per_s else 1.0)
             self._rated = (now, self.plan.samples)
+
+    def _learn(self, batch: Range, seconds: float) -> None:
+        rect = self.film.tiles[batch.tile]
+        cost = seconds / (rect.w * rect.h * batch.count)
+        if cost > 0.0:
+            self._tile_cost[batch.tile] = cost
+            self._pixel_cost += (cost - self._pixel_cost) * (SMOOTHING if self._pixel_cost else 1.0)
+
+    def _plan(self, spp: int, noise: float | None) -> FramePlan:
+        return FramePlan(self.film.tiles, spp, noise, self._coverage, self._tile_noise)
 
     def _coverage(self, tile: int) -> Coverage:
         return self.film.coverage(self.frame, tile)

@@ -10,7 +10,7 @@ import threading
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from service.api.problem import Problem
+from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.leases import Lease
 from service.scheduling.workers import Workers
@@ -55,33 +55,25 @@ class Denoising:
     def want(self, job: str, frame: int, version: str, width: int, height: int) -> Future[Denoised]:
         """The frame, denoised: of this version or of a newer one; or of one a moment older that is just being made.
 
-        The future has a Problem where it cannot be made. Raises Problem where no worker can.
+        The future has a FarmError where it cannot be made. Raises Unavailable where no worker can.
         """
         with self._lock:
             made = self._made.get((job, frame))
-            if made is not None and made.version == version and self._blobs.path(made.sha256).is_file():
+            if made is not None and made.version == version and self._blobs.exists(made.sha256):
                 done: Future[Denoised] = Future()
                 done.set_result(made)
                 return done
             wanted = self._wanted.get((job, frame))
             if wanted is None:
-                if self.kind() is None:
+                if self._workers.roster.denoising_kind() is None:
                     raise self._nobody()
                 wanted = self._wanted[job, frame] = _Wanted(width, height)
             return wanted.answer
 
-    def kind(self) -> str | None:
-        """The kind of the workers that can denoise, with most slots; None where none is ready."""
-        slots: dict[str, int] = {}
-        for report in self._workers.ready():
-            if report.denoises:
-                slots[report.kind] = slots.get(report.kind, 0) + report.slots
-        return max(sorted(slots), key=lambda kind: slots[kind], default=None)
-
     def fill(self) -> None:
         """Hand out what is wanted and not in hand. Raises QueueError."""
         for key, wanted in self._waiting():
-            kind = self.kind()
+            kind = self._workers.roster.denoising_kind()
             if kind is None:
                 self._fail(key, self._nobody())
                 continue
@@ -91,7 +83,7 @@ class Denoising:
             try:
                 self._dispatcher.send_denoise(work, kind)
             except QueueError as error:
-                self._fail(key, Problem(503, f"Redis does not answer ({error}). Try again when it does."))
+                self._fail(key, Unavailable(f"Redis does not answer ({error}). Try again when it does."))
                 raise
             wanted.lease = lease
 
@@ -101,8 +93,8 @@ class Denoising:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
         if key is None:
             return  # too late, or of an earlier life of the service
-        if made is None or not is_sha256(made.sha256) or not self._blobs.path(made.sha256).is_file():
-            self._fail(key, Problem(502, f"The picture could not be denoised: {(error or 'its file is missing').rstrip('.')}."))
+        if made is None or not is_sha256(made.sha256) or not self._blobs.exists(made.sha256):
+            self._fail(key, Failed(f"The picture could not be denoised: {(error or 'its file is missing').rstrip('.')}."))
             return
         with self._lock:
             wanted = self._wanted.pop(key, None)
@@ -118,7 +110,7 @@ class Denoising:
         with self._lock:
             late = [key for key, wanted in self._wanted.items() if wanted.lease is not None and wanted.lease.is_overdue]
         for key in late:
-            self._fail(key, Problem(504, "No worker gave the denoised picture in time; they may be busy. Try again."))
+            self._fail(key, TooLate("No worker gave the denoised picture in time; they may be busy. Try again."))
 
     def forget(self, job: str) -> None:
         """The job is deleted."""
@@ -128,22 +120,21 @@ class Denoising:
         for made in gone:
             self._blobs.delete(made.sha256)
         for key in waiting:
-            self._fail(key, Problem(404, "The job was deleted while its picture was denoised."))
+            self._fail(key, NotFound("The job was deleted while its picture was denoised."))
 
     def _waiting(self) -> list[tuple[Key, _Wanted]]:
         with self._lock:
             return [(key, wanted) for key, wanted in self._wanted.items() if wanted.lease is None]
 
-    def _fail(self, key: Key, problem: Problem) -> None:
+    def _fail(self, key: Key, error: FarmError) -> None:
         with self._lock:
             wanted = self._wanted.pop(key, None)
         if wanted is not None:
-            wanted.answer.set_exception(problem)
+            wanted.answer.set_exception(error)
 
-    def _nobody(self) -> Problem:
-        if not self._workers.ready():
-            return Problem(503, "Denoising needs a worker, and none is connected. Start one, then ask again.")
-        return Problem(
-            503,
+    def _nobody(self) -> Unavailable:
+        if not self._workers.roster.ready():
+            return Unavailable("Denoising needs a worker, and none is connected. Start one, then ask again.")
+        return Unavailable(
             "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
         )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from service.scheduling.plan import Range
+from service.scheduling.results import Position
 
 __all__ = ["Lease", "Leases"]
 
@@ -28,6 +29,8 @@ class Lease:
     holder: str | None = None  # the worker that was last seen with it
     is_held: bool = False  # whether it was seen there at the last look
     unseen: int = 0  # looks in a row at which it neither waited nor was worked on
+    answered_by: Position | None = None  # the results' end when it was first unseen: its answer, if there is one, lies before
+    has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
 
     @property
@@ -35,6 +38,14 @@ class Lease:
         """Whether to wait no longer. What a worker says it works on gets more time: a tile may be slower than was guessed."""
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
         return time.monotonic() - self.issued > patience
+
+    def seen(self, is_seen: bool, end: Callable[[], Position]) -> None:
+        """Note whether it waits or is worked on at this look. end: of the results; looked up after the look."""
+        if is_seen:
+            self.unseen, self.answered_by = 0, None
+        else:
+            self.unseen += 1
+            self.answered_by = self.answered_by or end()
 
 
 class Leases:
@@ -63,5 +74,7 @@ class Leases:
         return [lease for lease in self._all.values() if lease.owner == owner]
 
     def batches(self, kind: str) -> int:
-        """How many batches are out with workers of a kind."""
-        return sum(1 for lease in self._all.values() if lease.kind == kind and lease.batch is not None)
+        """How many batches are out with workers of a kind, results that were not read yet included: where they pile up,
+        workers get less."""
+        out = (lease for lease in self._all.values() if lease.batch is not None and not lease.has_arrived)
+        return sum(1 for lease in out if lease.kind == kind)

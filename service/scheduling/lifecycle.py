@@ -6,23 +6,23 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import shlex
-import sqlite3
-from collections.abc import Callable
+from contextlib import suppress
 
-from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from service.errors import FarmError
 from service.scheduling.active_job import ActiveJob
+from service.scheduling.bulkhead import Bulkheads, Step, Verdict
+from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.preparing import Preparing
 from service.scheduling.scheduler import Scheduler
+from service.scheduling.snapshot import Tell
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE
+from service.store.models import ACTIVE, Job
 from service.store.records import Records
 from worker.contract import SceneInfo
 
-__all__ = ["Lifecycle", "Tell"]
-
-Tell = Callable[[str, str], None]  # what ("job", "scene", "worker") and which
+__all__ = ["Lifecycle"]
 
 
 class Lifecycle:
@@ -35,6 +35,8 @@ class Lifecycle:
         scheduler: Scheduler,
         preparing: Preparing,
         denoising: Denoising,
+        bulkheads: Bulkheads,
+        changes: Changes,
         tell: Tell,
     ) -> None:
         self._records = records
@@ -42,60 +44,62 @@ class Lifecycle:
         self._scheduler = scheduler
         self._preparing = preparing
         self._denoising = denoising
+        self._bulkheads = bulkheads
+        self._changes = changes
         self._tell = tell
 
-    def apply(self, what: str, id: str) -> None:
-        """A job or a scene was made, changed or deleted in the database."""
-        if what == "scene":
-            self._apply_scene(id)
-            return
+    def apply(self, what: str, id: str) -> bool:
+        """Apply what the database says of a job or a scene now. False where that has to wait or cannot be."""
+        step = self._apply_job if what == "job" else self._apply_scene
+        return self._bulkheads.run(id, Step.CHANGE, lambda: step(id), needs_database=True)
+
+    def _apply_job(self, id: str) -> None:
         row = self._records.job(id)
         job = self._scheduler.jobs.get(id)
         if row is None or row.state not in ACTIVE:
             if job is not None:
-                self._records.progress(job)
                 self._drop(job)
+            self._rest(id)
+            self._bulkheads.forget(id)
             if row is None:
-                self._films.delete(id)
                 self._denoising.forget(id)
-        elif job is None:
-            self.take_up(id)
-        else:
-            if row.state == "paused" != job.state:
-                self._scheduler.withdraw(job)
+                self._films.delete(id)
+            elif job is not None:
                 self._records.progress(job)
-            job.state, job.priority = row.state, row.priority
-            if row.spp and row.spp != job.plan.spp:
-                self._scheduler.withdraw(job)
-                job.plan.extend(row.spp)
+        elif job is None:
+            self._take_up(row)
+        else:
+            self._adjust(job, row)
         self._tell("job", id)
 
-    def take_up(self, id: str) -> None:
+    def _adjust(self, job: ActiveJob, row: Job) -> None:
+        """Take over what a person changed in a job that is being rendered."""
+        if row.state == "paused" != job.state:
+            self._scheduler.withdraw(job)
+            self._records.progress(job)
+        job.state, job.priority = row.state, row.priority
+        if row.spp and job.asks_for(row.spp, row.noise, row.seconds):
+            self._scheduler.withdraw(job)
+            job.ask(row.spp, row.noise, row.seconds)
+
+    def _take_up(self, row: Job) -> None:
         """Begin or go on with a job, as soon as its scene is ready."""
-        row = self._records.job(id)
-        scene = self._records.scene(row.scene) if row else None
-        if row is None:
-            return
+        scene = self._records.scene(row.scene)
         if scene is None:
-            self._records.failed(id, "The scene of this job was deleted. Upload it again, and make a new job.")
+            self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
         elif scene.status == "failed":
-            self._records.failed(id, scene.error or "The scene cannot be prepared.")
+            self._records.failed(row.id, scene.error or "The scene cannot be prepared.")
         if scene is None or scene.status != "ready":
             return
-        row = self._records.resolve(id, scene)
-        if row is None or row.state == "failed" or row.settings is None or row.tile_size is None:
+        resolved = self._records.resolve(row.id, scene)
+        if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
             return
-        try:
-            film = self._films.open(id, RenderSettings.from_json(row.settings), row.tile_size, pin=True)
-        except (sqlite3.DatabaseError, SettingsError) as error:
-            self._records.failed(id, f"This job cannot go on: its film or its settings cannot be read ({error}). Make a new one.")
-            return
-        job = ActiveJob(row, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
-        self._scheduler.jobs[id] = job
-        self._records.progress(job)
-        self.end_if_done(job)
+        film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
+        job = ActiveJob(resolved, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
+        self._scheduler.jobs[row.id] = job
+        self.record(job)
 
-    def may_start(self, job: ActiveJob, kind: str) -> bool:
+    def start(self, job: ActiveJob, kind: str) -> bool:
         """Whether the job can be rendered by workers of this kind now; if so its kind is fixed."""
         if kind not in job.compiled:
             self._preparing.want(job.scene, kind)
@@ -108,24 +112,35 @@ class Lifecycle:
             self._tell("job", job.id)
         return True
 
-    def end_if_done(self, job: ActiveJob) -> None:
-        """Finish a job that has all that was asked for."""
-        if job.state in ("queued", "running") and job.done:
-            job.tick(job.started)
-            self._records.progress(job)
-            if self._records.finished(job):
-                self._drop(job)
-                self._tell("job", job.id)
+    def record(self, job: ActiveJob) -> None:
+        """Write down how far a job is, and finish it where it has all that was asked for."""
+        self._bulkheads.run(job.id, Step.RECORD, lambda: self._record(job), needs_database=True)
 
-    def fail(self, job: ActiveJob, error: str, reproduce: str | None = None) -> None:
-        """Stop a job that cannot go on; its film stays."""
+    def _record(self, job: ActiveJob) -> None:
+        is_over = job.done and job.state in ("queued", "running")
+        if is_over:
+            job.tick(job.started)
         self._records.progress(job)
-        scene = self._records.scene(job.scene)
+        if is_over and self._records.finished(job):
+            self._drop(job)
+            self._bulkheads.forget(job.id)
+        self._tell("job", job.id)
+
+    def end(self, id: str, verdict: Verdict) -> None:
+        """Stop a job that cannot go on, or give up a scene; what a job has rendered stays."""
+        job = self._scheduler.jobs.get(id)
+        if job is not None:
+            self._drop(job)  # first: it is over also while the database cannot say so
+        reproduce = verdict.reproduce
+        scene = self._records.scene(job.scene) if job is not None and reproduce else None
         if reproduce and scene is not None and scene.environment:
             reproduce += " " + shlex.join([f"--env={scene.environment}"])  # of the scene, so not among the settings
-        self._records.failed(job.id, error, reproduce)
-        self._drop(job)
-        self._tell("job", job.id)
+        if self._records.failed(id, verdict.error, reproduce) or job is not None:
+            if job is not None:
+                self._records.progress(job)
+            self._tell("job", id)
+        else:
+            self.prepare_failed(id, None, verdict.error)
 
     def prepared(self, scene: str, info: SceneInfo) -> None:
         """A scene is ready for a kind of worker: its jobs can go on."""
@@ -136,8 +151,7 @@ class Lifecycle:
             if id in self._scheduler.jobs:
                 self._scheduler.jobs[id].compiled[info.kind] = info.compiled.sha256
             else:
-                self.take_up(id)
-                self._tell("job", id)
+                self._changes.note("job", id)
 
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
         """The scene's error ends the jobs that wait for it: all, or those that need it for this kind of worker."""
@@ -146,14 +160,21 @@ class Lifecycle:
         elif kind is not None:
             self._preparing.forget_kind(scene, kind)
         row = self._records.scene(scene)
+        if row is None:
+            return
         for id in self._records.jobs_of(scene):
             job = self._scheduler.jobs.get(id)
-            if job is None and (row is None or row.status == "failed"):
+            if job is None and row.status == "failed":
                 self._records.failed(id, error)
             elif job is not None and kind not in job.compiled and job.kind in (None, kind):
-                self.fail(job, error)
+                self._bulkheads.condemn(id, error)
             self._tell("job", id)
         self._tell("scene", scene)
+
+    def lost_while_preparing(self, scene: str, kind: str | None) -> None:
+        """The workers that prepared a scene were lost too often."""
+        error = "The worker was lost three times while it prepared this scene. It may be too large."
+        self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
     def _apply_scene(self, id: str) -> None:
         scene = self._records.scene(id)
@@ -161,8 +182,13 @@ class Lifecycle:
             self._preparing.forget(id)
         elif scene.status == "preparing":
             self._preparing.want(id, None)
+        self._tell("scene", id)
 
     def _drop(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
-        self._films.unpin(job.id)
+        self._rest(job.id)
+
+    def _rest(self, id: str) -> None:
+        with suppress(FarmError):  # a film that cannot rest now rests later
+            self._films.unpin(id)

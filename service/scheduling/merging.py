@@ -1,83 +1,48 @@
-"""From the workers' answers to the film: entries of the result stream become parts, grouped by job, each group one write."""
+"""From the workers' answers to the film: the batches of a job become parts, all of them one write."""
 
 from __future__ import annotations
 
-import logging
-import sqlite3
 from dataclasses import dataclass
-from typing import Any
 
 from renderer.film import BadSample
 from renderer.settings import Tile
 from service.scheduling.active_job import ActiveJob
+from service.scheduling.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.plan import Range
-from service.scheduling.results import Entry
 from service.store.films import Part
 
-__all__ = ["Merged", "batch_of", "merge"]
-
-LARGE = 1 << 31  # bounds what a faulty worker may make us store
-
-log = logging.getLogger(__name__)
+__all__ = ["Arrived", "batch_of", "merge"]
 
 
 @dataclass(frozen=True)
-class Merged:
-    """A batch that arrived, and whether the film took it."""
+class Arrived:
+    """A batch that came back. taken: whether the film took it, and does not have it already."""
 
-    job: ActiveJob
-    lease: str
-    batch: Range
-    seconds: float
-    worker: str
-    part: Part
+    message: BatchDone
+    batch: Range | None  # None where the job does not want it, or not any more
     taken: bool
 
 
-def merge(entries: list[Entry], jobs: dict[str, ActiveJob]) -> tuple[list[Merged], dict[str, str]]:
-    """Add all rendered batches among the entries to their films; those of jobs that are over are left out.
-
-    Also returns the jobs whose film is broken, each with its fault. What may pass (a full disk, a lock) is raised instead,
-    as sqlite3.OperationalError: the entries are still in the stream, and are taken in later.
-    """
-    groups: dict[str, list[tuple[str, Range, float, str, Part]]] = {}
-    for entry in entries:
-        if entry.result is None or entry.result.event["type"] != "batch" or entry.result.sums is None:
-            continue
-        try:
-            job = jobs.get(entry.result.event["job"])
-            read = _read(entry.result.event, entry.result.sums, job) if job else None
-        except (KeyError, TypeError, ValueError) as error:
-            log.warning("a batch in the result stream is left out: %r", error)
-            continue
-        if job is not None and read is not None:
-            groups.setdefault(job.id, []).append(read)
-    merged: list[Merged] = []
-    broken: dict[str, str] = {}
-    for id, group in groups.items():
-        job = jobs[id]
-        try:
-            taken = job.film.merge([part for *_, part in group])
-        except sqlite3.OperationalError:
-            raise
-        except sqlite3.DatabaseError as error:
-            broken[id] = str(error)
-            continue
-        for (lease, batch, seconds, worker, part), is_new in zip(group, taken, strict=True):
-            merged.append(Merged(job, lease, batch, seconds, worker, part, is_new))
-    return merged, broken
+def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrived]:
+    """Add the batches that are wanted to the job's film. Raises FilmWaits or FilmLost; then none was added."""
+    wanted = [_wanted(message, job) for message, _ in answers]
+    parts = [
+        Part(job.frame, *batch, sums, [BadSample(*sample) for sample in message.bad], message.bad_count)
+        for (message, sums), batch in zip(answers, wanted, strict=True)
+        if batch is not None
+    ]
+    taken = iter(job.film.merge(parts) if parts else [])
+    return [
+        Arrived(message, batch, batch is not None and next(taken)) for (message, _), batch in zip(answers, wanted, strict=True)
+    ]
 
 
-def batch_of(event: dict[str, Any], job: ActiveJob) -> Range | None:
-    """The batch that an event is about; None where the job's film has no such tile."""
-    tile = job.film.index_of(Tile(*event["tile"]))
-    return None if tile is None else Range(tile, int(event["first"]), int(event["count"]))
+def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
+    """The batch that a message is about; None where the job's film has no such tile."""
+    tile = job.film.index_of(Tile(*message.tile)) if message.frame == job.frame else None
+    return None if tile is None else Range(tile, message.first, message.count)
 
 
-def _read(event: dict[str, Any], sums: bytes, job: ActiveJob) -> tuple[str, Range, float, str, Part] | None:
-    batch = batch_of(event, job)
-    if batch is None or int(event["frame"]) != job.frame or not job.plan.wants(batch):
-        return None
-    bad = [BadSample(*(min(max(int(value), 0), LARGE) for value in sample)) for sample in event.get("bad", [])]
-    part = Part(job.frame, *batch, sums, bad, min(max(int(event.get("bad_count", 0)), 0), LARGE))
-    return str(event["batch"]), batch, min(max(float(event["seconds"]), 0.0), 86400.0), str(event.get("worker", "")), part
+def _wanted(message: BatchDone, job: ActiveJob) -> Range | None:
+    batch = batch_of(message, job)
+    return batch if batch is not None and job.plan.wants(batch) else None

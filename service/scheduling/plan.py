@@ -51,9 +51,10 @@ class FramePlan:
         coverage: Callable[[int], Coverage],
         tile_noise: Callable[[int], float],
     ) -> None:
+        """What the film has already is planned around."""
         self.tiles = tiles
-        self.noise = noise
         self.spp = spp
+        self.noise = noise
         self._coverage = coverage
         self._tile_noise = tile_noise
         self._order = _from_the_middle(tiles)
@@ -61,23 +62,14 @@ class FramePlan:
         self._open: set[int] = set()
         self._planned = [0] * len(tiles)
         self._limit = [0] * len(tiles)
-        self._guess = [0] * len(tiles)  # samples at which a tile is expected to stop
+        self._guess = [spp if noise is None else min(spp, FIRST_GUESS)] * len(tiles)  # where a tile is expected to stop
         self._heap: list[tuple[int, int, int]] = []
         self.covered = [0] * len(tiles)
-        self.extend(spp)
-
-    def extend(self, spp: int) -> None:
-        """Begin, or begin anew from the film with another number of samples. What was handed out counts as lost."""
-        self.spp = spp
-        self._lost.clear()
-        self._open.clear()
-        self._heap.clear()
-        for tile in range(len(self.tiles)):
-            covered = self._coverage(tile)
+        for tile in range(len(tiles)):
+            covered = coverage(tile)
             self.covered[tile] = covered.total
             self._planned[tile] = covered.prefix
-            self._limit[tile] = checkpoints(covered.prefix, spp, self.noise)
-            self._guess[tile] = spp if self.noise is None else min(spp, FIRST_GUESS)
+            self._limit[tile] = checkpoints(covered.prefix, spp, noise)
             if not self._is_complete(tile, covered):
                 self._open.add(tile)
                 self._go_on(tile, covered.prefix)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import redis
+from functools import cache
 
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.leases import Lease, Leases
+from service.scheduling.results import Results
 from service.scheduling.scheduler import UNSEEN_ALLOWED
 from service.scheduling.workers import Workers
 from worker.contract import prepare_queue
@@ -60,9 +60,9 @@ class Preparing:
     def fill(self) -> None:
         """Hand out what is wanted and not in hand. Raises QueueError."""
         for scene, wanted_kind in list(self._wanted):
-            kind = wanted_kind or self._workers.best_kind()
+            kind = wanted_kind or self._workers.roster.best_kind()
             out = self.leases.of(scene)
-            if kind is None or not self._workers.slots(kind) or any(wanted_kind in (None, lease.kind) for lease in out):
+            if kind is None or not self._workers.roster.slots(kind) or any(wanted_kind in (None, lease.kind) for lease in out):
                 continue
             lease = Lease(scene, kind, None, self._deadline_s)
             self._dispatcher.send_prepare(scene, kind, lease.id)
@@ -73,7 +73,7 @@ class Preparing:
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 lease.holder = worker
-                lease.unseen = 0
+                lease.unseen, lease.answered_by = 0, None
         if progress is not None:
             self.progress[scene] = progress
 
@@ -84,15 +84,21 @@ class Preparing:
                 self.leases.end(lease.id)
                 self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
 
-    def review(self) -> list[tuple[str, str | None]]:
-        """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often."""
-        waiting = {id for kind in {lease.kind for lease in self.leases} for id in self._waiting(kind)}
-        in_hand = {doing["scene"] for doing in self._workers.current() if "scene" in doing}
+    def review(self, results: Results) -> list[tuple[str, str | None]]:
+        """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often.
+
+        One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        """
+        kinds = {lease.kind for lease in self.leases}
+        waiting = {id for kind in kinds for id in self._dispatcher.waiting(prepare_queue(kind))}
+        in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
+        end = cache(results.end)
         hopeless = []
         for lease in self.leases:
             lease.is_held = lease.owner in in_hand
-            lease.unseen = 0 if lease.is_held or lease.id in waiting else lease.unseen + 1
-            if lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue:
+            lease.seen(lease.is_held or lease.id in waiting, end)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
                 continue
             self.leases.end(lease.id)
             for key in [(lease.owner, lease.kind), (lease.owner, None)]:
@@ -101,9 +107,3 @@ class Preparing:
                     if self._wanted[key] >= LOSSES_ALLOWED:
                         hopeless.append(key)
         return hopeless
-
-    def _waiting(self, kind: str) -> dict[str, bytes]:
-        try:
-            return self._dispatcher.waiting(prepare_queue(kind))
-        except redis.RedisError:
-            return {}

@@ -12,12 +12,14 @@ import redis
 
 from worker.contract import RESULTS, Result
 
-__all__ = ["WAKE", "Entry", "Results"]
+__all__ = ["Entry", "Position", "Results"]
 
 log = logging.getLogger(__name__)
 
-WAKE = "wake"  # the type of an event that says nothing else
 AT_MOST = 64  # entries a read: bounds memory, and the time until the next look at the queue
+
+Position = tuple[int, int]  # in the stream: what lies at or before it was appended earlier
+BEGINNING: Position = (0, 0)
 
 
 @dataclass(frozen=True)
@@ -29,39 +31,65 @@ class Entry:
 
 
 class Results:
-    """Reads the stream from its beginning: what is there has not been stored yet."""
+    """Reads the stream from its beginning, each entry once: what is there at the start has not been stored yet."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
+        self._read_to = BEGINNING
 
     def read(self, block_ms: int) -> list[Entry]:
-        """The oldest entries, waiting at most `block_ms` for one. Raises redis.RedisError."""
-        answer: Any = self._redis.xread({RESULTS: "0-0"}, count=AT_MOST, block=block_ms)
+        """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError."""
+        after = f"{self._read_to[0]}-{self._read_to[1]}"
+        answer: Any = self._redis.xread({RESULTS: after}, count=AT_MOST, block=block_ms)
         streams = list(answer.values()) if isinstance(answer, dict) else [entries for _, entries in answer or []]
         entries: list[Entry] = []
         for found in streams:
             # RESP3 nests a stream's entries one level deeper
             flat = found[0] if found and isinstance(found[0], list) else found
             entries += [Entry(id, _parse(fields)) for id, fields in flat]
+        if entries:
+            self._read_to = _position(entries[-1].id)
         return entries
+
+    def end(self) -> Position:
+        """The position of the latest entry. Raises redis.RedisError."""
+        try:
+            about: Any = self._redis.xinfo_stream(RESULTS)
+        except redis.ResponseError:  # there is no stream
+            return BEGINNING
+        return _position(about["last-generated-id"])
+
+    def has_read(self, position: Position) -> bool:
+        """Whether all up to there was read."""
+        return self._read_to >= position
+
+    def length(self) -> int:
+        """How many entries are in the stream, read or not. Raises redis.RedisError."""
+        return int(self._redis.xlen(RESULTS))
+
+    def start_over(self) -> None:
+        """Read all that is in the stream again."""
+        self._read_to = BEGINNING
 
     def wake(self) -> None:
         """Let a `read` that waits return now; from any thread. Where Redis is away, the reader wakes up by itself."""
         with contextlib.suppress(redis.RedisError):
-            self._redis.xadd(RESULTS, {"event": json.dumps({"type": WAKE})})
+            self._redis.xadd(RESULTS, {"event": json.dumps({"type": "wake"})})
 
     def delete(self, entries: list[Entry]) -> None:
-        """Trim what has been stored. Raises redis.RedisError; then it is read, and dropped as a duplicate, again."""
+        """Trim what has been stored. Raises redis.RedisError."""
         if entries:
             self._redis.xdel(RESULTS, *[entry.id for entry in entries])
 
 
+def _position(id: bytes | str) -> Position:
+    milliseconds, _, number = (id.decode() if isinstance(id, bytes) else id).partition("-")
+    return int(milliseconds), int(number)
+
+
 def _parse(fields: dict[bytes, bytes]) -> Result | None:
     try:
-        result = Result.from_fields(fields)
-        if not isinstance(result.event.get("type"), str):
-            raise ValueError("no type")
-    except (KeyError, ValueError, AttributeError, TypeError) as error:
+        return Result.from_fields(fields)
+    except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
         log.warning("an entry of the result stream is left out: %s", error)
         return None
-    return result

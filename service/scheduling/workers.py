@@ -2,66 +2,37 @@
 
 from __future__ import annotations
 
+import json
+import logging
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import redis
+from pydantic import TypeAdapter
 
 from worker.contract import WORKER_KEYS, WorkerReport, order_key
 
-__all__ = ["Workers"]
+__all__ = ["Roster", "Workers"]
 
 LOOK_EVERY_S = 1.0
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
+MAX_SLOTS = 4096
+
+_REPORT = TypeAdapter(WorkerReport)
+
+log = logging.getLogger(__name__)
 
 
-class Workers:
-    """The latest look at the workers. Read by all threads, renewed by the engine's; every look makes a new dict."""
+@dataclass(frozen=True)
+class Roster:
+    """One look at the workers. Never changed, so every thread may read it."""
 
-    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None]) -> None:
-        self._redis = connection
-        self._on_change = on_change
-        self._looked = 0.0
-        self.reports: dict[str, WorkerReport] = {}
-        self.orders: dict[str, str] = {}  # why a worker is paused, by its name
-
-    def look(self) -> None:
-        """Renew the reports where they are older than a second. Raises redis.RedisError."""
-        now = time.monotonic()
-        if now - self._looked < (LOOK_EVERY_S if self.ready() else LOOK_WHILE_IDLE_S):
-            return
-        self._looked = now
-        reports = {}
-        keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
-        values: Any = self._redis.mget(keys) if keys else []
-        for value in values:
-            try:
-                report = WorkerReport.from_bytes(value)
-            except (TypeError, ValueError):
-                continue  # expired between the two calls, or of another version
-            reports[report.name] = report
-        names = sorted(reports)
-        found: Any = self._redis.mget([order_key(name) for name in names]) if names else []
-        orders = {name: order.decode(errors="replace") for name, order in zip(names, found, strict=True) if order is not None}
-        before = {name: (self.reports.get(name), self.orders.get(name)) for name in self.reports.keys() | reports.keys()}
-        self.reports, self.orders = reports, orders
-        for name, known in before.items():
-            if known != (reports.get(name), orders.get(name)):
-                self._on_change(name)
-
-    def pause(self, name: str, why: str) -> None:
-        """Let a worker take no more tasks, until `resume`. Raises redis.RedisError."""
-        self._redis.set(order_key(name), why, ex=ORDER_TTL_S)
-        self.orders = {**self.orders, name: why}
-        self._on_change(name)
-
-    def resume(self, name: str) -> None:
-        """Let a worker take tasks again. Raises redis.RedisError."""
-        self._redis.delete(order_key(name))
-        self.orders = {other: why for other, why in self.orders.items() if other != name}
-        self._on_change(name)
+    reports: Mapping[str, WorkerReport] = field(default_factory=dict)
+    orders: Mapping[str, str] = field(default_factory=dict)  # why a worker is paused, by its name
 
     def ready(self) -> list[WorkerReport]:
         """The workers that take work."""
@@ -76,6 +47,69 @@ class Workers:
         kinds = {report.kind for report in self.ready()}
         return max(sorted(kinds), key=self.slots, default=None)
 
+    def denoising_kind(self) -> str | None:
+        """The kind of the workers that can denoise, with most slots; None where none is ready."""
+        slots: dict[str, int] = {}
+        for report in self.ready():
+            if report.denoises:
+                slots[report.kind] = slots.get(report.kind, 0) + report.slots
+        return max(sorted(slots), key=lambda kind: slots[kind], default=None)
+
     def current(self) -> list[dict[str, Any]]:
         """What all slots do now."""
         return [doing for report in self.reports.values() for doing in report.current if doing]
+
+
+class Workers:
+    """Looks at the workers, and tells them to pause. `roster` is renewed by the engine's thread; every look makes a new one."""
+
+    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None]) -> None:
+        self._redis = connection
+        self._on_change = on_change
+        self._looked = -math.inf
+        self._strange: set[bytes] = set()  # keys whose reports make no sense, each named in the log once
+        self.roster = Roster()
+
+    def look(self, now: bool = False) -> None:
+        """Renew the roster where it is older than a second, or in any case. Raises redis.RedisError."""
+        age = time.monotonic() - self._looked
+        if not now and age < (LOOK_EVERY_S if self.roster.ready() else LOOK_WHILE_IDLE_S):
+            return
+        self._looked = time.monotonic()
+        keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
+        values: Any = self._redis.mget(keys) if keys else []
+        found = [self._understand(key, value) for key, value in zip(keys, values, strict=True) if value is not None]
+        reports = {report.name: report for report in found if report is not None}
+        names = sorted(reports)
+        whys: Any = self._redis.mget([order_key(name) for name in names]) if names else []
+        orders = {name: why.decode(errors="replace") for name, why in zip(names, whys, strict=True) if why is not None}
+        before, self.roster = self.roster, Roster(reports, orders)
+        for name in sorted(before.reports.keys() | reports.keys()):
+            if (before.reports.get(name), before.orders.get(name)) != (reports.get(name), orders.get(name)):
+                self._on_change(name)
+
+    def pause(self, name: str, why: str) -> None:
+        """Let a worker take no more tasks, until `resume`; from any thread. Raises redis.RedisError."""
+        self._redis.set(order_key(name), why, ex=ORDER_TTL_S)
+
+    def resume(self, name: str) -> None:
+        """Let a worker take tasks again; from any thread. Raises redis.RedisError."""
+        self._redis.delete(order_key(name))
+
+    def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
+        """A report; None where it makes no sense here: it may be of a worker of another release."""
+        try:
+            report = _REPORT.validate_python(json.loads(value, parse_constant=_no_number))
+            if not 0 < report.slots <= MAX_SLOTS or not all(map(math.isfinite, (report.started, report.samples_per_s))):
+                raise ValueError(f"{report.slots} slots, {report.samples_per_s} samples a second")
+        except (ValueError, RecursionError) as error:
+            if key not in self._strange:
+                self._strange.add(key)
+                log.warning("the report under %r is left out: %.500s", key, error)
+            return None
+        self._strange.discard(key)
+        return report
+
+
+def _no_number(constant: str) -> float:
+    raise ValueError(f"{constant} is no number")

@@ -1,76 +1,138 @@
-"""The films of all jobs: opened when asked for, closed when many others were used since, deleted with their job."""
+"""The films of all jobs: one `Film` a job, opened when asked for, closed when many others were used since."""
 
 from __future__ import annotations
 
-import contextlib
+import logging
 import threading
 from collections import OrderedDict
 from pathlib import Path
+from typing import Protocol
+from weakref import WeakValueDictionary
 
 from renderer.settings import RenderSettings
-from service.store.films import Film, TileCache
+from service.errors import FarmError
+from service.store.film_faults import film_faults
+from service.store.films import Film
+from service.store.tile_cache import TileCache
 
-__all__ = ["FilmStore"]
+__all__ = ["FilmFolder", "FilmStore"]
 
 MAX_OPEN = 64
+LOST = ".lost"  # a film that was set aside
+FILES = ("", "-wal", "-shm")  # of one SQLite database
+
+log = logging.getLogger(__name__)
 
 
-class FilmStore:
-    """`<folder>/<job>.sqlite` for every job that has begun."""
+class FilmStore(Protocol):
+    """What the service asks of the place where films are."""
 
-    def __init__(self, folder: Path, cache_bytes: int) -> None:
-        self.folder = folder
-        self.cache = TileCache(cache_bytes)
-        self._films: OrderedDict[str, Film] = OrderedDict()
-        self._pinned: set[str] = set()
-        self._lock = threading.Lock()
-        folder.mkdir(parents=True, exist_ok=True)
+    def open(self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0) -> Film:
+        """The job's film: the same object for all who hold it. Raises FilmWaits or FilmLost.
 
-    def open(self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False) -> Film:
-        """The job's film, made where it does not exist yet. Pinned films stay open until `unpin`."""
-        with self._lock:
-            film = self._films.get(job)
-            if film is None:
-                path = self.folder / f"{job}.sqlite"
-                film = Film(path, settings.width, settings.height, tile_size, settings.film_exponent, self.cache)
-                self._films[job] = film
-            self._films.move_to_end(job)
-            if pin:
-                self._pinned.add(job)
-            for other in [name for name in self._films if name not in self._pinned and name != job]:
-                if len(self._films) <= MAX_OPEN:
-                    break
-                del self._films[other]  # closed when its last reader lets go of it
-            return film
+        pin: it is being rendered: made where it does not exist yet, and open until `unpin`.
+        recorded: the samples that it must have; FilmLost where it has fewer.
+        """
 
     def unpin(self, job: str) -> None:
-        """Nobody renders a film any more: let it rest in its one file, and be closed when others need the room."""
-        with self._lock:
-            self._pinned.discard(job)
-            film = self._films.get(job)
-        if film is not None:
-            film.settle()
+        """Nobody renders a film any more: let it rest, and be closed when others need the room."""
+
+    def set_aside(self, job: str) -> None:
+        """Put a film that cannot be read any more out of the way, so that its job begins anew. Raises FilmWaits or FilmLost."""
 
     def delete(self, job: str) -> None:
-        """Close a film and remove its files."""
-        with self._lock:
-            film = self._films.pop(job, None)
-            self._pinned.discard(job)
-            if film is not None:
-                film.close()
-        for suffix in ("", "-wal", "-shm"):
-            (self.folder / f"{job}.sqlite{suffix}").unlink(missing_ok=True)
+        """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
 
     def sweep(self, keep: set[str]) -> None:
         """Remove the films of jobs that no longer exist."""
-        for path in self.folder.glob("*.sqlite"):
-            if path.stem not in keep:
-                self.delete(path.stem)
 
     def close(self) -> None:
         """Close all films."""
+
+
+class FilmFolder:
+    """Films as `<folder>/<job>.sqlite`."""
+
+    def __init__(self, folder: Path, cache_bytes: int) -> None:
+        self._folder = folder
+        self._cache = TileCache(cache_bytes)
+        # Whoever holds a film keeps it in `_films`; the store itself holds on to those that were used latest. So a job never
+        # has two films at a time, each of which would remember what the other has changed.
+        self._films: WeakValueDictionary[str, Film] = WeakValueDictionary()
+        self._latest: OrderedDict[str, Film] = OrderedDict()
+        self._pinned: dict[str, Film] = {}
+        self._lock = threading.Lock()
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def open(self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0) -> Film:
+        """See FilmStore."""
         with self._lock:
-            for film in self._films.values():
-                with contextlib.suppress(Exception):
-                    film.close()
-            self._films.clear()
+            film = self._films.get(job)
+            if film is None:
+                path = self._path(job)
+                film = Film(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache)
+                self._films[job] = film
+        film.load(make=pin)  # takes its time, so without the lock that all films share
+        film.check(recorded)
+        with self._lock:
+            if self._films.get(job) is film:
+                self._latest[job] = film
+                self._latest.move_to_end(job)
+                if pin:
+                    self._pinned[job] = film
+            while len(self._latest) > MAX_OPEN:
+                self._latest.popitem(last=False)
+        return film
+
+    def unpin(self, job: str) -> None:
+        """See FilmStore."""
+        with self._lock:
+            film = self._pinned.pop(job, None)
+        if film is not None:
+            film.settle()
+
+    def set_aside(self, job: str) -> None:
+        """See FilmStore."""
+        with self._lock, film_faults():
+            self._close(job)
+            path = self._path(job)
+            if path.exists():
+                path.replace(path.with_name(path.name + LOST))
+            self._remove(path)
+
+    def delete(self, job: str) -> None:
+        """See FilmStore."""
+        with self._lock, film_faults():
+            self._close(job)
+            path = self._path(job)
+            path.with_name(path.name + LOST).unlink(missing_ok=True)
+            self._remove(path)
+
+    def sweep(self, keep: set[str]) -> None:
+        """See FilmStore."""
+        found = {path.name.partition(".")[0] for path in self._folder.glob("*.sqlite*")}
+        for job in found - keep:
+            try:
+                self.delete(job)
+            except FarmError as error:
+                log.warning("the film of the deleted job %s stays: %s", job, error)
+
+    def close(self) -> None:
+        """See FilmStore."""
+        with self._lock:
+            for job in list(self._films):
+                self._close(job)
+
+    def _path(self, job: str) -> Path:
+        return self._folder / f"{job}.sqlite"
+
+    def _close(self, job: str) -> None:
+        film = self._films.pop(job, None)
+        self._latest.pop(job, None)
+        self._pinned.pop(job, None)
+        if film is not None:
+            film.close()
+
+    def _remove(self, path: Path) -> None:
+        for suffix in FILES:
+            path.with_name(path.name + suffix).unlink(missing_ok=True)

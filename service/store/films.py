@@ -1,19 +1,19 @@
-"""Films on disk: the exact sums of every batch, each taken once.
+"""Films: the exact sums of every batch, each taken once.
 
-A job's film is one SQLite file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as
-they came. The row is the sums and the record that they are in, in one write, so nothing can be half merged; and the order
-of rows does not matter, since integers add exactly. Tiles with many rows are folded into one.
+A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as they
+came. The row is the sums and the record that they are in, in one write, so nothing can be half merged; and the order of
+rows does not matter, since integers add exactly. Tiles with many rows are folded into one.
 """
 
 from __future__ import annotations
 
 import hashlib
-import sqlite3
+import logging
+import os
+import sys
 import tempfile
 import threading
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,29 +24,20 @@ import numpy.typing as npt
 from renderer import aovs, film
 from renderer.film import CHANNELS, BadSample, Sums
 from renderer.settings import Tile, tiles_of
-from service.api.problem import Problem
+from service.errors import FilmLost, FilmWaits
 from service.store.coverage import Coverage
+from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
+from service.store.film_file import FilmFile
+from service.store.film_version import FilmShape
+from service.store.tile_cache import TileCache
 from worker.contract import pack_sums, unpack_sums
 
-__all__ = ["Film", "FilmClosed", "Part", "TileCache"]
+__all__ = ["Film", "Part"]
 
 FOLD_AT = 8  # rows of a tile
 IN_MEMORY_BYTES = 256 << 20
-MAX_BAD_KEPT = 1000
 
-SCHEMA = """
-CREATE TABLE IF NOT EXISTS part (
-    frame INTEGER, tile INTEGER, first INTEGER, count INTEGER, bad INTEGER, sums BLOB,
-    PRIMARY KEY (frame, tile, first));
-CREATE TABLE IF NOT EXISTS bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER);
-"""
-
-
-class FilmClosed(Problem):
-    """The film was closed under its reader: its job was deleted, or the service ends."""
-
-    def __init__(self) -> None:
-        super().__init__(404, "The job was deleted while its picture was read.")
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -62,73 +53,61 @@ class Part:
     bad_count: int = 0
 
 
-class TileCache:
-    """Sums of the tiles used latest, of all films together. The arrays are read-only, so readers need no lock."""
-
-    def __init__(self, max_bytes: int) -> None:
-        self.max_bytes = max_bytes
-        self._bytes = 0
-        self._items: OrderedDict[tuple[str, int, int], Sums] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, key: tuple[str, int, int]) -> Sums | None:
-        """The sums, or None where they were forgotten."""
-        with self._lock:
-            if key in self._items:
-                self._items.move_to_end(key)
-            return self._items.get(key)
-
-    def put(self, key: tuple[str, int, int], sums: Sums) -> None:
-        """Keep sums, and forget what was not used longest."""
-        sums.flags.writeable = False
-        with self._lock:
-            old = self._items.pop(key, None)
-            self._items[key] = sums
-            self._bytes += sums.nbytes - (0 if old is None else old.nbytes)
-            while self._bytes > self.max_bytes and len(self._items) > 1:
-                self._bytes -= self._items.popitem(last=False)[1].nbytes
-
-    def forget(self, name: str, frame: int | None = None, tile: int | None = None) -> None:
-        """Forget a film's tiles, or one of them."""
-        with self._lock:
-            for key in [k for k in self._items if k[0] == name and (frame is None or k[1:] == (frame, tile))]:
-                self._bytes -= self._items.pop(key).nbytes
-
-
 class Film:
-    """The film of a job: its frames' tiles, which samples of them are in, and their sums. Safe to use from several threads."""
+    """The film of a job: its frames' tiles, which samples of them are in, and their sums. Safe to use from several threads.
+
+    Of one job there is one such object at a time (FilmStore sees to it), so what it remembers of its file stays true.
+    Whatever reads or writes raises FilmWaits, FilmLost or FilmClosed.
+    """
 
     def __init__(self, path: Path, width: int, height: int, tile_size: int, film_exponent: int, cache: TileCache) -> None:
-        self.path = path
+        """Costs nothing: the file is opened when it is needed."""
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
         self.tiles = tiles_of(width, height, tile_size)
+        self._path = path
+        self._shape = FilmShape(width, height, tile_size, film_exponent)
         self._index = {tile: i for i, tile in enumerate(self.tiles)}
         self._cache = cache
         self._lock = threading.RLock()
+        self._file: FilmFile | None = None
         self._is_closed = False
-        self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=30)
-        # NORMAL: a killed process loses nothing; a power cut may lose the latest parts, which are then rendered again.
-        # Large pages and rare checkpoints, since rows are large: three times less work a row (measured).
-        for pragma in ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000"):
-            self._database.execute(f"PRAGMA {pragma}")
-        self._database.executescript(SCHEMA)
+        self._in_doubt = False  # a write failed: whether its rows are in, the file knows
         self._coverage: dict[tuple[int, int], Coverage] = {}
         self._rows: dict[tuple[int, int], int] = {}
-        self._load_coverage()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the film for good."""
         with self._lock:
             self._is_closed = True
-            self._database.close()
-            self._cache.forget(self.path.stem)
+            self._cache.forget(self._path.stem)
+            if self._file is not None:
+                self._file.close()
+
+    def load(self, make: bool = False) -> None:
+        """Open the file where it is there; `make`: also where it is not."""
+        with self._lock:
+            if self._is_closed:
+                raise FilmClosed
+            if self._file is None and (make or self._exists()):
+                file = FilmFile(self._path, self._shape)
+                self._take_in(file)
+                self._file = file
+            elif self._file is not None and self._in_doubt:
+                self._take_in(self._file)
+
+    def check(self, recorded: int) -> None:
+        """Raise FilmLost where the film has fewer samples of frame 0 than were recorded."""
+        has = self.samples(0)
+        if has < recorded:
+            raise incomplete(has, recorded)
 
     def settle(self) -> None:
         """Bring all into the one file, where the film is likely to rest."""
         with self._lock:
-            self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            if self._file is not None and not self._is_closed:
+                self._file.settle()
 
     def index_of(self, tile: Tile) -> int | None:
         """A tile's place in `tiles`, or None where the film has no such tile."""
@@ -137,61 +116,69 @@ class Film:
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Which samples of a tile are in; a copy."""
         with self._lock:
+            self._known()
             return Coverage((a, b - a) for a, b in self._cover(frame, tile).ranges)
 
     def samples(self, frame: int) -> int:
         """The samples of a frame that are in, all pixels together, bad ones included."""
         with self._lock:
+            self._known()
             return sum(c.total * self.tiles[t].w * self.tiles[t].h for (f, t), c in self._coverage.items() if f == frame)
 
     def version(self, frame: int) -> str:
         """A name for the frame's content: it changes with every sample that is added."""
         with self._lock:
+            self._known()
             covered = sorted((t, c.ranges) for (f, t), c in self._coverage.items() if f == frame)
         return hashlib.sha256(repr(covered).encode()).hexdigest()[:20]
 
     def bad_samples(self, frame: int) -> tuple[int, list[BadSample]]:
         """How many samples were NaN or infinite and left out, and the first of them."""
         with self._lock:
-            (count,) = self._database.execute("SELECT coalesce(sum(bad), 0) FROM part WHERE frame = ?", (frame,)).fetchone()
-            rows = self._database.execute("SELECT x, y, sample FROM bad_sample WHERE frame = ? LIMIT 64", (frame,)).fetchall()
-        return int(count), [BadSample(*row) for row in rows]
+            self.load()
+            if self._file is None:
+                return 0, []
+            count, first = self._file.bad_samples(frame)
+        return count, [BadSample(*sample) for sample in first]
 
     def merge(self, parts: Iterable[Part]) -> list[bool]:
-        """Add parts in one transaction; for each, whether it was taken.
+        """Add parts in one transaction; for each, whether it was taken. Where this raises, none was.
 
         A part that overlaps what is in the film is dropped: it came twice, or a part of it did. So is one whose tile the
         film does not have or whose sums are damaged.
         """
         with self._lock:
-            taken = [self._stage(part) for part in parts]
-            new = [s for s in taken if s is not None]
+            self.load(make=True)
+            assert self._file is not None
+            claimed: dict[tuple[int, int], Coverage] = {}
+            staged = [self._stage(part, claimed) for part in parts]
+            new = [s for s in staged if s is not None]
             if not new:
-                return [False] * len(taken)
+                return [False] * len(staged)
+            rows = [(p.frame, p.tile, p.first, p.count, p.bad_count, p.sums) for p, _ in new]
+            bad = [(p.frame, *sample) for p, _ in new for sample in p.bad]
             try:
-                with self._transaction():
-                    self._insert([part for part, _ in new])
+                self._file.add(rows, bad)
             except BaseException:
-                self._load_coverage()
+                self._in_doubt = True
                 raise
+            self._coverage.update(claimed)
             for part, sums in new:
                 self._remember(part, sums)
-            for key in {(part.frame, part.tile) for part, _ in new}:
-                if self._rows[key] >= FOLD_AT:
-                    self._fold(*key)
-            return [s is not None for s in taken]
+            for key in claimed:
+                self._fold(*key)
+            return [s is not None for s in staged]
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
-        """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet. Raises FilmClosed."""
-        key = (self.path.stem, frame, tile)
+        """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet."""
+        key = (self._path.stem, frame, tile)
         with self._lock:
-            if self._is_closed:
-                raise FilmClosed
-            if not self._cover(frame, tile).ranges:
+            self.load()
+            if self._file is None or not self._cover(frame, tile).ranges:
                 return None
             sums = self._cache.get(key)
             if sums is None:
-                sums = self._read(frame, tile)
+                sums = self._read(self._file, frame, tile)
                 self._cache.put(key, sums)
             return sums
 
@@ -217,10 +204,14 @@ class Film:
     def digest(self, frame: int) -> str:
         """renderer.film.digest of the whole frame. Frames that are large for the memory are laid out in a file."""
         shape = (CHANNELS, self.height, self.width)
-        if CHANNELS * self.height * self.width * 8 <= IN_MEMORY_BYTES:
+        size = CHANNELS * self.height * self.width * 8
+        if size <= IN_MEMORY_BYTES:
             return film.digest(self._fill(frame, np.zeros(shape, np.int64)))
-        with tempfile.TemporaryFile(dir=self.path.parent) as file:
-            sums = self._fill(frame, np.memmap(file, np.int64, "w+", shape=shape))
+        with film_faults(), tempfile.TemporaryFile(dir=self._path.parent) as file:
+            file.truncate(size)
+            if sys.platform == "linux":  # room for all of it now: a mapped file that finds none later kills the process
+                os.posix_fallocate(file.fileno(), 0, size)
+            sums = self._fill(frame, np.memmap(file, np.int64, "r+", shape=shape))
             digest = hashlib.sha256()
             for plane in sums:
                 digest.update(np.ascontiguousarray(plane, "<i8").data)
@@ -234,20 +225,38 @@ class Film:
         return out
 
     def _cover(self, frame: int, tile: int) -> Coverage:
-        return self._coverage.setdefault((frame, tile), Coverage())
+        return self._coverage.get((frame, tile)) or Coverage()
 
-    def _load_coverage(self) -> None:
-        self._coverage.clear()
-        self._rows.clear()
-        for frame, tile, first, count in self._database.execute("SELECT frame, tile, first, count FROM part"):
-            self._cover(frame, tile).add(first, count)
-            self._rows[frame, tile] = self._rows.get((frame, tile), 0) + 1
+    def _exists(self) -> bool:
+        with film_faults():
+            return self._path.exists()
 
-    def _stage(self, part: Part) -> tuple[Part, Sums] | None:
+    def _known(self) -> None:
+        """See that the file was read once: what is remembered of it is true, also while it cannot be read."""
+        if self._is_closed or self._file is None:
+            self.load()
+
+    def _take_in(self, file: FilmFile) -> None:
+        """Read which samples are in the file."""
+        coverage: dict[tuple[int, int], Coverage] = {}
+        rows: dict[tuple[int, int], int] = {}
+        try:
+            for frame, tile, first, count in file.ranges():
+                self.tiles[tile]
+                coverage.setdefault((frame, tile), Coverage()).add(first, count)
+                rows[frame, tile] = rows.get((frame, tile), 0) + 1
+        except (ValueError, TypeError, IndexError) as error:
+            raise damaged(str(error)) from error
+        self._coverage, self._rows = coverage, rows
+        self._cache.forget(self._path.stem)
+        self._in_doubt = False
+
+    def _stage(self, part: Part, claimed: dict[tuple[int, int], Coverage]) -> tuple[Part, Sums] | None:
         """Check a part and claim its range; None where it is not to be taken."""
         if not 0 <= part.tile < len(self.tiles) or part.first < 0 or part.count < 1:
             return None
-        coverage = self._cover(part.frame, part.tile)
+        where = (part.frame, part.tile)
+        coverage = claimed.get(where) or self.coverage(*where)
         if coverage.overlaps(part.first, part.count):
             return None
         try:
@@ -255,21 +264,12 @@ class Film:
         except ValueError:
             return None
         coverage.add(part.first, part.count)
+        claimed[where] = coverage
         return part, sums
-
-    def _insert(self, parts: list[Part]) -> None:
-        self._database.executemany(
-            "INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)",
-            [(p.frame, p.tile, p.first, p.count, p.bad_count, p.sums) for p in parts],
-        )
-        bad = [(p.frame, *sample) for p in parts for sample in p.bad]
-        if bad:
-            (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
-            self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
     def _remember(self, part: Part, sums: Sums) -> None:
         where = (part.frame, part.tile)
-        key = (self.path.stem, *where)
+        key = (self._path.stem, *where)
         self._rows[where] = self._rows.get(where, 0) + 1
         old = self._cache.get(key)
         if old is not None:
@@ -277,38 +277,32 @@ class Film:
         elif self._rows[where] == 1:
             self._cache.put(key, sums)
 
-    def _read(self, frame: int, tile: int) -> Sums:
+    def _read(self, file: FilmFile, frame: int, tile: int) -> Sums:
         total: Sums | None = None
-        rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile))
-        for (packed,) in rows:
-            sums = unpack_sums(packed, self.tiles[tile], stored=True)
+        for packed in file.sums(frame, tile):
+            try:
+                sums = unpack_sums(packed, self.tiles[tile], stored=True)
+            except (ValueError, TypeError) as error:
+                raise damaged(str(error)) from error
             total = sums if total is None else total + sums
-        assert total is not None
+        if total is None:
+            raise damaged("rows are missing")
         return total
 
     def _fold(self, frame: int, tile: int) -> None:
-        """Make one row of a tile's rows. Only where its samples are one run: a row is one range."""
+        """Make one row of a tile's rows where they are many and one run: a row is one range. What was merged is in the film
+        whether this succeeds or not."""
         ranges = self._cover(frame, tile).ranges
-        if len(ranges) != 1:
+        if self._rows[frame, tile] < FOLD_AT or len(ranges) != 1:
             return
-        sums = self.tile_sums(frame, tile)
-        assert sums is not None
-        where = (frame, tile)
-        with self._transaction():
-            (bad,) = self._database.execute("SELECT sum(bad) FROM part WHERE frame = ? AND tile = ?", where).fetchone()
-            self._database.execute("DELETE FROM part WHERE frame = ? AND tile = ?", where)
-            first, end = ranges[0]
-            self._database.execute(
-                "INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", (*where, first, end - first, bad, pack_sums(sums))
-            )
-        self._rows[where] = 1
-
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._database.execute("BEGIN IMMEDIATE")
+        start, end = ranges[0]
         try:
-            yield
-        except BaseException:
-            self._database.execute("ROLLBACK")
-            raise
-        self._database.execute("COMMIT")
+            sums = self.tile_sums(frame, tile)
+            assert sums is not None and self._file is not None
+            if self._file.fold(frame, tile, start, end - start, pack_sums(sums)):
+                self._rows[frame, tile] = 1
+            else:
+                self._in_doubt = True
+        except (FilmWaits, FilmLost) as error:
+            self._in_doubt = True
+            log.warning("a tile's rows stay apart: %s", error)

@@ -56,6 +56,12 @@ class Records:
         with self._sessions() as session:
             return session.get(Job, id)
 
+    def samples(self, job: str) -> int:
+        """The samples of a job's frame 0 that are in its film, as they were last written down."""
+        with self._sessions() as session:
+            frame = session.get(Frame, (job, 0))
+            return frame.samples if frame is not None else 0
+
     def scene(self, id: str) -> Scene | None:
         """A scene's row."""
         with self._sessions() as session:
@@ -98,6 +104,7 @@ class Records:
             changed = session.execute(
                 update(Job)
                 .where(Job.id == job.id, Job.state.in_(ACTIVE), Job.spp == job.plan.spp)
+                .where(Job.noise.is_not_distinct_from(job.plan.noise), Job.seconds.is_not_distinct_from(job.seconds))
                 .values(state="finished", finished=time.time(), active_s=job.active_s)
             )
             return bool(changed.rowcount)  # type: ignore[attr-defined]
@@ -136,7 +143,7 @@ class Records:
 
 def blobs_of(scene: Scene) -> set[str]:
     """The hashes of the blobs that a scene refers to: its files, what it was compiled to, its thumbnail."""
-    refs: list[dict[str, Any]] = [*scene.files, *scene.compiled.values()]
+    refs: list[dict[str, Any]] = [*(scene.files or []), *(scene.compiled or {}).values()]
     if scene.info and scene.info.get("thumbnail"):
         refs.append(scene.info["thumbnail"])
     return {ref["sha256"] for ref in refs}

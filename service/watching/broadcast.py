@@ -27,10 +27,10 @@ class Listener:
         """Let `wait` return."""
         self._wake.set()
 
-    async def wait(self, timeout: float) -> None:
+    async def wait(self, seconds: float) -> None:
         """Until something changed, or the time is over."""
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._wake.wait(), timeout)
+            await asyncio.wait_for(self._wake.wait(), seconds)
         self._wake.clear()
 
     async def pause(self, seconds: float) -> None:

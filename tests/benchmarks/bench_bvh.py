@@ -105,11 +105,11 @@ def _bytes(bvh: Bvh) -> int:
 
 
 def _bunny() -> tuple[Any, Any]:
-    """The sample files' bunny; a terrain of 70 thousand triangles where they are not there."""
-    folder = Path(os.environ.get("RAYFARM_ASSETS") or Path(__file__).parents[3] / "shared" / "assets")
-    if not (folder / "bunny.ply").exists():
+    """The mesh that $RAYFARM_BUNNY names; else a terrain of 70 thousand triangles."""
+    path = Path(os.environ.get("RAYFARM_BUNNY", ""))
+    if not path.is_file():
         return _terrain(187)
-    mesh = read(folder, "bunny.ply").meshes[0]
+    mesh = read(path.parent, path.name).meshes[0]
     return mesh.positions, mesh.triangles
 
 

@@ -61,6 +61,35 @@ def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Superviso
     assert "exit code 7" in said[0]
 
 
+def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervisor, tmp_path: Path) -> None:
+    part = Part("sleeper", SLEEPER, tmp_path / "log")
+    supervisor.start(part)
+    for _ in range(6):
+        assert part.process is not None
+        part.process.kill()
+        part.process.wait()
+        supervisor.tend()
+        assert part.restart_at is not None
+        assert part.restart_at - time.monotonic() <= 1.0
+        part.restart_at = 0.0  # the pause is over
+        supervisor.tend()
+        assert part.running
+
+
+def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+    part = Part("tired", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log")
+    supervisor.start(part)
+    for lived, pause in ((1.0, "0.2"), (1.0, "1"), (1.0, "2"), (60.0, "0.2"), (1.0, "1")):
+        part.started -= lived
+        assert part.process is not None
+        part.process.send_signal(signal.SIGSEGV)
+        part.process.wait()
+        supervisor.tend()
+        assert f"again in {pause} s" in said[-1]
+        part.restart_at = 0.0
+        supervisor.tend()
+
+
 def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
     supervisor.start(part)

@@ -1,9 +1,16 @@
 """Which of many files is the scene."""
 
+import sys
+from importlib import import_module
+from types import ModuleType
+
 import pytest
 
 from renderer.errors import SceneError
-from renderer.formats import is_junk, pick_main
+from renderer.formats import FORMATS, MESH_FORMATS, Format, is_junk, pick_main
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.by_format import read_file
 
 
 def test_the_kind_that_says_most_wins_then_the_shallowest():
@@ -30,3 +37,20 @@ def test_junk():
     assert is_junk("__MACOSX/x.obj")
     assert is_junk("a/.DS_Store")
     assert not is_junk("a/b.obj")
+
+
+@pytest.mark.parametrize("format", FORMATS, ids=lambda f: f.suffix)
+def test_every_format_has_its_reader(format):
+    assert callable(import_module(f"renderer.scene.readers.{format.reader}").read)
+
+
+def test_a_reader_and_a_row_are_a_format(tmp_path, monkeypatch):
+    reader = ModuleType("lines")
+    reader.read = lambda files, name, description: description.warnings.append(files.read(name).decode())
+    monkeypatch.setitem(sys.modules, "renderer.scene.readers.lines", reader)
+    (tmp_path / "a.LINES").write_text("read")
+    description = SceneDescription()
+    read_file(SceneFiles(tmp_path), "a.LINES", description, formats=(*FORMATS, Format(".lines", "lines")))
+    assert description.warnings == ["read"]
+    with pytest.raises(SceneError, match=r"a\.LINES: is no scene file .*\.glb"):
+        read_file(SceneFiles(tmp_path), "a.LINES", description, formats=MESH_FORMATS)

@@ -184,7 +184,7 @@ class PeerWorker:
     def _render(self, work: RenderBatch) -> None:
         self.batches.append(work)
         about = self._about(work)
-        self.current = {key: about[key] for key in ("job", "frame", "tile", "first", "count")}
+        self.current = {key: about[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
         try:
             if self.on_batch(work) is not False and not self._stop.is_set():
                 self.answer(work)

@@ -4,6 +4,7 @@
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
 /** @typedef {import("./types.js").Worker} Worker */
+/** @typedef {import("./types.js").Info} Info */
 /** @typedef {import("./types.js").Example} Example */
 /** @typedef {import("./types.js").PixelValue} PixelValue */
 
@@ -89,14 +90,20 @@ export const getJob = (id) => call("GET", `/jobs/${id}`);
 export const createJob = (request, idempotencyKey) =>
   call("POST", "/jobs", { json: request, headers: { "Idempotency-Key": idempotencyKey } });
 
-/** @param {string} id @param {{state?: "running" | "paused" | "cancelled", spp?: number}} change @returns {Promise<Job>} */
+/** @param {string} id @param {{state?: "running" | "paused" | "cancelled", more?: number}} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
 /** @param {string} id @returns {Promise<void>} */
 export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
 
+/** @returns {Promise<Info>} */
+export const getInfo = () => call("GET", "/info");
+
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");
+
+/** @returns {Promise<import("./types.js").SettingsTable>} and more that the page does not read */
+export const getInfo = () => call("GET", "/info");
 
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");

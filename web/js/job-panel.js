@@ -183,7 +183,7 @@ export function moreSamples(job) {
   const stopped = job.state === "cancelled";
   void change(
     job,
-    { spp: (job.spp ?? 0) + MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
+    { more: MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
     "No samples were added",
   );
 }

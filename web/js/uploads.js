@@ -1,6 +1,6 @@
 /** Dropping and choosing files: from the drop to the scene's page, with a card in the tray on the way. */
 
-import { ApiError } from "./api.js";
+import { ApiError, getInfo } from "./api.js";
 import { fill, h, setText } from "./dom.js";
 import { adoptScene } from "./farm.js";
 import { bytes } from "./format.js";
@@ -12,15 +12,11 @@ import { upload } from "./upload.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 
-const SCENE_KINDS = ".glb .gltf .obj .ply .stl .dae .off .yaml";
-
 /** @param {NamedFile[]} files */
 async function start(files) {
   if (!files.length) {
-    showError(
-      "Nothing to upload",
-      `There is no file in what was dropped. A scene is one of ${SCENE_KINDS}, or a zip with one.`,
-    );
+    const { formats } = await getInfo();
+    showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${formats.join(" ")}.`);
     return;
   }
   const title = titleOf(files);

@@ -7,13 +7,14 @@ import numpy as np
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.integrators.record import DIRECT, MISSED, record_light, record_vertex
+from renderer.kernel.integrators.record import DIRECT, record_light, record_miss, record_surface
+from renderer.kernel.integrators.state import camera_path, with_origin, with_throughput
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
 from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
-from renderer.kernel.sampling.sampler import uniform4
+from renderer.kernel.material.normal_map import shading_frame
+from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.normal_map import shading_frame
 from renderer.kernel.surface.surface import departure, surface_at
 
 __all__ = ["trace_ao"]
@@ -22,41 +23,43 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
 _FAR = np.float32(1e18)
-_BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 
 
 @template
-def trace_ao(scene, stack, o, d, options, pixel, sample, log, first, special):
+def trace_ao(scene, stack, o, d, options, stream, log, first, special):
     """As `trace_path` of path.py: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 
     What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
     sphere at distance D up to 2.
     """
-    radiance = _WHITE
     forget_first_hit(first)
+    path = camera_path(o, d)
+    radiance = _WHITE
     depth = _ZERO
     rays = 0
     layers = local_floats(LAYER_SLOTS)
     for passed in range(MAX_PASSED):
-        hit = closest_hit(scene.bvh, stack, o, d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
         rays += 1
         if hit.primitive == NO_PRIMITIVE:
             if passed < len(log):
-                record_vertex(log, passed, MISSED, 0, 0, hit.t, _ZERO, o, d, d, _WHITE, _BLACK)
+                record_miss(log, passed, path)
                 record_light(log, passed, DIRECT, radiance)
             break
-        surface = surface_at(scene, o, d, hit)
+        surface = surface_at(scene, path.o, path.d, hit)
         depth += hit.t
-        through, _ = reach(scene, surface, hit.t, d, o, options, pixel, sample, passed, _ZERO, _WHITE, _BLACK, log)
+        through, throughput = reach(scene, surface, path, options, stream, passed)
+        if passed < len(log):
+            record_surface(log, passed, surface, through, hit.t, with_throughput(path, throughput))
         if through:
-            o = departure(surface, False, d)
+            path = with_origin(path, departure(surface, False, path.d))
             continue
-        s, q, n = shading_frame(scene, surface, vec.neg(d))
-        albedo = fetch_material(scene, surface, (s, q, n), layers).base
+        s, t, n = shading_frame(scene, surface, vec.neg(path.d))
+        albedo = fetch_material(scene, surface, (s, t, n), layers).base
         keep_first_hit(first, surface, albedo, n, depth)
-        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(1))
-        towards = vec.to_world(s, q, n, square_to_cosine_hemisphere((r[0], r[1])))
+        numbers = draw4(stream, np.uint32(1))
+        towards = vec.to_world(s, t, n, square_to_cosine_hemisphere((numbers[0], numbers[1])))
         start = departure(surface, True, towards)
         end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
         rays += 1

@@ -6,9 +6,22 @@ what is recorded is what the film got, to the bit.
 
 from __future__ import annotations
 
-from renderer.jit import out_of_line, subroutine
+import numpy as np
 
-__all__ = ["COLUMNS", "MISSED", "PASSED", "SURFACE", "UNSEEN", "record_light", "record_vertex"]
+from renderer.jit import device, out_of_line, subroutine
+
+__all__ = [
+    "COLUMNS",
+    "DIRECT",
+    "EMITTED",
+    "MISSED",
+    "PASSED",
+    "SURFACE",
+    "UNSEEN",
+    "record_light",
+    "record_miss",
+    "record_surface",
+]
 
 # Kinds of rows. UNSEEN: none written.
 UNSEEN, SURFACE, PASSED, MISSED = range(4)
@@ -18,23 +31,39 @@ KIND, OBJECT, MATERIAL, DISTANCE, PDF = range(5)
 POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT = range(5, 26, 3)
 COLUMNS = 26
 
+_FAR = np.float32(np.inf)
+
 
 @subroutine
-def record_vertex(log, row, kind, number, material, distance, pdf, point, normal, direction, throughput, before):
-    """What a ray met. pdf: with which its direction was chosen; throughput: on arrival; before: the radiance so far."""
+def _record(log, row, kind, distance, point, normal, path):
     out_of_line()
     log[row, KIND] = kind
-    log[row, OBJECT] = number
-    log[row, MATERIAL] = material
     log[row, DISTANCE] = distance
-    log[row, PDF] = pdf
-    for i, v in ((POINT, point), (NORMAL, normal), (DIRECTION, direction), (THROUGHPUT, throughput), (BEFORE, before)):
+    log[row, PDF] = path.pdf
+    vectors = ((POINT, point), (NORMAL, normal), (DIRECTION, path.d), (THROUGHPUT, path.throughput), (BEFORE, path.radiance))
+    for i, v in vectors:
         log[row, i] = v[0]
         log[row, i + 1] = v[1]
         log[row, i + 2] = v[2]
     for i in range(3):  # what follows may not be written
-        log[row, EMITTED + i] = before[i]
-        log[row, DIRECT + i] = before[i]
+        log[row, EMITTED + i] = path.radiance[i]
+        log[row, DIRECT + i] = path.radiance[i]
+
+
+@device
+def record_surface(log, row, surface, through, distance, path):
+    """The surface that a path's ray met, and whether it passed it; the path's throughput is that on arrival."""
+    log[row, OBJECT] = 1 + surface.object
+    log[row, MATERIAL] = 1 + surface.material
+    _record(log, row, PASSED if through else SURFACE, distance, surface.point, surface.shading, path)
+
+
+@device
+def record_miss(log, row, path):
+    """The environment, which a path's ray met."""
+    log[row, OBJECT] = 0
+    log[row, MATERIAL] = 0
+    _record(log, row, MISSED, _FAR, path.o, path.d, path)
 
 
 @subroutine

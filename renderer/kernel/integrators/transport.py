@@ -10,10 +10,9 @@ from renderer.arrays.rows import ABSORBING, DISPERSIVE
 from renderer.bvh.simd import load_int, store_int
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
-from renderer.kernel.integrators.record import PASSED, SURFACE, record_vertex
 from renderer.kernel.material.material import absorption, disperse, is_transparent, opacity
 from renderer.kernel.polynomial import exp
-from renderer.kernel.sampling.sampler import uniform1
+from renderer.kernel.sampling.sampler import draw1
 
 __all__ = ["FIRST_HIT_SLOTS", "first_hit", "forget_first_hit", "keep_first_hit", "limited", "one_color", "reach"]
 
@@ -69,13 +68,13 @@ def first_hit(first):
 
 
 @device
-def _is_passed(scene, surface, options, pixel, sample, row):
+def _is_passed(scene, surface, stream, row):
     """Whether the path goes through the surface as if it were not there, which its alpha gives the chance of.
 
     row: how many surfaces the path has met before, passed or not: each has a chance of its own."""
     if not is_transparent(scene, surface.material):
         return False
-    u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(PASSING_BLOCK + row))
+    u = draw1(stream, np.uint32(PASSING_BLOCK + row))
     return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
 
 
@@ -96,28 +95,24 @@ def _attenuated(scene, material, throughput, start, end):
 
 
 @device
-def reach(scene, surface, distance, d, point, options, pixel, sample, row, pdf, throughput, radiance, log):
-    """What becomes of a path from `point` along d that meets a surface: (whether it passes it, its throughput there).
+def reach(scene, surface, path, options, stream, row):
+    """What becomes of a path that meets a surface: (whether it passes it, its throughput there).
 
-    row: how many surfaces it has met before; distance, pdf, radiance: for the protocol.
+    row: how many surfaces it has met before.
     """
-    through = options.transparent and _is_passed(scene, surface, options, pixel, sample, row)
+    through = options.transparent and _is_passed(scene, surface, stream, row)
+    throughput = path.throughput
     if not (surface.front or through):
-        throughput = _attenuated(scene, surface.material, throughput, point, surface.point)
-    if row < len(log):
-        record_vertex(
-            log, row, PASSED if through else SURFACE, 1 + surface.object, 1 + surface.material, distance, pdf, surface.point,
-            surface.shading, d, throughput, radiance,
-        )  # fmt: skip
+        throughput = _attenuated(scene, surface.material, throughput, path.vertex, surface.point)
     return through, throughput
 
 
 @device
-def one_color(scene, surface, material, throughput, options, pixel, sample, segment):
+def one_color(scene, surface, material, throughput, stream, segment):
     """As `disperse`, with a number of the segment's own."""
     if scene.material_flags[surface.material] & DISPERSIVE == 0:
         return material, throughput
-    u = uniform1(options.sampler, options.seed, pixel, sample, np.uint32(np.uint32(COLOR_BLOCK) + segment))
+    u = draw1(stream, np.uint32(np.uint32(COLOR_BLOCK) + segment))
     return disperse(scene, surface, material, throughput, u)
 
 

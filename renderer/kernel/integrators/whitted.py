@@ -15,24 +15,24 @@ from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.integrators.record import DIRECT, EMITTED, MISSED, record_light, record_vertex
+from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
+from renderer.kernel.integrators.state import (
+    MAX_AGAIN,
+    camera_path,
+    scattered,
+    vertex_at,
+    with_origin,
+    with_radiance,
+    with_throughput,
+)
 from renderer.kernel.integrators.strategy import mistaken
-from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, one_color, reach
+from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
 from renderer.kernel.light.environment import environment_radiance
 from renderer.kernel.light.lights import LightSample, choose_light, sample_light, sample_one_light
-from renderer.kernel.material.material import (
-    LAYER_SLOTS,
-    emission,
-    eval_material,
-    fetch_material,
-    is_specular,
-    sample_material,
-    transmits,
-)
+from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
-from renderer.kernel.sampling.sampler import uniform4
-from renderer.kernel.surface.normal_map import shading_frame
+from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.surface import departure, surface_at
 
 __all__ = ["trace_whitted"]
@@ -42,8 +42,6 @@ _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 _QUARTER = np.float32(0.25)
 _INF = np.float32(np.inf)
-_BLACK = (_ZERO, _ZERO, _ZERO)
-_WHITE = (_ONE, _ONE, _ONE)
 _POLISHED = np.float32(0.15)  # roughness up to which a metal is taken for a mirror
 
 
@@ -105,91 +103,105 @@ def _is_within(scene, light, p):
     return vec.dot(d, d) < scene.sphere[number, 3] * scene.sphere[number, 3]
 
 
+@device
+def _is_mirror(material):
+    """Whether its reflections are followed, and no lights are looked for."""
+    return is_specular(material) or _is_polished(material)
+
+
+@device
+def _add(path, light):
+    return with_radiance(path, vec.add(path.radiance, vec.mul(path.throughput, light)))
+
+
 @template
-def trace_whitted(scene, stack, o, d, options, pixel, sample, log, first, special):
+def trace_whitted(scene, stack, o, d, options, stream, log, first, special):
     """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface."""
-    radiance = _BLACK
-    throughput = _WHITE
     forget_first_hit(first)
+    path = camera_path(o, d)
     rays = 0
-    segment = 0
+    number = 0  # of the vertex that the ray is on its way to
     passed = 0
-    point = o  # the last vertex
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
     while True:
-        hit = closest_hit(scene.bvh, stack, o, d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
         rays += 1
-        row = segment + passed
+        row = number + passed
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
-                record_vertex(log, row, MISSED, 0, 0, hit.t, _ZERO, o, d, d, throughput, radiance)
-            radiance = vec.add(radiance, vec.mul(throughput, environment_radiance(scene.environment, scene.environment_frame, d)))
+                record_miss(log, row, path)
+            path = _add(path, environment_radiance(scene.environment, scene.environment_frame, path.d))
             if row < len(log):
-                record_light(log, row, EMITTED, radiance)
+                record_light(log, row, EMITTED, path.radiance)
             break
-        surface = surface_at(scene, o, d, hit)
-        through, throughput = reach(
-            scene, surface, hit.t, d, point, options, pixel, sample, row, _ZERO, throughput, radiance, log
-        )
+
+        surface = surface_at(scene, path.o, path.d, hit)
+        through, throughput = reach(scene, surface, path, options, stream, row)
+        path = with_throughput(path, throughput)
+        if row < len(log):
+            record_surface(log, row, surface, through, hit.t, path)
         if through:
             passed += 1
             if passed == MAX_PASSED:
                 break
-            o = departure(surface, False, d)
+            path = with_origin(path, departure(surface, False, path.d))
             continue
-        wo_world = vec.neg(d)
+
         if surface.light >= 0:
-            emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
-            radiance = vec.add(radiance, vec.mul(throughput, emitted))
-        s, q, n = shading_frame(scene, surface, wo_world)
-        material = fetch_material(scene, surface, (s, q, n), layers)
-        material, throughput = one_color(scene, surface, material, throughput, options, pixel, sample, np.uint32(segment))
-        if segment == 0:
-            depth = hit.t if passed == 0 else vec.length(vec.sub(surface.point, point))
-            keep_first_hit(first, surface, material.base, n, depth)
-        mirror = is_specular(material) or _is_polished(material)
+            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front))
+        vertex, path = vertex_at(scene, surface, path, stream, number, layers)
+        material = vertex.material
+        if number == 0:
+            distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
+            keep_first_hit(first, surface, material.base, vertex.frame[2], distance)
         if material.kind == UNLIT:
-            radiance = vec.add(radiance, vec.mul(throughput, material.base))
-        elif not mirror:
-            radiance = vec.add(radiance, vec.mul(throughput, vec.mul(material.base, options.ambient)))
+            path = _add(path, material.base)
+        elif not _is_mirror(material):
+            path = _add(path, vec.mul(material.base, options.ambient))
         if row < len(log):
-            record_light(log, row, EMITTED, radiance)
-        if segment + 1 >= options.max_depth or material.kind == UNLIT:
+            record_light(log, row, EMITTED, path.radiance)
+        if path.depth + 1 >= options.max_depth or material.kind == UNLIT:
             break
 
-        wo = vec.to_local(s, q, n, wo_world)
-        if lit and not mirror:
-            side = _BLACK if transmits(material) else n
-            count = options.light_samples
-            for k in range(count):
-                number = np.uint32(sample * np.uint32(count) + np.uint32(k))
-                r = uniform4(options.sampler, options.seed, pixel, number, np.uint32(2 * segment + 1))
-                light = _look_at_light(scene, surface.point, side, count == 1, r[2], (r[0], r[1]))
-                if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
-                    wi = vec.to_local(s, q, n, light.direction)
-                    f, _ = eval_material(material, wo, wi)
-                    if vec.maximum(f) > _ZERO:
-                        start = departure(surface, wi[2] > _ZERO, light.direction)
-                        rays += 1
-                        weight = transmittance(scene, stack, start, light.end, options.transparent)
-                        weight /= light.pdf * np.float32(count)
-                        if options.mistake != NO_MISTAKE:
-                            weight *= mistaken(options.mistake, surface.point, light.end)
-                        arriving = vec.scale(vec.mul(f, light.radiance), weight)
-                        radiance = vec.add(radiance, vec.mul(throughput, arriving))
+        if lit and not _is_mirror(material):
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream)
+            rays += shadow_rays
             if row < len(log):
-                record_light(log, row, DIRECT, radiance)
+                record_light(log, row, DIRECT, path.radiance)
 
-        r = uniform4(options.sampler, options.seed, pixel, sample, np.uint32(2 * segment + 2))
-        wi, weight, pdf, _ = sample_material(material, wo, r[2], (r[0], r[1]))
-        if pdf > _ZERO and not mirror:
+        numbers = draw4(stream, np.uint32(2 * number + 2))
+        wi, weight, pdf, eta2 = sample_material(material, vertex.wo, numbers[2], (numbers[0], numbers[1]))
+        if pdf > _ZERO and not _is_mirror(material):
             break
-        throughput = vec.mul(throughput, weight)
-        if vec.maximum(throughput) <= _ZERO:
+        path = scattered(vertex, path, wi, weight, _ZERO, eta2)
+        if vec.maximum(path.throughput) <= _ZERO:
             break
-        d = vec.to_world(s, q, n, wi)
-        o = departure(surface, wi[2] > _ZERO, d)
-        point = surface.point
-        segment += 1
-    return radiance, rays
+        number += 1
+        if number - path.depth > MAX_AGAIN:
+            break
+    return path.radiance, rays
+
+
+@template
+def _add_direct(scene, stack, vertex, path, number, options, stream):
+    """The path with the light that the lights send to its vertex, and the shadow rays that were cast."""
+    surface = vertex.surface
+    s, t, n = vertex.frame
+    rays = 0
+    count = options.light_samples
+    for k in range(count):
+        numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
+        light = _look_at_light(scene, surface.point, vertex.normal, count == 1, numbers[2], (numbers[0], numbers[1]))
+        if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
+            wi = vec.to_local(s, t, n, light.direction)
+            f, _ = eval_material(vertex.material, vertex.wo, wi)
+            if vec.maximum(f) > _ZERO:
+                start = departure(surface, wi[2] > _ZERO, light.direction)
+                rays += 1
+                weight = transmittance(scene, stack, start, light.end, options.transparent)
+                weight /= light.pdf * np.float32(count)
+                if options.mistake != NO_MISTAKE:
+                    weight *= mistaken(options.mistake, surface.point, light.end)
+                path = _add(path, vec.scale(vec.mul(f, light.radiance), weight))
+    return path, rays

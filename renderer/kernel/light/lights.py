@@ -15,10 +15,10 @@ import numpy as np
 from renderer.arrays.rows import TEXTURED
 from renderer.jit import device
 from renderer.kernel import vec
+from renderer.kernel.fetch import row
 from renderer.kernel.light.environment import choose, environment_pdf, environment_radiance, sample_environment
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.punctual import sample_punctual
-from renderer.kernel.material.fetch import row
 from renderer.kernel.material.material import emission, opacity
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 from renderer.kernel.surface.surface import leave, sphere_uv, triangle_point, triangle_uv

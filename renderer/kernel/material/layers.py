@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from renderer.kernel.bsdf.layer_balance import fresnels
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.material.texture import lookup
 
-__all__ = ["resolve"]
+__all__ = ["Textures", "resolve"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -23,12 +24,24 @@ _STEP = np.float32(1.0 / _NODES)
 _HALF = np.float32(0.5)
 
 
+class Textures(NamedTuple):
+    """What a surface's textures are looked up with: the scene's arrays, the material's number, both texture coordinates."""
+
+    slots: Any  # the scene's material_texture
+    texture: Any
+    transform: Any
+    texel: Any
+    material: int
+    uv: tuple[float, float]
+    uv1: tuple[float, float]
+
+
 @device
-def _texel(textures, texture, transform, texel, number, slot, uv, uv1):
-    row = textures[number, slot]
-    if row < 0:
+def _texel(textures, slot):
+    number = textures.slots[textures.material, slot]
+    if number < 0:
         return _ONE, _ONE, _ONE, _ONE
-    return lookup(texture, transform, texel, row, uv, uv1)
+    return lookup(textures.texture, textures.transform, textures.texel, number, textures.uv, textures.uv1)
 
 
 @device
@@ -39,48 +52,42 @@ def _multiply(m, column, color):
 
 
 @subroutine
-def resolve(material, textures, texture, transform, texel, number, uv, uv1, base, metallic, roughness, pane, m):
-    """Fills m (LAYER_SLOTS,) with the row of material `number`; base, metallic and roughness are looked up already.
+def resolve(material, textures, base, metallic, roughness, pane, m):
+    """Fills m (LAYER_SLOTS,) with the row of the material; base, metallic and roughness are looked up already.
 
     pane: whether its glass does not refract. COAT_NORMAL is set to the shading normal.
     """
     out_of_line()
     for column in range(rows.COLUMNS):
-        m[column] = material[number, column]
+        m[column] = material[textures.material, column]
     m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2] = base
     m[rows.METALLIC] = metallic
     m[IS_PANE] = _ONE if pane else _ZERO
     m[COAT_NORMAL] = m[COAT_NORMAL + 1] = _ZERO
     m[COAT_NORMAL + 2] = _ONE
-    _look_up(textures, texture, transform, texel, number, uv, uv1, m)
+    _look_up(textures, m)
     _spread(m, roughness)
     if m[rows.IRIDESCENCE] > _ZERO:
         _film_means(m)
 
 
 @subroutine
-def _look_up(textures, texture, transform, texel, number, uv, uv1, m):
-    m[rows.SPECULAR] *= _texel(textures, texture, transform, texel, number, rows.SPECULAR_TEXTURE, uv, uv1)[3]
-    _multiply(m, rows.F0, _texel(textures, texture, transform, texel, number, rows.SPECULAR_COLOR_TEXTURE, uv, uv1))
-    m[rows.CLEARCOAT] *= _texel(textures, texture, transform, texel, number, rows.CLEARCOAT_TEXTURE, uv, uv1)[0]
-    m[rows.CLEARCOAT_ROUGHNESS] *= _texel(textures, texture, transform, texel, number, rows.CLEARCOAT_ROUGHNESS_TEXTURE, uv, uv1)[
-        1
-    ]
-    _multiply(m, rows.SHEEN_COLOR, _texel(textures, texture, transform, texel, number, rows.SHEEN_COLOR_TEXTURE, uv, uv1))
-    m[rows.SHEEN_ROUGHNESS] *= _texel(textures, texture, transform, texel, number, rows.SHEEN_ROUGHNESS_TEXTURE, uv, uv1)[3]
-    m[rows.TRANSMISSION] *= _texel(textures, texture, transform, texel, number, rows.TRANSMISSION_TEXTURE, uv, uv1)[0]
-    m[rows.IRIDESCENCE] *= _texel(textures, texture, transform, texel, number, rows.IRIDESCENCE_TEXTURE, uv, uv1)[0]
+def _look_up(textures, m):
+    m[rows.SPECULAR] *= _texel(textures, rows.SPECULAR_TEXTURE)[3]
+    _multiply(m, rows.F0, _texel(textures, rows.SPECULAR_COLOR_TEXTURE))
+    m[rows.CLEARCOAT] *= _texel(textures, rows.CLEARCOAT_TEXTURE)[0]
+    m[rows.CLEARCOAT_ROUGHNESS] *= _texel(textures, rows.CLEARCOAT_ROUGHNESS_TEXTURE)[1]
+    _multiply(m, rows.SHEEN_COLOR, _texel(textures, rows.SHEEN_COLOR_TEXTURE))
+    m[rows.SHEEN_ROUGHNESS] *= _texel(textures, rows.SHEEN_ROUGHNESS_TEXTURE)[3]
+    m[rows.TRANSMISSION] *= _texel(textures, rows.TRANSMISSION_TEXTURE)[0]
+    m[rows.IRIDESCENCE] *= _texel(textures, rows.IRIDESCENCE_TEXTURE)[0]
     thin, thick = m[rows.THICKNESS], m[rows.THICKNESS + 1]
-    m[rows.THICKNESS] = (
-        thin + (thick - thin) * _texel(textures, texture, transform, texel, number, rows.THICKNESS_TEXTURE, uv, uv1)[1]
-    )
-    m[rows.DIFFUSE_TRANSMISSION] *= _texel(
-        textures, texture, transform, texel, number, rows.DIFFUSE_TRANSMISSION_TEXTURE, uv, uv1
-    )[3]
-    color = _texel(textures, texture, transform, texel, number, rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE, uv, uv1)
+    m[rows.THICKNESS] = thin + (thick - thin) * _texel(textures, rows.THICKNESS_TEXTURE)[1]
+    m[rows.DIFFUSE_TRANSMISSION] *= _texel(textures, rows.DIFFUSE_TRANSMISSION_TEXTURE)[3]
+    color = _texel(textures, rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE)
     _multiply(m, rows.DIFFUSE_TRANSMISSION_COLOR, color)
-    if textures[number, rows.ANISOTROPY_TEXTURE] >= 0:
-        r, g, b, _ = _texel(textures, texture, transform, texel, number, rows.ANISOTROPY_TEXTURE, uv, uv1)
+    if textures.slots[textures.material, rows.ANISOTROPY_TEXTURE] >= 0:
+        r, g, b, _ = _texel(textures, rows.ANISOTROPY_TEXTURE)
         x = _TWO * r - _ONE
         y = _TWO * g - _ONE
         length = math.sqrt(x * x + y * y)

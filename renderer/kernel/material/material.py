@@ -37,10 +37,10 @@ from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.kernel.material.fetch import columns
-from renderer.kernel.material.layers import resolve
+from renderer.kernel.fetch import columns
+from renderer.kernel.material.layers import Textures, resolve
+from renderer.kernel.material.normal_map import coat_normal
 from renderer.kernel.material.texture import sample_texture
-from renderer.kernel.surface.normal_map import coat_normal
 
 __all__ = [
     "LAYER_SLOTS",
@@ -103,7 +103,6 @@ def fetch_material(scene, surface, frame, layers):
     """
     number = surface.material
     row = scene.material
-    textures = scene.material_texture
     kind = scene.material_kind[number]
     flags = scene.material_flags[number]
     base = _rgb(row, number, rows.BASE)
@@ -124,9 +123,10 @@ def fetch_material(scene, surface, frame, layers):
     eta = ior if surface.front else _ONE / ior
     if kind >= CONDUCTOR:
         pane = flags & rows.THIN != 0 or abs(ior - _ONE) < _MATCHED
-        images, transform, texel = scene.texture, scene.texture_transform, scene.texel
-        uv, uv1 = surface.uv, surface.uv1
-        resolve(row, textures, images, transform, texel, number, uv, uv1, base, metallic, roughness, pane, layers)
+        textures = Textures(
+            scene.material_texture, scene.texture, scene.texture_transform, scene.texel, number, surface.uv, surface.uv1
+        )
+        resolve(row, textures, base, metallic, roughness, pane, layers)
         if kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0:
             layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = coat_normal(scene, surface, frame)
     return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers)

@@ -1,10 +1,12 @@
-"""Texture lookups: bilinear between texels, three ways to repeat, sRGB decoded before it is mixed; and stacks of textures."""
+"""Texture lookups: bilinear between texels or the nearest one, three ways to repeat, sRGB decoded before it is mixed; and stacks
+of textures.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import ABOVE, BLEND, GAIN, MOST, SRGB, STRENGTH, UV_SET
+from renderer.arrays.rows import ABOVE, BLEND, GAIN, MOST, NEAREST, SRGB, STRENGTH, UV_SET
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.material.blend import blended
 from renderer.kernel.polynomial import floor
@@ -58,10 +60,16 @@ def _look_up_image(texture, transform, texel, number, uv, uv1):
     second = texture[number, UV_SET] != 0
     u = uv1[0] if second else uv[0]
     v = uv1[1] if second else uv[1]
-    x = (transform[number, 0] * u + transform[number, 1] * v + transform[number, 2]) * np.float32(width) - _HALF
-    y = (transform[number, 3] * u + transform[number, 4] * v + transform[number, 5]) * np.float32(height) - _HALF
+    x = (transform[number, 0] * u + transform[number, 1] * v + transform[number, 2]) * np.float32(width)
+    y = (transform[number, 3] * u + transform[number, 4] * v + transform[number, 5]) * np.float32(height)
     if not (abs(x) < _LARGE and abs(y) < _LARGE):  # beyond, float32 has no texels left to mix; also NaN
-        x = y = _ZERO
+        x = y = _HALF
+    if texture[number, NEAREST] != 0:  # the mix below is then of one texel alone
+        x = np.float32(floor(x))
+        y = np.float32(floor(y))
+    else:
+        x -= _HALF
+        y -= _HALF
     left = floor(x)
     upper = floor(y)
     s = x - np.float32(left)

@@ -10,6 +10,8 @@ independent: pcg4d of Jarzynski & Olano, "Hash Functions for GPU Rendering", JCG
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
@@ -18,7 +20,19 @@ from numba.extending import intrinsic
 from renderer.jit import device, subroutine
 from renderer.settings import SAMPLERS
 
-__all__ = ["INDEPENDENT", "SOBOL", "direction_numbers", "hash4", "pixel_key", "sobol4", "uniform1", "uniform4"]
+__all__ = [
+    "INDEPENDENT",
+    "SOBOL",
+    "Stream",
+    "direction_numbers",
+    "draw1",
+    "draw4",
+    "hash4",
+    "pixel_key",
+    "sobol4",
+    "substream",
+    "uniform4",
+]
 
 SOBOL, INDEPENDENT = (np.int32(SAMPLERS.index(name)) for name in ("sobol", "independent"))
 
@@ -217,7 +231,28 @@ def uniform4(sampler, seed, pixel, sample, block):
     return _unit(x), _unit(y), _unit(z), _unit(w)
 
 
+class Stream(NamedTuple):
+    """The numbers of one sample of one pixel. All uint32, but for the sampler."""
+
+    sampler: int
+    seed: int
+    pixel: int  # from `pixel_key`
+    sample: int
+
+
+@device
+def draw4(stream, block):
+    """The four numbers of a block, as in `uniform4`."""
+    return uniform4(stream.sampler, stream.seed, stream.pixel, stream.sample, block)
+
+
 @subroutine
-def uniform1(sampler, seed, pixel, sample, block):
-    """The first number of `uniform4`, for what is seldom needed."""
-    return uniform4(sampler, seed, pixel, sample, block)[0]
+def draw1(stream, block):
+    """The first number of a block, for what is seldom needed."""
+    return draw4(stream, block)[0]
+
+
+@device
+def substream(stream, k, count):
+    """The k-th of `count` streams in a sample's place: those of all samples are as even as those of one."""
+    return Stream(stream.sampler, stream.seed, stream.pixel, np.uint32(stream.sample * np.uint32(count) + np.uint32(k)))

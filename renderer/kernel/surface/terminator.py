@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.material.fetch import row
+from renderer.kernel.fetch import row
 
 __all__ = ["lifted"]
 

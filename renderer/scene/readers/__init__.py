@@ -1,5 +1,6 @@
 """One reader a format: `read(files, main, description)` fills a SceneDescription, or raises SceneError with a sentence.
 
+by_format.py which of them reads a file, by the table in renderer/formats.py
 gltf/       glTF 2.0, .gltf and .glb
 obj.py      Wavefront OBJ: obj_lines.py has its statements, mtl.py and mtl_maps.py its materials
 yaml/       our own scene files (docs/scene-format.md), with shapes.py for what they name and no file holds, and metals.py

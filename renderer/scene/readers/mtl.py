@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from renderer.scene.description import Material, Vec3
+from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
+from renderer.scene.material import PARAMETERS, Material
 from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_decal, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.textures import TextureShelf
@@ -19,7 +20,8 @@ __all__ = ["read_mtl"]
 
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
-_COATED = ("pr", "pm", "ps", "pc", "aniso", "map_pr", "map_pm")
+_BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
+_PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # what only a physically based material says
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
@@ -53,7 +55,9 @@ class _Statements:
             values = [math.nan]
         if all(math.isfinite(v) for v in values):
             return values
-        self.shelf.warn(f"{self.file}: material {self.name}: {keyword} {' '.join(words)[:40]} is not understood and left out.")
+        self.shelf.warn_of_surface(
+            f"{self.file}: material {self.name}: {keyword} {' '.join(words)[:40]} is not understood and left out."
+        )
         return []
 
     def number(self, keyword: str, default: float) -> float:
@@ -105,7 +109,7 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
     if decal is None:
         return
     if material.base_color_texture is None:
-        said.shelf.warn(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
+        said.shelf.warn_of_surface(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
         return
     material.base_color_texture = with_decal(said.shelf, material.base_color_texture, decal, color)
     material.base_color = (1.0, 1.0, 1.0)
@@ -114,7 +118,7 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
 def _choose_kind(said: _Statements, material: Material, specular: Vec3, shininess: float) -> None:
     model = int(clamped(said.number("illum", 2), 0, 10))
     black = max(material.base_color) < 0.05 and material.base_color_texture is None
-    if any(keyword in said.values for keyword in _COATED):
+    if any(keyword in said.values for keyword in _PHYSICAL):
         material.kind = "metallic_roughness"
     elif model in _GLASS_MODELS:
         material.kind, material.base_color = "glass", said.color("tf", (1.0, 1.0, 1.0))
@@ -129,7 +133,8 @@ def _choose_kind(said: _Statements, material: Material, specular: Vec3, shinines
 
 def _physical(said: _Statements, material: Material, roughness: float, specular: Vec3) -> None:
     material.roughness = roughness
-    material.metallic = unit(said.number("pm", material.metallic))
+    for keyword, parameter in _BY_TABLE.items():
+        setattr(material, parameter.name, parameter.clamped(said.number(keyword, getattr(material, parameter.name))))
     rough, metal = said.texture("map_pr"), said.texture("map_pm")
     material.metallic_roughness_texture = with_roughness_and_metal(said.shelf, rough, metal)
     if rough is not None and "pr" not in said.values:
@@ -138,8 +143,6 @@ def _physical(said: _Statements, material: Material, roughness: float, specular:
         material.metallic = 1.0
     if "ks" in said.values and material.metallic == 0:
         material.specular = unit(2 * max(specular))  # 0.5 is what exporters write for the 4 % that plastics reflect
-    material.clearcoat, material.clearcoat_roughness = unit(said.number("pc", 0.0)), unit(said.number("pcr", 0.0))
-    material.anisotropy = unit(said.number("aniso", 0.0))
     material.anisotropy_rotation = math.remainder(2 * math.pi * said.number("anisor", 0.0), 2 * math.pi)
     sheen = unit(said.number("ps", 0.0))
     if sheen > 0:
@@ -154,7 +157,9 @@ def _normals(said: _Statements, material: Material) -> None:
         if texture is not None and holds_normals(said.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
         elif texture is not None:
-            said.shelf.warn(f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map.")
+            said.shelf.warn_of_surface(
+                f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map."
+            )
 
 
 def _opacity(said: _Statements, material: Material) -> None:

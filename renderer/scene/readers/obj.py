@@ -21,6 +21,7 @@ from renderer.scene.unique import unique_rows
 
 __all__ = ["read"]
 
+_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # images of what surrounds a scene, not of what its surfaces are
 MAX_BYTES = 400 << 20  # of text; its arrays take about as much again
 
 
@@ -105,7 +106,7 @@ class _Materials:
             name = files.find(library, file)
             names = [name] if name else [n for word in library.split() if (n := files.find(word, file))]
             if not names:
-                shelf.warn(
+                shelf.warn_of_surface(
                     f"{file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
                 )
             for n in names:
@@ -120,18 +121,20 @@ class _Materials:
             if self._bare and mesh.uvs is not None:
                 material.base_color_texture = self._lone_texture(material)
             elif name is not None and self._found:
-                self._shelf.warn(f"{self._file}: no material file describes {name[:120]}; it is grey.")
+                self._shelf.warn_of_surface(f"{self._file}: no material file describes {name[:120]}; it is grey.")
         if material.kind == "glass":
             material.thin = not is_closed(mesh.positions, mesh.triangles)
         self._description.materials.append(material)
         return len(self._description.materials) - 1
 
     def _lone_texture(self, material: Material) -> int | None:
-        images = self._files.siblings(self._file, IMAGE_SUFFIXES)
+        images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]
         if len(images) != 1:
             return None
         texture = self._shelf.texture(self._shelf.image_file(images[0]))
         if texture is not None:
             material.base_color = (1.0, 1.0, 1.0)
-            self._shelf.warn(f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture.")
+            self._shelf.warn_of_surface(
+                f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture."
+            )
         return texture

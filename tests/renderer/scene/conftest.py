@@ -1,12 +1,11 @@
 import io
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from renderer.scene.load import read
+from tests.renderer.scene.samples import write
 
 
 @pytest.fixture
@@ -38,9 +37,8 @@ def png():
 
 
 @pytest.fixture(scope="session")
-def assets():
-    """The folder of sample files, which are no part of the repository."""
-    folder = Path(os.environ.get("RAYFARM_ASSETS", Path(__file__).parents[3].parent / "shared" / "assets"))
-    if not folder.is_dir():
-        pytest.skip(f"no sample files at {folder}; set RAYFARM_ASSETS")
+def samples(tmp_path_factory):
+    """The folder of sample files that another program wrote."""
+    folder = tmp_path_factory.mktemp("samples")
+    write(folder)
     return folder

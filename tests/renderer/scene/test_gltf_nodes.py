@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 
@@ -112,3 +113,18 @@ def test_what_a_file_hides_is_not_shown(scene):
     g.mesh()
     g.mesh()["extensions"] = {"KHR_node_visibility": {"visible": False}}
     assert len(scene("a.glb", g.glb()).instances) == 1
+
+
+def test_a_chain_of_many_nodes_is_read(scene):
+    """Each a little beside the one above it; only a node that hangs below two, or below itself, is damage."""
+    g = Gltf()
+    g.mesh()
+    count = 20_000
+    g.root["nodes"] = [{"children": [i + 1], "translation": [0.25, 0, 0]} for i in range(count - 1)] + [{"mesh": 0}]
+    g.root["scenes"] = [{"nodes": [0]}]
+    np.testing.assert_allclose(world(scene("a.glb", g.glb()))[0], TRIANGLE + np.float32([(count - 1) / 4, 0, 0]), atol=1e-3)
+    for last, children in ((7, [8, 9]), (count - 1, [0])):
+        g.root["nodes"][last]["children"] = children
+        with pytest.raises(SceneError, match="hangs below two parents or below itself"):
+            scene("a.glb", g.glb())
+        g.root["nodes"][7]["children"] = [8]

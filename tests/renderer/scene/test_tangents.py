@@ -1,5 +1,7 @@
 """Tangents point where u grows, whatever the UVs' layout and the instance's transform."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,7 +93,7 @@ def test_tangents_are_made_only_where_a_material_needs_them():
 def test_tangents_follow_the_normal_maps_set_of_uvs():
     description = bumpy(np.eye(4), uvs1=UPRIGHT[:, ::-1].copy())
     first = flatten(description).tangent
-    description.textures[0].uv_set = 1
+    description.textures[0] = replace(description.textures[0], uv_set=1)
     second = flatten(description).tangent
     np.testing.assert_allclose(first[0, :3], (1, 0, 0), atol=1e-6)
     np.testing.assert_allclose(second[0, :3], (0, -1, 0), atol=1e-6)

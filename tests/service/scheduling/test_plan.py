@@ -87,7 +87,7 @@ def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
 def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
     bench = Bench(10, None)
     bench.finish(2)
-    bench.plan.extend(25)
+    bench.plan = FramePlan(bench.tiles, 25, *bench.args[2:])
     assert not bench.plan.done
     assert min(batch.first for batch in bench.finish(3)) == 10
     assert all(c.ranges == [(0, 25)] for c in bench.coverage)

@@ -1,4 +1,4 @@
-"""glTF's surfaces: metallic-roughness, alpha, normal map and emission (specification 3.9); extensions.py has the others.
+"""glTF's surfaces: metallic-roughness, alpha and emission (specification 3.9); extensions.py has the others.
 
 Occlusion textures are left out: a path tracer finds what they stand in for.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from renderer.scene.description import AlphaMode, Material
+from renderer.scene.material import AlphaMode, Material
 from renderer.scene.readers.gltf import extensions
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.specular_glossiness import read_specular_glossiness
@@ -17,7 +17,7 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["EXTENSIONS", "Materials"]
 
-EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness", *extensions.READERS}
+EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness", *extensions.NAMES}
 
 _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
@@ -61,35 +61,20 @@ class Materials:
         glossy = source.extension("KHR_materials_pbrSpecularGlossiness")
         if glossy:
             read_specular_glossiness(glossy, material, self._textures, self._shelf)
-        else:
-            self._metallic_roughness(source.object("pbrMetallicRoughness"), material)
-        self._alpha(source, material)
-        material.double_sided = source.value.get("doubleSided") is True
-        material.normal_texture = self._textures.find(source, "normalTexture", name)
-        material.normal_scale = extensions.normal_scale(source, "normalTexture")
+        elif (metallic_roughness := source.object(extensions.METALLIC_ROUGHNESS)) is not None:
+            r, g, b, material.opacity = (unit(c) for c in metallic_roughness.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
+            material.base_color = (r, g, b)
+        extensions.read_parameters(source, material, self._textures, metallic_roughness=not glossy)
+        self._alpha_mode(source, material)
         self._emission(source, material)
-        for extension, read in extensions.READERS.items():
-            found = source.extension(extension)
-            if found:
-                read(found, material, self._textures)
+        extensions.read_extensions(source, material)
         return material
 
-    def _metallic_roughness(self, pbr: Json | None, material: Material) -> None:
-        if pbr is None:
-            return
-        r, g, b, material.opacity = (unit(c) for c in pbr.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
-        material.base_color = (r, g, b)
-        material.metallic = unit(pbr.number("metallicFactor", 1.0))
-        material.roughness = unit(pbr.number("roughnessFactor", 1.0))
-        material.base_color_texture = self._textures.find(pbr, "baseColorTexture", material.name, srgb=True)
-        material.metallic_roughness_texture = self._textures.find(pbr, "metallicRoughnessTexture", material.name)
-
-    def _alpha(self, source: Json, material: Material) -> None:
+    def _alpha_mode(self, source: Json, material: Material) -> None:
         mode = source.text("alphaMode", "OPAQUE")
         if mode not in _ALPHA_MODES:
             raise source.wrong("alphaMode", f"is {mode[:20]!r}; known are {', '.join(_ALPHA_MODES)}")
         material.alpha_mode = _ALPHA_MODES[mode]
-        material.alpha_cutoff = max(source.number("alphaCutoff", 0.5), 0.0)
 
     def _emission(self, source: Json, material: Material) -> None:
         extension = source.extension("KHR_materials_emissive_strength")

@@ -13,6 +13,7 @@ from renderer.scene.readers.gltf.deform import morphed, skinned
 from renderer.scene.readers.gltf.materials import Materials
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
+from renderer.scene.readers.gltf.variants import Variants
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Meshes"]
@@ -23,8 +24,17 @@ MAX_VERTICES = 1 << 26
 class Meshes:
     """The description's meshes by glTF mesh."""
 
-    def __init__(self, root: Json, accessors: Accessors, materials: Materials, shelf: TextureShelf, meshes: list[Mesh]) -> None:
+    def __init__(
+        self,
+        root: Json,
+        accessors: Accessors,
+        materials: Materials,
+        variants: Variants,
+        shelf: TextureShelf,
+        meshes: list[Mesh],
+    ) -> None:
         self.sources = root.objects("meshes")
+        self._variants = variants
         self._accessors, self._materials, self._shelf, self._meshes = accessors, materials, shelf, meshes
         self._file, self._vertices = root.file, 0
         self._sources: dict[int, list[tuple[Primitive, int | None]]] = {}
@@ -58,7 +68,7 @@ class Meshes:
         if index not in self._sources:
             self._sources[index] = []
             for source in self.sources[index].objects("primitives"):
-                material = source.index("material", self._materials.sources)
+                material = self._variants.material_of(source, self._materials.sources)
                 primitive = read_primitive(source, self.name(index), self._accessors, self._shelf)
                 if primitive is not None:
                     self._sources[index].append((primitive, material))

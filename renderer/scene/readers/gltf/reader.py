@@ -7,7 +7,7 @@ import numpy as np
 from renderer.errors import SceneError, SettingsError
 from renderer.scene.description import Camera, Instance, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.gltf import draco, instancing, lights, materials, textures
+from renderer.scene.readers.gltf import draco, instancing, lights, materials, textures, variants
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json, parse
@@ -20,7 +20,6 @@ __all__ = ["read"]
 
 MAX_NODES = 200_000
 MAX_INSTANCES = 500_000
-MAX_DEPTH = 1000
 
 _VISIBILITY = "KHR_node_visibility"
 
@@ -29,22 +28,25 @@ _READ = {
     instancing.EXTENSION,
     lights.EXTENSION,
     _VISIBILITY,
+    variants.EXTENSION,
     "KHR_mesh_quantization",
     *materials.EXTENSIONS,
     *textures.EXTENSIONS,
 }
-# These change nothing of the one picture that is rendered: other materials to choose, notes, and animation's targets.
-_WITHOUT_EFFECT = {"KHR_materials_variants", "KHR_xmp_json_ld", "KHR_animation_pointer"}
+# These change nothing of the one picture that is rendered: notes, and animation's targets.
+_WITHOUT_EFFECT = {"KHR_xmp_json_ld", "KHR_animation_pointer"}
 
 
-def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's default scene to the description. Raises SceneError."""
+def read(files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None) -> None:
+    """Adds the file's default scene to the description, with its own materials or those of a variant. Raises SceneError."""
     root, binary = parse(files.read(main), main)
     shelf = TextureShelf(description, files)
     _check_extensions(root, shelf)
     accessors = Accessors(root, binary, files)
     surfaces = materials.Materials(root, textures.Textures(root, accessors, files, shelf), shelf, description.materials)
-    meshes = Meshes(root, accessors, surfaces, shelf, description.meshes)
+    chosen = variants.Variants(root, variant)
+    description.variants = chosen.names
+    meshes = Meshes(root, accessors, surfaces, chosen, shelf, description.meshes)
     _Nodes(root, accessors, meshes, shelf, description).walk()
     for i, animation in enumerate(root.objects("animations")):
         description.animations.append(animation.text("name", "") or f"animation {i}")
@@ -86,11 +88,11 @@ class _Nodes:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
         shown_nodes: list[int] = []
-        stack = [(i, np.eye(4), 0, True) for i in reversed(self._top())]
+        stack = [(i, np.eye(4), True) for i in reversed(self._top())]
         while stack:
-            index, parent, depth, shown = stack.pop()
+            index, parent, shown = stack.pop()
             node = self._nodes[index]
-            if index in self._worlds or depth > MAX_DEPTH:
+            if index in self._worlds:
                 raise SceneError(
                     f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
                 )
@@ -102,7 +104,7 @@ class _Nodes:
             shown = shown and (visibility is None or visibility.value.get("visible") is not False)
             shown_nodes += [index] if shown else []
             self._add_camera(node, world)
-            stack += [(child, world, depth + 1, shown) for child in reversed(node.indices("children", self._nodes))]
+            stack += [(child, world, shown) for child in reversed(node.indices("children", self._nodes))]
         for index in shown_nodes:  # when all joints are in their places
             self._place(self._nodes[index], self._worlds[index])
 

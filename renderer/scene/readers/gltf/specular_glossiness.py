@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.scene.description import Image, Material
+from renderer.scene.description import Image
+from renderer.scene.material import ALL_REFLECTING_IOR, Material
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.textures import Textures
 from renderer.scene.readers.numbers import unit, unit_color
@@ -16,7 +17,6 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_specular_glossiness"]
 
-_ALL_REFLECTING_IOR = 1000.0
 _KEY = "specularGlossinessTexture"
 
 
@@ -32,7 +32,7 @@ def read_specular_glossiness(source: Json, material: Material, textures: Texture
         material.base_color, material.metallic = specular, 1.0
         return
     material.metallic = 0.0
-    material.ior, material.specular_color = _ALL_REFLECTING_IOR, specular
+    material.ior, material.specular_color = ALL_REFLECTING_IOR, specular
     material.specular_color_texture = textures.find(source, _KEY, material.name, srgb=True)
     if material.specular_color_texture is not None:
         found = textures.find(source, _KEY, material.name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from renderer.scene.description import UvTransform, Wrap
+from renderer.scene.description import TexelFilter, UvTransform, Wrap
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
@@ -14,7 +14,10 @@ __all__ = ["EXTENSIONS", "Textures"]
 
 EXTENSIONS = {"EXT_texture_webp", "KHR_texture_transform"}
 
-_WRAP: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+_REPEAT, _LINEAR = 10497, 9729
+_WRAP: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirror", 33071: "clamp"}
+_NEAREST = {9728}
+_MIN_NEAREST = {9728, 9984, 9986}  # without mipmaps, with one, between two
 _UV_SETS = 2
 
 
@@ -43,23 +46,30 @@ class Textures:
             uv_set = extension.integer("texCoord", uv_set, high=64)
             transform = _matrix(extension)
         if uv_set >= _UV_SETS:
-            self._shelf.warn(f"Material {user}: a texture uses UV set {uv_set}; only sets 0 and 1 are read, and 0 is taken.")
+            self._shelf.warn_of_surface(
+                f"Material {user}: a texture uses UV set {uv_set}; only sets 0 and 1 are read, and 0 is taken."
+            )
             uv_set = 0
-        wrap_s, wrap_t = self._wrap(texture)
-        return self._shelf.texture(self._image(texture, user, srgb), wrap_s, wrap_t, uv_set, transform)
+        wrap_s, wrap_t, filter = self._sampler(texture)
+        return self._shelf.texture(self._image(texture, user, srgb), wrap_s, wrap_t, uv_set, transform, filter=filter)
 
-    def _wrap(self, texture: Json) -> tuple[Wrap, Wrap]:
-        sampler = texture.index("sampler", self._samplers)
-        if sampler is None:
-            return "repeat", "repeat"
-        s, t = (self._samplers[sampler].integer(k, 10497) for k in ("wrapS", "wrapT"))
-        return _WRAP.get(s, "repeat"), _WRAP.get(t, "repeat")
+    def _sampler(self, texture: Json) -> tuple[Wrap, Wrap, TexelFilter]:
+        index = texture.index("sampler", self._samplers)
+        if index is None:
+            return "repeat", "repeat", "linear"
+        sampler = self._samplers[index]
+        s, t = (sampler.integer(k, _REPEAT) for k in ("wrapS", "wrapT"))
+        # What a path tracer shows of a texture that is seen small is a mean of many lookups, whatever minFilter says of it; so
+        # minFilter only tells what an author means who left magFilter out.
+        nearest = _NEAREST if "magFilter" in sampler else _MIN_NEAREST
+        chosen = sampler.integer("magFilter" if "magFilter" in sampler else "minFilter", _LINEAR)
+        return _WRAP.get(s, "repeat"), _WRAP.get(t, "repeat"), "nearest" if chosen in nearest else "linear"
 
     def _image(self, texture: Json, user: str, srgb: bool) -> int | None:
         webp = texture.extension("EXT_texture_webp")
         index = (webp or texture).index("source", self._images)
         if index is None:
-            self._shelf.warn(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
+            self._shelf.warn_of_surface(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
             return None
         image = self._images[index]
         place = f"{self._root.file}: {image.where}"

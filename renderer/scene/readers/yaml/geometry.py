@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from renderer.formats import SCENE_SUFFIXES
+from renderer.formats import MESH_FORMATS
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
 from renderer.scene.merge import merge
 from renderer.scene.normals import smoothed
 from renderer.scene.readers import shapes
+from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.yaml import transforms
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import vec3
@@ -34,7 +35,7 @@ class Shapes:
     def __init__(self, document: Yaml, files: SceneFiles, description: SceneDescription, materials: dict[str, int]) -> None:
         self._document, self._files, self._description, self._materials = document, files, description, materials
         self._plain: int | None = None
-        self._parts: dict[tuple[str, int | None], list[Instance]] = {}  # of mesh files that were read before
+        self._parts: dict[tuple[str, str | int | None, int | None], list[Instance]] = {}  # of mesh files that were read before
         self._triangles = 0
         self._places = 0
 
@@ -128,24 +129,23 @@ class Shapes:
             self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False)))
 
     def _mesh_file(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path) -> None:
-        from renderer.scene.load import read_into  # which imports this reader in turn
-
         name = self._files.find(source["file"], self._document.file)
         if name is None:
             raise self._document.error((*path, "file"), f"{source['file'][:120]} is not among the files; add it")
-        suffix = PurePosixPath(name).suffix.lower()
-        if suffix in (".yaml", ".yml") or suffix not in SCENE_SUFFIXES:
-            others = ", ".join(s for s in SCENE_SUFFIXES if s not in (".yaml", ".yml"))
+        if PurePosixPath(name).suffix.lower() not in {format.suffix for format in MESH_FORMATS}:
+            others = ", ".join(format.suffix for format in MESH_FORMATS)
             raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
-        if (name, material) not in self._parts:
+        variant = source.get("variant")
+        key = (name, variant, material)
+        if key not in self._parts:
             part = SceneDescription(name=name)
-            read_into(self._files, name, part)
-            self._parts[name, material] = merge(part, self._description, material)
-        self._count(len(placed) * max(len(self._parts[name, material]) - 1, 0), path)  # one each was counted before
+            read_file(self._files, name, part, None if variant is None else str(variant), MESH_FORMATS)
+            self._parts[key] = merge(part, self._description, material)
+        self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # one each was counted before
         for called, place in placed:
             self._description.instances += [
                 replace(s, transform=place @ s.transform, name=f"{called}/{s.name}" if s.name else called)
-                for s in self._parts[name, material]
+                for s in self._parts[key]
             ]
 
     def _material_of(self, source: dict[str, Any], path: Path) -> int | None:

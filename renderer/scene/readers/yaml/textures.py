@@ -44,7 +44,14 @@ class Textures:
             self._images[name, srgb] = self._image(name, source, srgb)
         wrap = source.get("wrap", "repeat")
         wrap_s, wrap_t = wrap if isinstance(wrap, list) else (wrap, wrap)
-        return self._shelf.texture(self._images[name, srgb], wrap_s, wrap_t, source.get("uv_set", 0), _transform(source))
+        return self._shelf.texture(
+            self._images[name, srgb],
+            wrap_s,
+            wrap_t,
+            source.get("uv_set", 0),
+            _transform(source),
+            filter=source.get("filter", "linear"),
+        )
 
     def stack(self, entries: str | list[Any], path: Path, srgb: bool) -> int | None:
         """As `find`, of a name or of a list of them, the lowest first; a layer whose image is missing is left out."""

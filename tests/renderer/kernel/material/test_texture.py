@@ -11,7 +11,6 @@ from renderer.kernel.material.texture import sample_texture
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import (
-    SINGLE_TEXTURES,
     Image,
     Instance,
     Material,
@@ -21,6 +20,7 @@ from renderer.scene.description import (
     Texture,
     TextureLayer,
 )
+from renderer.scene.material import PARAMETERS
 from renderer.scene.packing import pack
 from tests.renderer.builders import settings
 from tests.renderer.judge import assert_mean
@@ -258,7 +258,37 @@ def test_a_lamps_power_is_the_mean_of_its_whole_stack():
     np.testing.assert_allclose(emitted[1], mean @ (0.2126, 0.7152, 0.0722), rtol=1e-3)  # of 131,072 points
 
 
-@pytest.mark.parametrize("slot", sorted(SINGLE_TEXTURES))
+CHECKER = np.array([[[255, 0, 0, 255], [0, 255, 0, 51]], [[0, 0, 255, 255], [255, 255, 255, 0]]], np.uint8)
+
+
+@pytest.mark.parametrize(("wrap", "columns"), [("repeat", (0, 1, 0, 1)), ("mirror", (0, 1, 1, 0)), ("clamp", (0, 1, 1, 1))])
+def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
+    """Up to its very border, and to the right of the image as it repeats."""
+    textures = [Texture(0, wrap, "clamp", filter="nearest"), Texture(0, wrap, "clamp")]
+    scene = compiled(textures, [Material(base_color_texture=i) for i in range(2)], [Image("checker", CHECKER)])
+    inside = np.linspace(0, 0.5, 12, endpoint=False, dtype=np.float32)
+    for k, column in enumerate(columns):
+        for row in (0, 1):
+            uv = np.stack(np.meshgrid(k / 2 + inside, row / 2 + inside), -1).reshape(-1, 2).astype(np.float32)
+            found = np.empty((len(uv), 4), np.float32)
+            _look_up(scene, 0, uv, uv, found)
+            assert np.array_equal(found, np.broadcast_to((CHECKER[row, column] / 255).astype(np.float32), found.shape))
+    mixed = np.empty((1, 4), np.float32)
+    _look_up(scene, 1, np.full((1, 2), 0.5, np.float32), np.zeros((1, 2), np.float32), mixed)
+    np.testing.assert_allclose(mixed[0], (CHECKER / 255).mean((0, 1)), atol=1e-6)  # the other still mixes all four
+
+
+def test_nearest_texels_are_squares_in_the_picture():
+    """Seen square on, each quarter of the picture has one colour, from its first pixel to its last."""
+    scene = compiled([Texture(0, "clamp", "clamp", filter="nearest")], Material(base_color_texture=0), [Image("c", CHECKER)])
+    size = 16
+    seen = settings((0, 0, 4), (0, 0, 0), float(np.degrees(2 * np.arctan(1 / 4))), size, max_depth=1)
+    albedo = mean(render_frame(scene, seen, 4), seen.film_exponent, ALBEDO)
+    expected = 0.8 * np.kron(CHECKER[..., :3] / 255, np.ones((size // 2, size // 2, 1)))
+    np.testing.assert_allclose(albedo, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("slot", [p.name for p in PARAMETERS if p.form == "texture" and not p.layered])
 def test_slots_that_take_one_texture_say_so(slot):
     textures = [Texture(0, layers=(TextureLayer(1),)), Texture(1)]
     with pytest.raises(SceneError, match=f"Material tiles: its {slot} has layers, .* give it one texture"):

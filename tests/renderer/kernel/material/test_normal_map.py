@@ -5,7 +5,7 @@ import pytest
 
 from renderer.jit import entry
 from renderer.kernel import vec
-from renderer.kernel.surface.normal_map import map_normal, shading_frame
+from renderer.kernel.material.normal_map import map_normal, shading_frame
 from renderer.kernel.surface.surface import Surface
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture

@@ -3,7 +3,7 @@
 import numpy as np
 
 from renderer.jit import entry
-from renderer.kernel.material.fetch import columns, row
+from renderer.kernel.fetch import columns, row
 
 
 @entry

@@ -1,0 +1,106 @@
+"""Machine code as one file: what one host compiled, for every other of its kind to load.
+
+The file is a signed zip of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a key that both ends know, then the zip.
+Numba keeps machine code as pickles, and whoever loads a pickle runs what is in it: so nothing is unpacked whose signature is
+not right.
+Needs no numba: folder and name come from the caller.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import re
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import IO
+
+__all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "unpack"]
+
+MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth of that
+_MAX_UNPACKED = 4 * MAX_BYTES
+_SIGNATURE = 32
+_CHUNK = 1 << 20
+_NAME = re.compile(r"[0-9a-f]{16}-[a-z]+\d+")
+_MEMBER = re.compile(r"\w+(\.\w+)*/\w[\w.-]*\.nb[ic]|\w+\.done", re.ASCII)
+
+
+class ArtefactError(Exception):
+    """The file is damaged, or not signed with this key."""
+
+
+def name_of(folder: Path) -> str:
+    """An artefact's name: the folder's, a hash of sources, compiler and target, and the Python whose pickles it holds."""
+    implementation = sys.implementation
+    return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}"
+
+
+def is_name(text: str) -> bool:
+    """Whether this may be an artefact's name, and so is safe in a path."""
+    return _NAME.fullmatch(text) is not None
+
+
+def pack(folder: Path, key: str, out: IO[bytes]) -> None:
+    """Write a folder's machine code, signed, to a file that is open for reading and writing."""
+    start = out.tell()
+    out.write(bytes(_SIGNATURE))
+    with zipfile.ZipFile(out, "w") as archive:
+        for path in sorted(folder.rglob("*")):
+            member = path.relative_to(folder).as_posix()
+            if _MEMBER.fullmatch(member):  # without its date: the same files make the same artefact
+                archive.writestr(zipfile.ZipInfo(member), path.read_bytes(), zipfile.ZIP_DEFLATED, 1)
+    out.seek(start)
+    signature = _signature(out, key)
+    out.seek(start)
+    out.write(signature)
+    out.seek(0, os.SEEK_END)
+
+
+def is_signed(file: IO[bytes], key: str) -> bool:
+    """Whether an artefact, read from its beginning, was signed with this key."""
+    expected = file.read(_SIGNATURE)
+    file.seek(0)
+    return hmac.compare_digest(expected, _signature(file, key))
+
+
+def unpack(file: IO[bytes], key: str, folder: Path) -> int:
+    """Put an artefact's files into the folder, each whole or not at all; how many. Raises ArtefactError."""
+    if not is_signed(file, key):
+        raise ArtefactError("the kernels are not signed with this farm's token")
+    file.seek(0)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+            if not all(_MEMBER.fullmatch(m.filename) for m in members) or sum(m.file_size for m in members) > _MAX_UNPACKED:
+                raise ArtefactError("the kernels' archive holds what no archive of kernels holds")
+            # What says that a kernel is complete comes last.
+            for member in sorted(members, key=lambda m: m.filename.endswith(".done")):
+                _write(folder / member.filename, archive.read(member))
+    except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
+        raise ArtefactError(f"the kernels' archive is damaged ({error})") from error
+    return len(members)
+
+
+def _signature(file: IO[bytes], key: str) -> bytes:
+    """Of what follows the place of the signature; reads the file from there."""
+    file.seek(_SIGNATURE)
+    code = hmac.new(key.encode(), digestmod=hashlib.sha256)
+    while chunk := file.read(_CHUNK):
+        code.update(chunk)
+    return code.digest()
+
+
+def _write(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".part-", delete=False) as beside:
+        try:
+            beside.write(data)
+            beside.flush()
+            os.fsync(beside.fileno())
+            Path(beside.name).replace(path)
+        except BaseException:
+            Path(beside.name).unlink(missing_ok=True)
+            raise

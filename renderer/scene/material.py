@@ -1,0 +1,173 @@
+"""A material, and all of its parameters: each is declared here, and nowhere else.
+
+The words beneath a parameter are what the scene file's schema says of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from renderer.arrays import rows
+from renderer.errors import SceneError
+from renderer.scene.parameters import (
+    EVERY_KIND,
+    PRINCIPLED,
+    MaterialKind,
+    choice,
+    color,
+    flag,
+    number,
+    parameters_of,
+    texture,
+    values,
+)
+from renderer.settings import Vec3
+
+__all__ = ["ALL_REFLECTING_IOR", "PARAMETERS", "AlphaMode", "Material", "check"]
+
+AlphaMode = Literal["opaque", "mask", "blend"]
+
+_ROUGH = ("glass", "conductor", *PRINCIPLED)
+_BRUSHED = ("conductor", *PRINCIPLED)
+_REFRACTS = ("glass", *PRINCIPLED)
+_METAL = ("conductor",)
+_PHONG = ("blinn_phong",)
+
+_PBR = "pbrMetallicRoughness."
+_SPECULAR = "KHR_materials_specular."
+_COAT = "KHR_materials_clearcoat."
+_SHEEN = "KHR_materials_sheen."
+_TRANSMISSION = "KHR_materials_transmission."
+_VOLUME = "KHR_materials_volume."
+_BRUSH = "KHR_materials_anisotropy."
+_FILM = "KHR_materials_iridescence."
+_DISPERSION = "KHR_materials_dispersion."
+_DIFFUSE = "KHR_materials_diffuse_transmission."
+
+ALL_REFLECTING_IOR = 1000.0  # by which normal incidence reflects 0.996
+
+
+@dataclass
+class Material:
+    """A surface. `base_color` is reflectance (diffuse, mirror), tint (glass), kd (blinn_phong) or glTF's base colour.
+
+    Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use what they know:
+
+    diffuse: base_color. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation. conductor: eta, k,
+    roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit: base_color is what is seen.
+    metallic_roughness: all from metallic to diffuse_transmission_color, as glTF 2.0 and its KHR_materials extensions say.
+
+    emission: radiance; emission_texture multiplies it. It leaves the front face (counter-clockwise side, or a sphere's
+    outside), and the back face too where `double_sided`. Scattering is the same from both sides in any case.
+    thin: transmits without refraction, as a pane or a soap film does; else the inside of the mesh is filled with it.
+    """
+
+    name: str = "default"
+    kind: MaterialKind = choice("diffuse", EVERY_KIND)
+    """Found by the other fields unless given."""
+    base_color: Vec3 = color(0.8, rows.BASE, in_file="color", kinds=EVERY_KIND)
+    base_color_texture: int | None = texture(
+        rows.BASE_TEXTURE, in_file="texture", kinds=EVERY_KIND, srgb=True, gltf=_PBR + "baseColorTexture"
+    )
+    """Multiplies the colour; its alpha the opacity."""
+    opacity: float = number(1.0, rows.OPACITY, kinds=EVERY_KIND)  # times the base colour texture's alpha and the vertex colour's
+    alpha_mode: AlphaMode = choice("opaque", get_args(AlphaMode))
+    """blend where opacity is below 1, unless given."""
+    alpha_cutoff: float = number(0.5, rows.ALPHA_CUTOFF, high=2.0, kinds=EVERY_KIND, gltf="alphaCutoff")
+    """What mask lets stand."""
+    normal_texture: int | None = texture(rows.NORMAL_TEXTURE, kinds=EVERY_KIND, layered=False, gltf="normalTexture")
+    normal_scale: float = number(1.0, rows.NORMAL_SCALE, -100.0, 100.0, EVERY_KIND, gltf="normalTexture.scale")
+    emission: Vec3 = color(0.0, high=1e9, kinds=EVERY_KIND, form="radiance")
+    """Radiance: what has some is a light."""
+    emission_texture: int | None = texture(None, kinds=EVERY_KIND, srgb=True)
+    double_sided: bool = flag(rows.DOUBLE_SIDED, EVERY_KIND, gltf="doubleSided")
+    """Whether the back shines too."""
+    metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
+    roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
+    """0 for glass and conductors unless given, and 1 for the rest."""
+    metallic_roughness_texture: int | None = texture(
+        rows.METALLIC_ROUGHNESS_TEXTURE, _ROUGH, gltf=_PBR + "metallicRoughnessTexture"
+    )
+    """As glTF packs it: green is roughness, blue is metal."""
+    ior: float = number(1.5, rows.IOR, 1.0, ALL_REFLECTING_IOR, _REFRACTS)
+    specular: float = number(1.0, rows.SPECULAR, gltf=_SPECULAR + "specularFactor")
+    specular_texture: int | None = texture(rows.SPECULAR_TEXTURE, layered=False, gltf=_SPECULAR + "specularTexture")
+    """Alpha."""
+    specular_color: Vec3 = color(  # above 1 up to a reflectance of 1
+        1.0, rows.SPECULAR_COLOR, 1000.0, _PHONG + PRINCIPLED, gltf=_SPECULAR + "specularColorFactor"
+    )
+    """Tint of a dielectric's reflection; blinn_phong: ks."""
+    specular_color_texture: int | None = texture(rows.SPECULAR_COLOR_TEXTURE, srgb=True, gltf=_SPECULAR + "specularColorTexture")
+    clearcoat: float = number(0.0, rows.CLEARCOAT, gltf=_COAT + "clearcoatFactor", mtl="Pc")
+    clearcoat_texture: int | None = texture(rows.CLEARCOAT_TEXTURE, gltf=_COAT + "clearcoatTexture")
+    """Red."""
+    clearcoat_roughness: float = number(0.0, rows.CLEARCOAT_ROUGHNESS, gltf=_COAT + "clearcoatRoughnessFactor", mtl="Pcr")
+    clearcoat_roughness_texture: int | None = texture(rows.CLEARCOAT_ROUGHNESS_TEXTURE, gltf=_COAT + "clearcoatRoughnessTexture")
+    """Green."""
+    clearcoat_normal_texture: int | None = texture(
+        rows.CLEARCOAT_NORMAL_TEXTURE, layered=False, gltf=_COAT + "clearcoatNormalTexture"
+    )
+    clearcoat_normal_scale: float = number(
+        1.0, rows.CLEARCOAT_NORMAL_SCALE, -100.0, 100.0, gltf=_COAT + "clearcoatNormalTexture.scale"
+    )
+    sheen_color: Vec3 = color(0.0, rows.SHEEN_COLOR, gltf=_SHEEN + "sheenColorFactor")
+    sheen_color_texture: int | None = texture(rows.SHEEN_COLOR_TEXTURE, srgb=True, gltf=_SHEEN + "sheenColorTexture")
+    sheen_roughness: float = number(0.0, rows.SHEEN_ROUGHNESS, gltf=_SHEEN + "sheenRoughnessFactor")
+    sheen_roughness_texture: int | None = texture(
+        rows.SHEEN_ROUGHNESS_TEXTURE, layered=False, gltf=_SHEEN + "sheenRoughnessTexture"
+    )
+    """Alpha."""
+    transmission: float = number(0.0, rows.TRANSMISSION, gltf=_TRANSMISSION + "transmissionFactor")
+    transmission_texture: int | None = texture(rows.TRANSMISSION_TEXTURE, gltf=_TRANSMISSION + "transmissionTexture")
+    """Red."""
+    thin: bool = flag(kinds=_REFRACTS)
+    """A pane, which does not refract."""
+    attenuation_color: Vec3 = color(1.0, kinds=_REFRACTS, gltf=_VOLUME + "attenuationColor")
+    """What is left of white after attenuation_distance."""
+    attenuation_distance: float = number(math.inf, high=math.inf, above=True, kinds=_REFRACTS)
+    dispersion: float = number(0.0, rows.DISPERSION, high=20.0, kinds=_REFRACTS, gltf=_DISPERSION + "dispersion")
+    """20 / Abbe number."""
+    anisotropy: float = number(0.0, rows.ANISOTROPY, kinds=_BRUSHED, gltf=_BRUSH + "anisotropyStrength", mtl="aniso")
+    anisotropy_rotation: float = number(
+        0.0, None, -1e9, 1e9, _BRUSHED, "degrees", gltf=_BRUSH + "anisotropyRotation"
+    )  # radians here
+    """Degrees, counter-clockwise from the tangent."""
+    anisotropy_texture: int | None = texture(rows.ANISOTROPY_TEXTURE, _BRUSHED, layered=False, gltf=_BRUSH + "anisotropyTexture")
+    """Red and green direction, blue strength."""
+    iridescence: float = number(0.0, rows.IRIDESCENCE, gltf=_FILM + "iridescenceFactor")
+    iridescence_texture: int | None = texture(rows.IRIDESCENCE_TEXTURE, gltf=_FILM + "iridescenceTexture")
+    """Red."""
+    iridescence_ior: float = number(1.3, rows.IRIDESCENCE_IOR, 1.0, 5.0, gltf=_FILM + "iridescenceIor")
+    iridescence_thickness: tuple[float, float] = values(100.0, 400.0, rows.THICKNESS, 1e5)
+    """Nanometres; two numbers for a texture's ends."""
+    iridescence_thickness_texture: int | None = texture(rows.THICKNESS_TEXTURE, gltf=_FILM + "iridescenceThicknessTexture")
+    """Green."""
+    diffuse_transmission: float = number(0.0, rows.DIFFUSE_TRANSMISSION, gltf=_DIFFUSE + "diffuseTransmissionFactor")
+    diffuse_transmission_texture: int | None = texture(
+        rows.DIFFUSE_TRANSMISSION_TEXTURE, layered=False, gltf=_DIFFUSE + "diffuseTransmissionTexture"
+    )
+    """Alpha."""
+    diffuse_transmission_color: Vec3 = color(
+        1.0, rows.DIFFUSE_TRANSMISSION_COLOR, gltf=_DIFFUSE + "diffuseTransmissionColorFactor"
+    )
+    diffuse_transmission_color_texture: int | None = texture(
+        rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE, srgb=True, gltf=_DIFFUSE + "diffuseTransmissionColorTexture"
+    )
+    eta: Vec3 = color(0.0, rows.ETA, 100.0, _METAL, form="triple")
+    """A conductor's index of refraction is eta + i k, at the primaries."""
+    k: Vec3 = color(1.0, rows.K, 100.0, _METAL, form="triple")
+    shininess: float = number(32.0, rows.SHININESS, high=1e6, kinds=_PHONG)
+    """Blinn and Phong's exponent."""
+
+
+PARAMETERS = parameters_of(Material)
+
+
+def check(material: Material) -> None:
+    """Raises SceneError where a parameter is not what the table says it may be: a reader let it through."""
+    for parameter in PARAMETERS:
+        fault = parameter.fault(getattr(material, parameter.name))
+        if fault is not None:
+            raise SceneError(f"Material {material.name}: its {parameter.in_file} {fault}. Mend it in the file")

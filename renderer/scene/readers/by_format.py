@@ -1,0 +1,51 @@
+"""Which reader reads a file, and the net beneath them all: a scene file of ours names mesh files, so both come through here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import PurePosixPath
+
+from renderer.errors import RayfarmError, SceneError
+from renderer.formats import FORMATS, Format
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+
+__all__ = ["read_file"]
+
+
+def read_file(
+    files: SceneFiles,
+    name: str,
+    description: SceneDescription,
+    variant: str | None = None,
+    formats: Sequence[Format] = FORMATS,
+) -> None:
+    """Adds the scene of one file to a description.
+
+    variant: the name of one of the file's material variants, or its number from 0; None for what is shown by default.
+    formats: those that may be read. Raises SceneError.
+    """
+    suffix = PurePosixPath(name).suffix.lower()
+    format = next((f for f in formats if f.suffix == suffix), None)
+    if format is None:
+        known = ", ".join(f.suffix for f in formats)
+        raise SceneError(f"{name[:120]}: is no scene file that is read here; give one of {known}")
+    if variant is not None and not format.has_variants:
+        raise SceneError(f"{name}: has no variants, as only glTF files have; leave the variant out")
+    # Readers bring heavy libraries with them: each is imported when first needed.
+    reader = import_module(f"renderer.scene.readers.{format.reader}")
+    options = {} if variant is None else {"variant": variant}
+    try:
+        reader.read(files, name, description, **options)
+    except (RayfarmError, MemoryError):
+        raise
+    # A parser that trips over a damaged file in a way nobody foresaw must not take the worker with it.
+    except Exception as error:
+        raise SceneError(
+            f"{name}: could not be read as {suffix}; it may be damaged, export it again ({_reason(error)})"
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {str(error).splitlines()[0][:200]}" if str(error) else type(error).__name__

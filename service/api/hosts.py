@@ -1,0 +1,58 @@
+"""The names that a service answers to.
+
+A page elsewhere may point a name of its own at this machine and then read the service's answers as its own (DNS rebinding).
+Such an attack needs a name; so a service that other machines reach answers to any literal address, to this machine's own
+names and to those it is told of, and to no other name. On loopback it answers to loopback's names alone.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import socket
+import threading
+
+from service.settings import Settings
+
+__all__ = ["Hosts", "name_of"]
+
+LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
+HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9._~-]{1,253}))(?::[0-9]{0,5})?")
+
+
+def name_of(host: str) -> str | None:
+    """A Host header without its port, in lower case; None where it is none (RFC 9110, 7.2)."""
+    found = HOST.fullmatch(host)
+    if found is None:
+        return None
+    if found["name"]:
+        return found["name"].lower().removesuffix(".")
+    return found["address"].lower() if _is_address(found["address"]) else None
+
+
+class Hosts:
+    """Which names are this service's."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._takes_addresses = not settings.is_loopback
+        self._names = {*LOOPBACK_NAMES, *(name.lower().removesuffix(".") for name in settings.allowed_hosts)}
+        if self._takes_addresses:
+            own = socket.gethostname().lower()
+            self._names |= {own, f"{own.split('.')[0]}.local", settings.host.lower()}
+            # It asks the network's name server, which may take its time.
+            threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
+
+    def know(self, name: str) -> bool:
+        """Whether the service answers to this name or address."""
+        return name in self._names or (self._takes_addresses and _is_address(name))
+
+    def _ask_for_full_name(self) -> None:
+        self._names.add(socket.getfqdn().lower())
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        return False
+    return True

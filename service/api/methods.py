@@ -1,0 +1,30 @@
+"""Which methods a path knows: for Allow, in answers to OPTIONS and to a method that is not possible (RFC 9110, 10.2.1)."""
+
+from __future__ import annotations
+
+from starlette.applications import Starlette
+from starlette.routing import Match, Mount
+from starlette.types import Scope
+
+__all__ = ["methods_of"]
+
+CHANGING = ("POST", "PUT", "PATCH", "DELETE")
+API = "/api/"
+ENDLESS = "/api/events"  # whose answer would never be complete: there is nothing to tell of it beforehand
+
+
+def methods_of(app: Starlette, scope: Scope) -> list[str]:
+    """The methods of a request's path; none where there is nothing."""
+    path = scope["path"]
+    asked = {"type": "http", "path": path, "root_path": scope.get("app_root_path", scope.get("root_path", "")), "headers": []}
+    # Files are mounted, and take every path that no route takes; below /api/ there are none.
+    routes = [route for route in app.routes if not (isinstance(route, Mount) and path.startswith(API))]
+
+    def can(method: str) -> bool:
+        found = (route.matches({**asked, "method": method})[0] for route in routes if not isinstance(route, Mount))
+        return any(match is Match.FULL for match in found)
+
+    known = [method for method in CHANGING if can(method)]
+    if can("GET") or (not known and any(route.matches({**asked, "method": "GET"})[0] is Match.FULL for route in routes)):
+        known = ["GET", *([] if path == ENDLESS else ["HEAD"]), *known]
+    return [*known, "OPTIONS"] if known else []

@@ -1,0 +1,63 @@
+"""The bytes of a zip's entry, never more than a megabyte of them in memory.
+
+zipfile does so for deflate alone: what bzip2 or LZMA make of the few kilobytes that it reads, gigabytes of a bomb, it takes
+whole.
+"""
+
+from __future__ import annotations
+
+import bz2
+import copy
+import lzma
+import zipfile
+import zlib
+from collections.abc import Iterator
+
+__all__ = ["CHUNK", "pieces"]
+
+CHUNK = 1 << 20
+LZMA_MEMORY = 256 << 20
+UNKNOWN_SIZE = b"\xff" * 8
+
+
+def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+    """What is in an entry, piece by piece. Raises what zipfile, bz2 and lzma raise where it is damaged."""
+    if entry.compress_type not in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        with file.open(entry) as source:
+            while piece := source.read(CHUNK):
+                yield piece
+        return
+    crc = 0
+    for piece in _expanded(_packed(file, entry), entry.compress_type):
+        crc = zlib.crc32(piece, crc)
+        yield piece
+    if crc != entry.CRC:
+        raise zipfile.BadZipFile(f"Bad CRC-32 for file {entry.filename!r}")
+
+
+def _packed(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+    """An entry's bytes as they lie in the archive: those of one that is not packed."""
+    as_stored = copy.copy(entry)
+    as_stored.compress_type = zipfile.ZIP_STORED
+    as_stored.file_size = entry.compress_size
+    del as_stored.CRC  # it is of what comes out
+    with file.open(as_stored) as source:
+        if entry.compress_type == zipfile.ZIP_LZMA:
+            # Version, length of the properties; then what a .lzma file begins with, but for the size (APPNOTE 5.8.8).
+            yield source.read(int.from_bytes(source.read(4)[2:], "little")) + UNKNOWN_SIZE
+        while piece := source.read(CHUNK):
+            yield piece
+
+
+def _expanded(packed: Iterator[bytes], method: int) -> Iterator[bytes]:
+    decompressor: bz2.BZ2Decompressor | lzma.LZMADecompressor = bz2.BZ2Decompressor()
+    if method == zipfile.ZIP_LZMA:
+        decompressor = lzma.LZMADecompressor(lzma.FORMAT_ALONE, memlimit=LZMA_MEMORY)
+    for piece in packed:
+        while not decompressor.eof:
+            out = decompressor.decompress(piece, CHUNK)
+            if out:
+                yield out
+            if decompressor.needs_input:
+                break
+            piece = b""

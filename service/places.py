@@ -1,0 +1,33 @@
+"""Where things lie: the page, the examples, the data.
+
+In a clone the page and the examples are folders at its top, and the data lies in the clone as well, so that removing the clone
+removes all of it. Where Rayfarm is installed, page and examples are inside this package, and the data lies in the user's data
+folder.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import platformdirs
+
+__all__ = ["CLONE", "default_data_folder", "shipped"]
+
+_PACKAGE = Path(__file__).resolve().parent
+_ABOVE = _PACKAGE.parent
+
+CLONE = _ABOVE if (_ABOVE / "farm.py").is_file() and (_ABOVE / "web").is_dir() else None
+
+
+def shipped(name: str) -> Path:
+    """A folder that is shipped with Rayfarm: `web` or `scenes`."""
+    return (CLONE or _PACKAGE) / name
+
+
+def default_data_folder() -> Path:
+    """$RAYFARM_DATA; else `data` in the clone; else the user's data folder, on Linux ~/.local/share/rayfarm."""
+    named = os.environ.get("RAYFARM_DATA")
+    if named:
+        return Path(named).expanduser().resolve()
+    return CLONE / "data" if CLONE else platformdirs.user_data_path("rayfarm", appauthor=False)

@@ -1,0 +1,190 @@
+"""What workers answered, taken in job by job and scene by scene.
+
+An answer that cannot be stored now (its film is locked, the database is full) is kept: it stays in the stream and in memory,
+and is tried again. So what a worker has rendered is rendered once, and one job's trouble holds up no other's answers.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from service.scheduling.bulkhead import Bulkheads, Step
+from service.scheduling.denoising import Denoised, Denoising
+from service.scheduling.lifecycle import Lifecycle
+from service.scheduling.merging import batch_of, merge
+from service.scheduling.messages import (
+    BatchDone,
+    BatchFailed,
+    BatchReturned,
+    DenoiseDone,
+    DenoiseFailed,
+    Message,
+    PrepareDone,
+    PrepareFailed,
+    PrepareGoesOn,
+    PrepareReturned,
+    PrepareStarted,
+    Wake,
+    understand,
+)
+from service.scheduling.preparing import Preparing, Progress
+from service.scheduling.results import Entry, Results
+from service.scheduling.scheduler import Scheduler
+from service.scheduling.snapshot import Tell
+
+__all__ = ["Answers", "TellTiles"]
+
+TellTiles = Callable[[str, int, set[int]], None]  # job, frame, tiles
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    entry: Entry
+    message: Message
+
+    @property
+    def sums(self) -> bytes | None:
+        return self.entry.result.sums if self.entry.result is not None else None
+
+
+class Answers:
+    """Reads the stream, stores what is in it, and deletes what is stored. Lives in the engine's thread."""
+
+    def __init__(
+        self,
+        results: Results,
+        bulkheads: Bulkheads,
+        scheduler: Scheduler,
+        lifecycle: Lifecycle,
+        preparing: Preparing,
+        denoising: Denoising,
+        tell: Tell,
+        tell_tiles: TellTiles,
+    ) -> None:
+        self._results = results
+        self._bulkheads = bulkheads
+        self._scheduler = scheduler
+        self._lifecycle = lifecycle
+        self._preparing = preparing
+        self._denoising = denoising
+        self._tell = tell
+        self._tell_tiles = tell_tiles
+        self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
+        self._stored: list[Entry] = []  # to be deleted from the stream
+        self._overlooked = False
+        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed
+
+    def take_in(self, block_ms: int) -> None:
+        """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
+        known = {answer.entry.id for answers in self._kept.values() for answer in answers}
+        for entry in self._results.read(block_ms):
+            if entry.id not in known:
+                self._sort(entry)
+        for owner in list(self._kept):
+            is_stored = self._bulkheads.run(owner, Step.RESULTS, partial(self._store, owner), self._is_recorded(owner))
+            if is_stored and (job := self._scheduler.jobs.get(owner)) is not None and job.done:
+                self._lifecycle.record(job)
+            if is_stored or owner in self._bulkheads.verdicts:
+                self._stored += [answer.entry for answer in self._kept.pop(owner)]
+        self._results.delete(self._stored)
+        self._stored = []
+
+    def review(self) -> None:
+        """Once a second: read the stream anew where there is more in it than is kept here: Redis was away when something
+        was to be deleted, or has lost what it had. Raises redis.RedisError."""
+        more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
+        if more and self._overlooked:
+            self._results.start_over()
+        self._overlooked = more and not self._overlooked
+
+    def _sort(self, entry: Entry) -> None:
+        message = understand(entry)
+        if message is None or isinstance(message, Wake):
+            self._stored.append(entry)
+            return
+        if isinstance(message, BatchDone) and (lease := self._scheduler.leases.get(message.batch)) is not None:
+            lease.has_arrived = True
+        self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
+
+    def _is_recorded(self, owner: str) -> bool:
+        """Whether the database is needed to store the answers."""
+        return any(isinstance(answer.message, PrepareDone | PrepareFailed) for answer in self._kept[owner])
+
+    def _store(self, owner: str) -> None:
+        """Store what is kept of a job or a scene. What is stored is no longer kept, also where this raises."""
+        answers = self._kept[owner]
+        rendered = [
+            (answer.message, answer.sums)
+            for answer in answers
+            if isinstance(answer.message, BatchDone) and answer.sums is not None
+        ]
+        if owner in self._scheduler.jobs:
+            self._merge(owner, rendered)
+        while answers:
+            message = answers[0].message
+            if not isinstance(message, BatchDone):
+                self._hear(message)
+            self._stored.append(answers.pop(0).entry)
+
+    def _merge(self, id: str, rendered: list[tuple[BatchDone, bytes]]) -> None:
+        job = self._scheduler.jobs[id]
+        arrived = merge(job, rendered)
+        answers = self._kept[id]
+        self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
+        answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
+        tiles = set()
+        for each in arrived:
+            self.counts["merged" if each.taken else "dropped"] += 1
+            self._scheduler.came_back(job, each.message.batch, each.batch, each.message.seconds, each.message.worker)
+            if each.taken and each.batch is not None:
+                job.bad_samples += each.message.bad_count
+                tiles.add(each.batch.tile)
+        if arrived:
+            job.tick(job.state == "running")
+            self._tell_tiles(id, job.frame, tiles)
+            self._tell("job", id)
+        job.settle()
+
+    def _hear(self, message: Message) -> None:
+        match message:
+            case BatchFailed():
+                self._failed(message)
+            case BatchReturned():
+                job = self._scheduler.jobs.get(message.job)
+                batch = batch_of(message, job) if job else None
+                if job is not None and batch is not None:
+                    self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
+            case DenoiseDone():
+                self._denoising.heard(message.work, Denoised(message.sha256, message.version, message.samples))
+            case DenoiseFailed():
+                self._denoising.heard(message.work, None, message.error)
+            case PrepareStarted():
+                self._preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
+                self._tell("scene", message.scene)
+            case PrepareGoesOn():
+                self._preparing.heard(message.scene, message.kind, message.worker, Progress(message.step, message.fraction))
+                self._tell("scene", message.scene)
+            case PrepareDone():
+                self._lifecycle.prepared(message.scene, message.info)
+                self._tell("scene", message.scene)
+            case PrepareFailed():
+                self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
+            case PrepareReturned():
+                self._preparing.returned(message.scene, message.kind, message.error)
+                self._tell("scene", message.scene)
+
+    def _failed(self, message: BatchFailed) -> None:
+        job = self._scheduler.jobs.get(message.job)
+        batch = batch_of(message, job) if job else None
+        if job is None or batch is None:
+            return
+        self.counts["failed"] += 1
+        trouble = self._scheduler.failed(job, message.batch, batch, message.worker, message.error, message.reproduce)
+        if trouble is not None:
+            self._bulkheads.condemn(job.id, f"A batch failed {len(trouble.workers)} times: {trouble.error}", trouble.reproduce)

@@ -1,0 +1,36 @@
+"""Which batches the workers say that they have in hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from service.scheduling.active_job import ActiveJob
+from service.scheduling.leases import Lease
+from service.scheduling.workers import Roster
+
+__all__ = ["Held"]
+
+
+class Held:
+    """A look at the workers' reports."""
+
+    def __init__(self, roster: Roster) -> None:
+        self._by_lease: dict[Any, str] = {}
+        self._by_range: dict[str, str] = {}  # of workers of an older release, which do not tell the lease
+        for report in roster.reports.values():
+            for doing in report.current:
+                if isinstance(doing.get("batch"), str):
+                    self._by_lease[doing["batch"]] = report.name
+                elif "job" in doing:
+                    self._by_range[_key(*(doing.get(name) for name in ("job", "tile", "first", "count")))] = report.name
+
+    def by(self, lease: Lease, job: ActiveJob) -> str | None:
+        """The worker that has it in hand; None where none says so."""
+        if lease.batch is None:
+            return None
+        tile, first, count = lease.batch
+        return self._by_lease.get(lease.id) or self._by_range.get(_key(job.id, list(job.film.tiles[tile]), first, count))
+
+
+def _key(*about: Any) -> str:
+    return repr(about)  # whatever a report says, it can be compared

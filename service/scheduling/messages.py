@@ -1,0 +1,193 @@
+"""What workers say, checked: a message that makes no sense is left out with a line in the log."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_validator
+
+from service.scheduling.results import Entry
+from service.store.blobs import is_sha256
+from worker.contract import SceneInfo
+
+__all__ = [
+    "BatchDone",
+    "BatchFailed",
+    "BatchReturned",
+    "DenoiseDone",
+    "DenoiseFailed",
+    "Message",
+    "PrepareDone",
+    "PrepareFailed",
+    "PrepareGoesOn",
+    "PrepareReturned",
+    "PrepareStarted",
+    "Wake",
+    "understand",
+]
+
+DAY_S = 86400.0
+LARGE = 1 << 31  # bounds what a faulty worker may make us store
+Id = Annotated[str, Field(max_length=200)]
+Sentence = Annotated[str, Field(max_length=20000)]
+Number = Annotated[int, Field(ge=0, le=LARGE)]
+
+log = logging.getLogger(__name__)
+
+
+class _Batch(BaseModel):
+    batch: Id
+    job: Id
+    frame: Number
+    tile: tuple[Number, Number, Number, Number]
+    first: Number
+    count: Annotated[int, Field(ge=1, le=LARGE)]
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.job
+
+
+class BatchDone(_Batch):
+    """A batch is rendered; its sums come beside it."""
+
+    type: Literal["batch"]
+    seconds: float = Field(ge=0.0, le=DAY_S)
+    bad: list[tuple[Number, Number, Number]] = []
+    bad_count: Number = 0
+
+
+class BatchFailed(_Batch):
+    """A batch could not be rendered."""
+
+    type: Literal["batch-failed"]
+    error: Sentence
+    reproduce: Sentence | None = None
+
+
+class BatchReturned(_Batch):
+    """A worker hands a batch back for trouble of its own: a lost connection, a full disk."""
+
+    type: Literal["batch-returned"]
+    error: Sentence
+
+
+class _Denoise(BaseModel):
+    work: Id
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.work
+
+
+class DenoiseDone(_Denoise):
+    """A frame is denoised."""
+
+    type: Literal["denoised"]
+    sha256: Id
+    version: Id
+    samples: int
+
+
+class DenoiseFailed(_Denoise):
+    """A frame could not be denoised."""
+
+    type: Literal["denoise-failed"]
+    error: Sentence
+
+
+class _Prepare(BaseModel):
+    scene: Id
+    kind: Id
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.scene
+
+
+class PrepareStarted(_Prepare):
+    """A worker prepares a scene."""
+
+    type: Literal["prepare-started"]
+
+
+class PrepareGoesOn(_Prepare):
+    """How far it is."""
+
+    type: Literal["prepare-progress"]
+    step: Sentence
+    fraction: float = Field(ge=0.0, le=1.0)
+
+
+class PrepareDone(_Prepare):
+    """A scene is prepared for a kind of worker."""
+
+    type: Literal["prepared"]
+    info: SceneInfo
+
+    @field_validator("info")
+    @classmethod
+    def _usable(cls, info: SceneInfo) -> SceneInfo:
+        for blob in (info.compiled, info.thumbnail):
+            if blob is not None and not is_sha256(blob.sha256):
+                raise ValueError(f"{blob.sha256[:80]!r} is no hash")
+        if not all(math.isfinite(value) for corner in info.bounds for value in corner):
+            raise ValueError("bounds are no numbers")
+        return info
+
+
+class PrepareFailed(_Prepare):
+    """A scene cannot be prepared."""
+
+    type: Literal["prepare-failed"]
+    error: Sentence
+
+
+class PrepareReturned(_Prepare):
+    """A worker hands a scene back for trouble of its own."""
+
+    type: Literal["prepare-returned"]
+    error: Sentence
+
+
+class Wake(BaseModel):
+    """Says nothing: there is something else to do than to wait for messages."""
+
+    type: Literal["wake"]
+    owner: Literal[""] = ""
+
+
+Message = (
+    BatchDone
+    | BatchFailed
+    | BatchReturned
+    | DenoiseDone
+    | DenoiseFailed
+    | PrepareStarted
+    | PrepareGoesOn
+    | PrepareDone
+    | PrepareFailed
+    | PrepareReturned
+    | Wake
+)
+_MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
+
+
+def understand(entry: Entry) -> Message | None:
+    """What an entry of the stream says; None where that makes no sense."""
+    if entry.result is None:
+        return None
+    try:
+        return _MESSAGES.validate_python(entry.result.event)
+    except (ValidationError, RecursionError) as error:
+        text = "; ".join(f"{e['loc']}: {e['msg']}" for e in error.errors()[:3]) if isinstance(error, ValidationError) else error
+        log.warning("a message in the result stream is left out: %.500s", text)
+        return None

@@ -1,0 +1,110 @@
+"""What the other threads see of the engine: one immutable look at it, made anew by the engine's thread."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from service.scheduling.active_job import ActiveJob
+from service.scheduling.preparing import Progress
+from service.scheduling.workers import Roster
+
+__all__ = ["Board", "JobNumbers", "Snapshot", "Tell"]
+
+STUCK_S = 4.0
+NUMBERS_EVERY_S = 0.1
+
+Tell = Callable[[str, str], None]  # what ("job", "scene", "worker") and which
+
+
+@dataclass(frozen=True)
+class JobNumbers:
+    """How far a job is that is being rendered."""
+
+    frame: int
+    state: str
+    samples: int
+    bad_samples: int
+    progress: float
+    active_s: float
+    eta_s: float | None
+    samples_per_s: float
+
+    @classmethod
+    def of(cls, job: ActiveJob) -> JobNumbers:
+        """The job's numbers now."""
+        return cls(
+            job.frame,
+            job.state,
+            job.plan.samples,
+            job.bad_samples,
+            job.progress,
+            job.active_s,
+            job.eta_s,
+            job.samples_per_s,
+        )
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The engine at a moment."""
+
+    fault: str | None = "The service is starting."  # why nothing at all goes on
+    roster: Roster = field(default_factory=Roster)
+    jobs: Mapping[str, JobNumbers] = field(default_factory=dict)
+    ahead: Mapping[str, int] = field(default_factory=dict)  # of a job: how many of a higher priority are rendered first
+    waits: Mapping[str, str] = field(default_factory=dict)  # of a job or scene: why it does not go on
+    preparing: Mapping[str, Progress] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)  # batches merged, dropped, failed, lost
+    batches_out: int = 0
+    made: float = field(default_factory=time.monotonic)
+
+    @property
+    def not_ready(self) -> str | None:
+        """Why the farm cannot work now, as a sentence; None where it can."""
+        age = time.monotonic() - self.made
+        if age > STUCK_S:
+            return f"The engine has been busy with one thing for {age:.0f} s: a disk, the database or Redis is slow to answer."
+        if self.fault is not None:
+            return self.fault
+        paused = {id for id, job in self.jobs.items() if job.state == "paused"}
+        waits = [why for id, why in self.waits.items() if id not in paused]
+        if waits and self.jobs.keys() - paused <= self.waits.keys():
+            return f"Nothing goes on. {waits[0]}"
+        return None
+
+
+class Board:
+    """Where the engine's thread puts the latest snapshot. What changed is told once the snapshot shows it."""
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._changed: dict[tuple[str, str], None] = {}
+        self._numbers: dict[str, tuple[float, JobNumbers]] = {}
+        self.latest = Snapshot()
+
+    def change(self, what: str, id: str) -> None:
+        """A job, a scene or a worker changed."""
+        self._changed[what, id] = None
+
+    def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:
+        """Renew the snapshot. The numbers of a job that changes all the time are renewed ten times a second."""
+        now = time.monotonic()
+        late: dict[tuple[str, str], None] = {}
+        numbers = {}
+        for id, job in jobs.items():
+            made, known = self._numbers.get(id, (0.0, None))
+            has_changed = ("job", id) in self._changed
+            if known is None or (has_changed and (now - made > NUMBERS_EVERY_S or known.state != job.state)):
+                numbers[id] = (now, JobNumbers.of(job))
+            else:
+                numbers[id] = (made, known)
+                if has_changed:
+                    late["job", id] = None
+        self._numbers = numbers
+        self.latest = make({id: known for id, (_, known) in numbers.items()})
+        changed, self._changed = self._changed, late
+        for what, id in changed:
+            if (what, id) not in late:
+                self._tell(what, id)

@@ -1,0 +1,78 @@
+"""What can go wrong with a film's file, told apart in one place: what passes (FilmWaits) and what stays (FilmLost)."""
+
+from __future__ import annotations
+
+import errno
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from service.errors import FilmLost, FilmWaits, NotFound
+
+__all__ = ["FilmClosed", "damaged", "film_faults", "incomplete"]
+
+AGAIN = "Set the job to running, and it is rendered again."
+
+# SQLite's primary result codes, each with what it means for the film.
+PASSES = {
+    sqlite3.SQLITE_BUSY: "is locked by another program",
+    sqlite3.SQLITE_LOCKED: "is locked by another program",
+    sqlite3.SQLITE_PROTOCOL: "is locked by another program",
+    sqlite3.SQLITE_NOMEM: "does not fit into the memory that is free",
+    sqlite3.SQLITE_INTERRUPT: "was interrupted",
+    sqlite3.SQLITE_IOERR: "cannot be written or read now",
+    sqlite3.SQLITE_CANTOPEN: "cannot be opened now",
+    sqlite3.SQLITE_FULL: "cannot be written: the disk is full. Delete scenes or jobs that are no longer needed",
+}
+STAYS = {sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
+# Of these the primary code says that it passes, and it does not: the disk gives back other bytes than were written.
+DAMAGED = {sqlite3.SQLITE_IOERR_CORRUPTFS, sqlite3.SQLITE_IOERR_SHORT_READ, sqlite3.SQLITE_CANTOPEN_ISDIR}
+OS_PASSES = {
+    *(errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM),
+    *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.EINTR, errno.EBUSY),
+}
+
+
+class FilmClosed(NotFound):
+    """The film was closed under its reader: its job was deleted or is rendered anew, or the service ends."""
+
+    def __init__(self) -> None:
+        super().__init__("The job was deleted, or is rendered again, while its picture was read.")
+
+
+@contextmanager
+def film_faults() -> Iterator[None]:
+    """Raise FilmWaits or FilmLost for what SQLite and the disk report."""
+    try:
+        yield
+    except sqlite3.DatabaseError as error:
+        code = getattr(error, "sqlite_errorcode", None)
+        if code is None:
+            raise  # of the driver: a fault of the program, not of the film
+        raise _told(code, str(error)) from error
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise _told(sqlite3.SQLITE_FULL, "") from error
+        raise _told(sqlite3.SQLITE_IOERR if error.errno in OS_PASSES else sqlite3.SQLITE_PERM, str(error)) from error
+
+
+def damaged(why: str) -> FilmLost:
+    """The film's content makes no sense."""
+    return FilmLost(f"The film of this job is damaged ({why}). {AGAIN}")
+
+
+def incomplete(has: int, recorded: int) -> FilmLost:
+    """The film has fewer samples than the database says."""
+    if not has:
+        return FilmLost(f"The film of this job is missing or was emptied. {AGAIN}")
+    return FilmLost(f"The film of this job has only {has} of its {recorded} samples. Set the job to running for the rest.")
+
+
+def _told(code: int, message: str) -> FilmWaits | FilmLost:
+    primary = code & 0xFF
+    why = f" ({message})" if message and primary != sqlite3.SQLITE_FULL else ""
+    if primary in PASSES and code not in DAMAGED:
+        return FilmWaits(f"The film of this job {PASSES[primary]}{why}. The job goes on when this has passed.")
+    if primary in STAYS:
+        return FilmLost(f"The film of this job cannot be written{why}. Mend this, then set the job to running.")
+    return damaged(message)

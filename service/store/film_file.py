@@ -1,0 +1,113 @@
+"""A film's file: the rows of one SQLite database. Every change is one transaction; every fault is FilmWaits or FilmLost."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sqlite3
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from service.errors import FarmError
+from service.store.film_faults import film_faults
+from service.store.film_version import FilmShape, bring_up_to_date
+
+__all__ = ["FilmFile", "Row"]
+
+LOCK_PATIENCE_S = 0.1  # the engine's thread waits no longer for one film
+MAX_BAD_KEPT = 1000
+BAD_SHOWN = 64
+
+Row = tuple[int, int, int, int, int, bytes]  # frame, tile, first, count, bad, sums
+
+log = logging.getLogger(__name__)
+
+
+class FilmFile:
+    """One connection. Not safe to use from several threads at a time."""
+
+    def __init__(self, path: Path, shape: FilmShape) -> None:
+        """Open the file, and make it where it is not there."""
+        with film_faults():
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # SQLite makes its -wal and -shm alike
+            self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_PATIENCE_S)
+            self._close = weakref.finalize(self, self._database.close)
+            try:
+                # NORMAL: a killed process loses nothing; a power cut may lose the latest parts, which are then rendered
+                # again. Large pages and rare checkpoints, since rows are large: three times less work a row (measured).
+                for pragma in ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000"):
+                    self._database.execute(f"PRAGMA {pragma}").close()
+                with self._transaction():
+                    bring_up_to_date(self._database, shape)
+            except BaseException:
+                self.close()
+                raise
+
+    def close(self) -> None:
+        """Close the file. What was written is written: where it cannot be tidied up any more, it stays as it is."""
+        with contextlib.suppress(sqlite3.Error):
+            self._close()
+
+    def settle(self) -> None:
+        """Bring all into the one file, where that is possible now."""
+        try:
+            with film_faults():
+                self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+        except FarmError as error:
+            log.info("a film keeps its log beside it: %s", error)
+
+    def ranges(self) -> list[tuple[int, int, int, int]]:
+        """(frame, tile, first, count) of every row."""
+        with film_faults():
+            return self._database.execute("SELECT frame, tile, first, count FROM part").fetchall()
+
+    def sums(self, frame: int, tile: int) -> Iterator[bytes]:
+        """The packed sums of a tile's rows."""
+        with film_faults():
+            rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile))
+            for (packed,) in rows:
+                yield packed
+
+    def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
+        """How many samples were left out, and (x, y, sample) of the first of them."""
+        with film_faults():
+            (count,) = self._database.execute("SELECT coalesce(sum(bad), 0) FROM part WHERE frame = ?", (frame,)).fetchone()
+            first = self._database.execute(
+                "SELECT x, y, sample FROM bad_sample WHERE frame = ? LIMIT ?", (frame, BAD_SHOWN)
+            ).fetchall()
+        return int(count), first
+
+    def add(self, rows: list[Row], bad: list[tuple[int, int, int, int]]) -> None:
+        """Add rows, and the bad samples (frame, x, y, sample) among them: all or none."""
+        with film_faults(), self._transaction():
+            self._database.executemany("INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", rows)
+            if bad:
+                (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
+                self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
+
+    def fold(self, frame: int, tile: int, first: int, count: int, sums: bytes) -> bool:
+        """Make one row of a tile's rows, where they are these very samples; else say so and change nothing."""
+        where = (frame, tile)
+        with film_faults(), self._transaction():
+            found = self._database.execute(
+                "SELECT min(first), max(first + count), sum(count), sum(bad) FROM part WHERE frame = ? AND tile = ?", where
+            ).fetchone()
+            if found[:3] != (first, first + count, count):
+                return False
+            self._database.execute("DELETE FROM part WHERE frame = ? AND tile = ?", where)
+            self._database.execute("INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", (*where, first, count, found[3], sums))
+        return True
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._database.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._database.execute("COMMIT")
+        except BaseException:
+            with contextlib.suppress(sqlite3.Error):  # after some faults SQLite has rolled back by itself
+                self._database.rollback()
+            raise

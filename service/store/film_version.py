@@ -1,0 +1,55 @@
+"""The versions of a film's file. One of an older release is brought up to date when it is opened.
+
+0   release 0.1.0: parts and bad samples, and no word about which picture they are of
+1   the film says its picture's size, its tiles' and its fixed point, so that another job's film is not taken for this one
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import astuple, dataclass
+
+from service.errors import FilmLost
+from service.store.film_faults import damaged
+
+__all__ = ["VERSION", "FilmShape", "bring_up_to_date"]
+
+VERSION = 1
+
+# `part`: a merged batch. Its samples first ... first + count - 1, and their packed sums.
+SCHEMA = (
+    """CREATE TABLE IF NOT EXISTS part (
+        frame INTEGER, tile INTEGER, first INTEGER, count INTEGER, bad INTEGER, sums BLOB,
+        PRIMARY KEY (frame, tile, first))""",
+    "CREATE TABLE IF NOT EXISTS bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER)",
+)
+SHAPE = "CREATE TABLE shape (width INTEGER, height INTEGER, tile_size INTEGER, film_exponent INTEGER)"
+
+
+@dataclass(frozen=True)
+class FilmShape:
+    """What a film's sums are laid out by."""
+
+    width: int
+    height: int
+    tile_size: int
+    film_exponent: int
+
+
+def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
+    """Make or migrate the tables, within the caller's transaction. Raises FilmLost for a film that this release cannot read."""
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    if version > VERSION:
+        raise FilmLost(
+            f"The film of this job is of version {version}, and this release of Rayfarm reads films up to version {VERSION}. "
+            "Start the newer release again, or make a new job."
+        )
+    if version == VERSION:
+        found = database.execute("SELECT width, height, tile_size, film_exponent FROM shape").fetchall()
+        if found != [astuple(shape)]:
+            raise damaged(f"it is of another picture: {found}, not {astuple(shape)}")
+        return
+    for statement in (*SCHEMA, SHAPE):
+        database.execute(statement)
+    database.execute("INSERT INTO shape VALUES (?, ?, ?, ?)", astuple(shape))
+    database.execute(f"PRAGMA user_version = {VERSION}")

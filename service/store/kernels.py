@@ -1,0 +1,55 @@
+"""The machine code of this farm's kinds of workers: compiled by one of them, signed, kept for the next that joins.
+
+Nothing here is unpacked by the service, and nothing is lost with it: who finds none compiles.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from pathlib import Path
+
+from renderer.artefact import is_name, is_signed
+from service.errors import Invalid
+
+__all__ = ["KernelStore"]
+
+KEPT = 8  # artefacts: kinds that work side by side are few; older ones are of releases that are gone
+
+
+class KernelStore:
+    """Artefacts (renderer.artefact) by name; `token`: what they are signed with."""
+
+    def __init__(self, folder: Path, token: str) -> None:
+        self._folder = folder
+        self._token = token
+        folder.mkdir(parents=True, exist_ok=True)
+        for left_over in folder.glob(".part-*"):
+            left_over.unlink(missing_ok=True)
+
+    def find(self, name: str) -> Path | None:
+        """The file of this name, where there is one."""
+        path = self._folder / name
+        return path if is_name(name) and path.is_file() else None
+
+    def put(self, name: str, data: bytes) -> None:
+        """Keep an artefact, whole or not at all. Raises Invalid where its name or its signature is not right."""
+        if not is_name(name):
+            raise Invalid("This is no name of kernels: see renderer/artefact.py.")
+        if not is_signed(io.BytesIO(data), self._token):
+            raise Invalid("The kernels are not signed with this farm's token, or arrived damaged. Send them again.")
+        with tempfile.NamedTemporaryFile(dir=self._folder, prefix=".part-", delete=False) as file:
+            try:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+                Path(file.name).replace(self._folder / name)
+            finally:
+                Path(file.name).unlink(missing_ok=True)
+        self._forget_old()
+
+    def _forget_old(self) -> None:
+        files = sorted((p for p in self._folder.iterdir() if is_name(p.name)), key=lambda p: p.stat().st_mtime, reverse=True)
+        for path in files[KEPT:]:
+            path.unlink(missing_ok=True)

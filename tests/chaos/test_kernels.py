@@ -1,0 +1,46 @@
+"""Nobody compiles twice in a farm: a machine that joins one that has compiled loads what the first compiled."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rayfarm.client import Client
+from tests.helpers import ROOT, Farm, wait_until
+from worker.process import spawn_guard
+
+pytestmark = pytest.mark.farm
+
+
+def test_a_machine_that_joins_compiles_nothing(farm: Farm, tmp_path: Path) -> None:
+    kernels = farm.data / "kernels"
+    wait_until(lambda: any(kernels.glob("*-cpython*")), 60, "the farm's own worker has handed in its kernels")
+    log = tmp_path / "worker.log"
+    with log.open("wb") as out:
+        joining = subprocess.Popen(
+            [sys.executable, "-m", "worker", f"--service={farm.url}", "--slots=1", "--name=another-machine"],
+            cwd=ROOT,
+            env={**os.environ, "RAYFARM_TOKEN": farm.token, "RAYFARM_CACHE": str(tmp_path / "cache")},
+            stdout=out,
+            stderr=out,
+            preexec_fn=spawn_guard(),
+        )
+    try:
+        with Client(farm.url) as client:
+            wait_until(lambda: _is_ready(client), 120, f"the worker is ready\n{log.read_text()}")
+        assert "fetched the farm's kernels" in log.read_text()
+        # Whatever this worker compiled would lie in its folder, and not in what it fetched.
+        (folder,) = (tmp_path / "cache" / "kernels").iterdir()
+        fetched = next(kernels.glob("*-cpython*")).read_bytes()
+        assert all(path.name.encode() in fetched for path in folder.rglob("*.nb[ic]"))
+    finally:
+        joining.terminate()
+        joining.wait(30)
+
+
+def _is_ready(client: Client) -> bool:
+    return any(worker["name"] == "another-machine" and worker["state"] == "ready" for worker in client.workers())

@@ -1,0 +1,139 @@
+"""The table of a material's parameters is all that one needs: checks, packing, the schema and the readers follow it."""
+
+from __future__ import annotations
+
+import json
+import math
+import runpy
+
+import numpy as np
+import pytest
+
+from renderer.arrays import rows
+from renderer.errors import SceneError
+from renderer.scene.description import Image, SceneDescription, Texture
+from renderer.scene.material import PARAMETERS, Material
+from renderer.scene.packing import pack
+from tests.helpers import ROOT
+from tests.renderer.scene.builders import Gltf
+
+TABLE = runpy.run_path(str(ROOT / "docs" / "material_table.py"))
+COUNT = {"color": 3, "radiance": 3, "triple": 3, "pair": 2}
+NUMBERS = [p for p in PARAMETERS if p.form not in ("choice", "texture", "flag")]
+IN_GLTF = [p for p in PARAMETERS if p.gltf]
+
+
+def other(parameter):
+    """A value that it may be and is not by default, the same in float32."""
+    default = np.ravel(1.0 if parameter.default is None else parameter.default)[0]
+    low, high = max(parameter.low, default - 0.5), min(parameter.high, default + 0.5)
+    value = high if high != default and math.isfinite(high) else low
+    return 2.0 if math.isinf(value) else float(value)
+
+
+def row(material):
+    """As it is packed: its columns and its slots."""
+    images = [Image("i", np.full((1, 1, 4), 9, np.uint8))]
+    packed = pack(SceneDescription(materials=[material], textures=[Texture(0)], images=images))
+    return packed.material[0], packed.material_texture[0]
+
+
+def test_no_two_parameters_share_a_column_or_a_slot():
+    columns = [p.column + i for p in PARAMETERS if p.column is not None for i in range(COUNT.get(p.form, 1))]
+    made = [rows.ROUGHNESS, rows.ROTATION, rows.ROTATION + 1]  # by packing, of more than one parameter or of None
+    made += [c + i for c in (rows.EMISSION, rows.ABSORPTION, rows.F0, rows.MEAN_FRESNEL) for i in range(3)]
+    assert sorted(columns + made) == list(range(rows.COLUMNS))
+    slots = [p.slot for p in PARAMETERS if p.slot is not None]
+    assert sorted([*slots, rows.EMISSION_TEXTURE]) == list(range(rows.SLOTS))  # emission's texels have a scale
+
+
+def test_the_schema_is_what_the_tables_say():
+    written = TABLE["SCHEMA"].read_text()
+    assert written == TABLE["schema_text"](written), "renderer/scene/schema.json is old: run python docs/material_table.py"
+    assert json.loads(written)["$defs"]["material"]["properties"] == TABLE["properties"]()
+
+
+def test_the_words_beneath_a_parameter_are_the_schemas():
+    properties = TABLE["properties"]()
+    assert properties["thin"] == {"description": "A pane, which does not refract.", "type": "boolean"}
+    assert properties["normal_scale"] == {"type": "number", "minimum": -100, "maximum": 100}
+    assert properties["attenuation_distance"] == {"type": "number", "exclusiveMinimum": 0}
+
+
+@pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
+def test_a_scene_file_sets_a_parameter_and_its_column_has_it(scene, parameter):
+    value = other(parameter)
+    written = [value] * COUNT[parameter.form] if parameter.form in COUNT else value
+    needs = {"blinn_phong": {"specular_color": 0}, "conductor": {"eta": 1, "k": 1}}.get(parameter.kinds[0], {})
+    material = {"kind": parameter.kinds[0], **needs, parameter.in_file: written}
+    text = json.dumps({"materials": {"m": material}, "shapes": [{"type": "quad", "material": "m"}]})
+    read = scene("s.yaml", text).materials[0]
+    expected = math.radians(value) if parameter.form == "degrees" else value
+    assert np.ravel(getattr(read, parameter.name)) == pytest.approx(expected)
+    if parameter.column is not None and parameter.kinds[0] not in ("glass", "blinn_phong"):  # which give columns of their own
+        packed = row(read)[0][parameter.column : parameter.column + COUNT.get(parameter.form, 1)]
+        assert packed == pytest.approx(np.full(len(packed), expected))
+
+
+@pytest.mark.parametrize("parameter", [p for p in PARAMETERS if p.form == "texture"], ids=lambda p: p.name)
+def test_a_scene_file_sets_a_texture_and_its_slot_has_it(scene, png, parameter):
+    material = {"kind": parameter.kinds[-1], "emission": 1, parameter.in_file: "t"}
+    document = {
+        "materials": {"m": material},
+        "textures": {"t": {"image": "t.png"}},
+        "shapes": [{"type": "quad", "material": "m"}],
+    }
+    description = scene("s.yaml", json.dumps(document), {"t.png": png(10, 20, 30)})
+    assert getattr(description.materials[0], parameter.name) == 0
+    assert description.images[0].srgb == parameter.srgb
+    slots = pack(description).material_texture[0]
+    assert list(np.flatnonzero(slots >= 0)) == [rows.EMISSION_TEXTURE if parameter.slot is None else parameter.slot]
+
+
+@pytest.mark.parametrize("parameter", IN_GLTF, ids=lambda p: p.name)
+def test_gltf_sets_a_parameter(scene, png, parameter):
+    *way, key = parameter.gltf.split(".")
+    g = Gltf()
+    expected = value = other(parameter) if parameter.form not in ("texture", "flag") else True
+    if parameter.form == "texture":
+        expected, value = 0, {"index": g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})}
+    elif parameter.form in COUNT:
+        value = [value] * COUNT[parameter.form]
+    source = {key: value}
+    for step in reversed(way):
+        source = {step: source}
+        if step.startswith("KHR_"):
+            source = {"extensions": source}
+        elif step.endswith("Texture"):
+            source[step]["index"] = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
+    g.mesh(material=g.material(**source))
+    read = scene("a.glb", g.glb()).materials[0]
+    assert np.ravel(getattr(read, parameter.name)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("parameter", [p for p in PARAMETERS if p.mtl], ids=lambda p: p.name)
+def test_an_mtl_sets_a_parameter(scene, parameter):
+    obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n"
+    read = scene("a.obj", obj, {"m.mtl": f"newmtl m\nPr 0.3\n{parameter.mtl} {other(parameter)}\n"}).materials[0]
+    assert getattr(read, parameter.name) == pytest.approx(other(parameter))
+
+
+@pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
+def test_what_a_reader_lets_through_stops_at_the_packing(parameter):
+    for wrong in (math.nan, parameter.low - 1, parameter.high + 1):
+        if math.isinf(wrong):
+            continue
+        value = (wrong,) * COUNT[parameter.form] if parameter.form in COUNT else wrong
+        with pytest.raises(SceneError, match=f"Material odd: its {parameter.in_file} is .*; it takes numbers"):
+            row(Material("odd", "metallic_roughness", **{parameter.name: value}))
+
+
+def test_other_faults_are_told_too():
+    for fields, sentence in (
+        ({"kind": "velvet"}, "its kind is 'velvet'; known are diffuse, mirror"),
+        ({"double_sided": 1}, "its double_sided is 1; it is true or false"),
+        ({"sheen_color": (0.1, 0.2)}, "its sheen_color has 2 numbers; it takes 3"),
+        ({"attenuation_distance": 0.0}, "its attenuation_distance is 0; it takes numbers above 0"),
+    ):
+        with pytest.raises(SceneError, match=sentence):
+            row(Material("odd", **fields))

@@ -1,0 +1,91 @@
+"""What a scene's warnings say is so: nothing of surfaces that another material replaces, nothing of light that is replaced."""
+
+import json
+
+import numpy as np
+import pytest
+
+from renderer.image.encode import encode
+from renderer.scene.compile import compile_scene
+from renderer.scene.studio import STUDIO_ALONE, STUDIO_TOO
+from tests.renderer.scene.builders import Gltf
+
+TILE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+LIT = {"environment": {"color": 1}}
+SKY = {"sky.exr": encode(np.ones((2, 4, 3), np.float32), "exr")}
+
+
+def placed(file, **shape):
+    material = {"materials": {"grey": {"color": 0.5}}}
+    return json.dumps({**LIT, **material, "shapes": [{"type": "mesh", "file": file, **shape}]})
+
+
+def missing_texture():
+    g = Gltf()
+    g.mesh(material=g.material(pbrMetallicRoughness={"baseColorTexture": {"index": g.texture({"uri": "gone.png"})}}))
+    return g.glb()
+
+
+@pytest.mark.parametrize(
+    ("file", "data", "note"),
+    [
+        ("a.obj", TILE, "the one image beside it, skin.png, is taken as its texture"),
+        ("b.obj", "mtllib gone.mtl\nusemtl a\n" + TILE, "its materials gone.mtl are not among the files"),
+        ("c.obj", "mtllib c.mtl\nusemtl other\n" + TILE, "no material file describes other"),
+        ("d.obj", "mtllib d.mtl\nusemtl a\n" + TILE, "kd bright is not understood"),
+        ("e.glb", missing_texture(), "its texture gone.png is not among the files"),
+    ],
+)
+def test_what_is_said_of_a_surface_is_not_said_where_another_material_is_given(scene, png, file, data, note):
+    others = {file: data, "skin.png": png(1, 2, 3), "c.mtl": "newmtl a\n", "d.mtl": "newmtl a\nKd bright\n"}
+    own = scene("own.yaml", placed(file), others)
+    assert [note in w for w in own.warnings] == [True]
+    replaced = scene("replaced.yaml", placed(file, material="grey"), others)
+    assert replaced.warnings == []
+    assert replaced.images == []
+    both = placed(file).replace(
+        '"shapes": [', '"shapes": [' + json.dumps({"type": "mesh", "file": file, "material": "grey"}) + ", "
+    )
+    assert [note in w for w in scene("both.yaml", both, others).warnings] == [True]
+
+
+def test_what_is_said_of_a_shape_is_said_whatever_its_material(scene):
+    description = scene("s.yaml", placed("a.obj", material="grey"), {"a.obj": TILE + "l 1 2\n"})
+    assert [w for w in description.warnings if "have no surface" in w] == description.warnings != []
+
+
+def test_the_image_that_lights_a_scene_is_not_its_texture(scene, png, tmp_path):
+    for environment in ("sky.exr", "sky:30,120"):
+        alone = scene("a.obj", TILE, SKY, environment=environment)
+        assert alone.warnings == []
+        assert alone.textures == []
+    (tmp_path / "sky.exr").unlink()
+    lit = scene("a.obj", TILE, {"photo.png": png(1, 2, 3)}, environment="photo.png")
+    assert lit.warnings == []
+    assert lit.textures == []
+    (tmp_path / "photo.png").unlink()
+    textured = scene("a.obj", TILE, {"skin.png": png(1, 2, 3), **SKY}, environment="sky.exr")
+    assert "skin.png, is taken as its texture" in textured.warnings[0]
+    assert [i.name for i in textured.images] == ["skin.png", "sky.exr"]
+
+
+def test_a_scene_that_is_given_an_environment_is_in_no_studio(scene):
+    assert scene("a.obj", TILE).warnings == [STUDIO_ALONE]
+    for environment in ("sky.exr", "sky:30,120"):
+        assert scene("a.obj", TILE, SKY, environment=environment).warnings == []
+
+
+def accents():
+    """A model with a weak lamp."""
+    g = Gltf()
+    g.mesh(material=g.material(emissiveFactor=[1e-4, 0, 0]))
+    return g.glb()
+
+
+def test_nor_is_a_model_whose_lamps_are_accents(scene):
+    weak = scene("a.glb", accents())
+    compile_scene(weak)
+    assert weak.warnings == [STUDIO_TOO]
+    lit = scene("a.glb", accents(), SKY, environment="sky.exr")
+    compile_scene(lit)
+    assert lit.warnings == []

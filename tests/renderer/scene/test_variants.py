@@ -1,0 +1,90 @@
+"""KHR_materials_variants: a file's other materials are listed, and one set of them can be chosen."""
+
+import json
+
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.compile import compile_scene, summarise
+from tests.renderer.scene.builders import Gltf
+
+EXTENSION = "KHR_materials_variants"
+
+
+def shoe(**more):
+    """Two parts: the first is red, green as "beach" and "day", blue as "night"; the second is black in all of them."""
+    g = Gltf()
+    for color in ([1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 1]):
+        g.material(name=str(color[:3]), pbrMetallicRoughness={"baseColorFactor": color})
+    g.mesh(material=0)
+    g.mesh(material=3)
+    mappings = [{"material": 1, "variants": [0, 2]}, {"material": 2, "variants": [1]}]
+    g.root["meshes"][0]["primitives"][0]["extensions"] = {EXTENSION: {"mappings": mappings, **more}}
+    g.root["extensions"] = {EXTENSION: {"variants": [{"name": "beach"}, {"name": "night"}, {"name": "day"}]}}
+    g.root["extensionsUsed"] = g.root["extensionsRequired"] = [EXTENSION]
+    return g
+
+
+def colors(description):
+    return [description.materials[m.material].base_color for m in description.meshes]
+
+
+@pytest.mark.parametrize(
+    ("variant", "color"),
+    [(None, (1, 0, 0)), ("beach", (0, 1, 0)), ("night", (0, 0, 1)), ("day", (0, 1, 0)), ("1", (0, 0, 1)), ("0", (0, 1, 0))],
+)
+def test_a_variant_is_chosen_by_its_name_or_number(scene, variant, color):
+    description = scene("shoe.glb", shoe().glb(), variant=variant)
+    assert colors(description) == [color, (0, 0, 0)]
+    assert summarise(description, compile_scene(description))["variants"] == ["beach", "night", "day"]
+    assert [w for w in description.warnings if "light" not in w] == []
+
+
+@pytest.mark.parametrize("variant", ["winter", "3", "-1", "²", "1" * 5000, ""])
+def test_an_unknown_variant_is_told_which_there_are(scene, variant):
+    with pytest.raises(SceneError, match=r"shoe\.glb: has no variant .*; its variants are 0: beach, 1: night, 2: day"):
+        scene("shoe.glb", shoe().glb(), variant=variant)
+
+
+def test_files_without_variants_say_so(scene):
+    g = Gltf()
+    g.mesh()
+    with pytest.raises(SceneError, match=r"a\.glb: has no variants; leave the variant out"):
+        scene("a.glb", g.glb(), variant="beach")
+    with pytest.raises(SceneError, match=r"a\.obj: has no variants, as only glTF files have"):
+        scene("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", variant="beach")
+    with pytest.raises(SceneError, match=r"s\.yaml: has no variants"):
+        scene("s.yaml", "shapes: [{type: quad}]", variant="0")
+
+
+def test_a_variant_without_a_name_has_a_number(scene):
+    g = shoe()
+    g.root["extensions"][EXTENSION]["variants"][1] = {}
+    description = scene("shoe.glb", g.glb(), variant="variant 1")
+    assert description.variants == ["beach", "variant 1", "day"]
+    assert colors(description)[0] == (0, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("mappings", "sentence"),
+    [
+        ([{"material": 9, "variants": [0]}], r"meshes\[0\].primitives\[0\].extensions.*mappings\[0\]\.material is 9"),
+        ([{"material": 1, "variants": [7]}], r"mappings\[0\]\.variants is not a list of numbers from 0 to 2"),
+        ([{"variants": [0]}], r"mappings\[0\]\.material is missing"),
+        ("x", r"mappings is not a list"),
+    ],
+)
+def test_damaged_mappings_are_told(scene, mappings, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        scene("shoe.glb", shoe(mappings=mappings).glb(), variant="0")
+
+
+def test_a_scene_file_shows_two_variants_side_by_side(scene):
+    shapes = [{"type": "mesh", "file": "shoe.glb", **chosen} for chosen in ({}, {"variant": "night"}, {"variant": 0})]
+    description = scene("s.yaml", json.dumps({"shapes": shapes}), {"shoe.glb": shoe().glb()})
+    assert colors(description)[::2] == [(1, 0, 0), (0, 0, 1), (0, 1, 0)]
+    assert description.variants == []  # they are the mesh file's, and chosen in the scene
+    with pytest.raises(SceneError, match=r"shoe\.glb: has no variant 'x'"):
+        scene("t.yaml", "shapes: [{type: mesh, file: shoe.glb, variant: x}]")
+    with pytest.raises(SceneError, match=r"shapes\[0\]\.variant: does not belong here"):
+        scene("u.yaml", "shapes: [{type: quad, variant: x}]")

@@ -1,0 +1,129 @@
+"""Who may call, by which name, from which page, with which method: before any route is asked."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from tests.helpers import running_redis
+from tests.service.conftest import Service, until
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("door") / "data", redis_server.url)
+    yield service
+    service.stop()
+
+
+@pytest.fixture(scope="module")
+def open_service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    """A service that believes that all machines reach it."""
+    data = tmp_path_factory.mktemp("open") / "data"
+    service = Service(data, redis_server.url, host="0.0.0.0", allowed_hosts=["Farm.example"])
+    yield service
+    service.stop()
+
+
+def said(answer: Any, status: int) -> str:
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    detail = str(answer.json()["detail"])
+    assert detail.endswith(".")
+    return detail
+
+
+@pytest.mark.parametrize("host", ["[", "[]", "[::1", "][", "]", "a b", "a/b", "a@localhost", "localhost:x", "[nothing]", "ü"])
+def test_a_host_that_is_none_is_a_bad_request(service: Service, host: str) -> None:
+    assert "Host" in said(service.http.get("/healthz", headers={"Host": host.encode()}), 400)
+
+
+def test_a_host_that_is_missing_or_comes_twice_is_a_bad_request(service: Service) -> None:
+    for lines in (b"", b"Host: localhost\r\nHost: elsewhere.example\r\n"):
+        with socket.create_connection(("127.0.0.1", service.port), timeout=5) as connection:
+            connection.sendall(b"GET /healthz HTTP/1.1\r\n" + lines + b"Connection: close\r\n\r\n")
+            assert connection.recv(65536).startswith(b"HTTP/1.1 400")
+
+
+def test_loopback_answers_to_its_own_names_alone(service: Service) -> None:
+    for host in ("localhost", "LOCALHOST:99", "127.0.0.1", "[::1]:8000", "localhost."):
+        assert service.http.get("/healthz", headers={"Host": host}).status_code == 200, host
+    for host in ("elsewhere.example", "10.0.0.1", socket.gethostname() + ".example"):
+        assert "RAYFARM_ALLOWED_HOSTS" in said(service.http.get("/healthz", headers={"Host": host}), 421)
+
+
+def test_a_service_for_all_machines_answers_to_addresses_and_its_own_names(open_service: Service) -> None:
+    own = socket.gethostname()
+    for host in ("localhost", "192.168.1.7:8000", "[fe80::1]", own, own.upper(), f"{own.split('.')[0]}.local", "farm.EXAMPLE"):
+        assert open_service.http.get("/healthz", headers={"Host": host}).status_code == 200, host
+    for host in ("evil.com", f"{own}.evil.com", "service", "127.0.0.1.evil.com"):
+        refusal = said(open_service.http.get("/healthz", headers={"Host": host}), 421)
+        assert f"RAYFARM_ALLOWED_HOSTS='[\"{host}\"]'" in refusal
+
+
+def test_a_machine_is_joined_by_its_name(open_service: Service) -> None:
+    headers = {"Host": f"{socket.gethostname()}:8000", "Authorization": f"Bearer {open_service.options['token']}"}
+    assert open_service.http.get("/api/farm/join", headers=headers).json()["instance"]
+
+
+def test_a_service_answers_to_the_full_name_that_the_network_gives_it(
+    tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(socket, "getfqdn", lambda: "Render1.lan.example")
+    service = Service(tmp_path / "data", redis_server.url, host="0.0.0.0")
+    try:
+        until(lambda: service.http.get("/healthz", headers={"Host": "render1.lan.example"}).is_success, "the name is known")
+    finally:
+        service.stop()
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://][", "null", "", "nonsense", "https://elsewhere.example"])
+def test_an_origin_that_is_none_or_foreign_changes_nothing(service: Service, origin: str) -> None:
+    assert "origin" in said(service.http.post("/api/jobs", json={}, headers={"Origin": origin}), 403)
+    with pytest.raises(InvalidStatus) as refused:
+        connect(f"ws://127.0.0.1:{service.port}/api/jobs/x/live", additional_headers={"Origin": origin})
+    assert refused.value.response.status_code == 403
+    assert b"origin" in refused.value.response.body
+
+
+def test_a_watcher_by_a_foreign_name_is_told_so(service: Service) -> None:
+    upgrade = (
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+    )
+    for host, status in (("evil.com", 421), ("[", 400)):
+        with socket.create_connection(("127.0.0.1", service.port), timeout=5) as connection:
+            connection.sendall(f"GET /api/jobs/x/live HTTP/1.1\r\nHost: {host}\r\n{upgrade}\r\n\r\n".encode())
+            assert connection.recv(65536).startswith(f"HTTP/1.1 {status}".encode())
+
+
+@pytest.mark.parametrize(
+    ("path", "methods"),
+    [
+        ("/api/jobs", "GET, HEAD, POST, OPTIONS"),
+        ("/api/jobs/x", "GET, HEAD, PATCH, DELETE, OPTIONS"),
+        ("/api/scenes/x", "GET, HEAD, DELETE, OPTIONS"),
+        ("/api/examples/x", "POST, OPTIONS"),
+        ("/api/events", "GET, OPTIONS"),
+        ("/healthz", "GET, HEAD, OPTIONS"),
+        ("/docs/", "GET, HEAD, OPTIONS"),
+        ("/", "GET, HEAD, OPTIONS"),
+    ],
+)
+def test_a_path_says_what_can_be_done_with_it(service: Service, path: str, methods: str) -> None:
+    options = service.http.options(path)
+    assert (options.status_code, options.headers["allow"], options.content) == (204, methods, b"")
+    for method in {"GET", "POST", "PUT", "PATCH", "DELETE"} - set(methods.split(", ")):
+        answer = service.http.request(method, path)
+        assert method in said(answer, 405)
+        assert answer.headers["allow"] == methods
+
+
+def test_a_path_below_api_that_is_not_there_is_not_there_for_any_method(service: Service) -> None:
+    for method in ("GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"):
+        assert service.http.request(method, "/api/nowhere").status_code == 404, method

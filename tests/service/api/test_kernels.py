@@ -1,0 +1,62 @@
+"""Machine code, kept for the workers that join later."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+
+from renderer.artefact import pack
+from tests.service.conftest import TOKEN, Service
+
+NAME = "0123456789abcdef-cpython311"
+SHOWN = {"Authorization": f"Bearer {TOKEN}"}
+
+
+def artefact(tmp_path: Path, key: str = TOKEN) -> bytes:
+    folder = tmp_path / "kernels"
+    folder.mkdir(exist_ok=True)
+    (folder / "_render_path.done").touch()
+    file = io.BytesIO()
+    pack(folder, key, file)
+    return file.getvalue()
+
+
+def test_what_one_worker_hands_in_another_fetches(service: Service, tmp_path: Path) -> None:
+    url = f"/api/farm/kernels/{NAME}"
+    assert service.http.get(url, headers=SHOWN).status_code == 404
+    assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
+    assert service.http.head(url, headers=SHOWN).status_code == 200
+    service.restart()
+    assert service.http.get(url, headers=SHOWN).content == artefact(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["x", "..%2Ftoken", "0123456789abcdef-cpython311%00"])
+def test_names_that_are_none(service: Service, tmp_path: Path, name: str) -> None:
+    assert service.http.put(f"/api/farm/kernels/{name}", content=artefact(tmp_path), headers=SHOWN).status_code in (404, 405, 422)
+    assert service.http.get(f"/api/farm/kernels/{name}", headers=SHOWN).status_code == 404
+
+
+def test_what_is_not_signed_with_the_token_is_not_kept(service: Service, tmp_path: Path) -> None:
+    url = f"/api/farm/kernels/{NAME}"
+    for content in (artefact(tmp_path, "another"), artefact(tmp_path)[:-1], b""):
+        answer = service.http.put(url, content=content, headers=SHOWN)
+        assert answer.status_code == 422, answer.text
+        assert "signed" in answer.json()["detail"]
+    assert service.http.get(url, headers=SHOWN).status_code == 404
+    assert not list((Path(service.options["data"]) / "kernels").iterdir())
+
+
+def test_strangers_neither_fetch_nor_hand_in(service: Service, tmp_path: Path) -> None:
+    url = f"/api/farm/kernels/{NAME}"
+    assert service.http.get(url).status_code == 401
+    assert service.http.put(url, content=artefact(tmp_path)).status_code == 401
+
+
+def test_kernels_of_releases_that_are_gone_are_forgotten(service: Service, tmp_path: Path) -> None:
+    for number in range(12):
+        url = f"/api/farm/kernels/{number:016x}-cpython311"
+        assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
+    assert len(list((Path(service.options["data"]) / "kernels").iterdir())) == 8
+    assert service.http.get(url, headers=SHOWN).status_code == 200

@@ -1,0 +1,111 @@
+"""Zips whose every kind of damage is a sentence, and whose bombs cost no memory."""
+
+from __future__ import annotations
+
+import io
+import tracemalloc
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from service.errors import FarmError, Invalid, TooLarge
+from service.intake.archives import expand
+from service.store.blobs import BlobFolder
+
+METHODS = [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA]
+OBJ = b"".join(b"v %d 0 1\n" % i for i in range(400))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> BlobFolder:
+    return BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
+
+
+def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", method) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return out.getvalue()
+
+
+def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: int = 50 << 20) -> dict[str, bytes]:
+    """What comes out; nothing is left of it afterwards."""
+    found: dict[str, bytes] = {}
+    for name, writer in expand(io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None):
+        found[name] = writer.rewind().read()
+        writer.discard()
+    return found
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_common_method_is_unpacked(store: BlobFolder, method: int) -> None:
+    assert unpack(store, zipped({"a/scene.obj": OBJ}, method)) == {"a/scene.obj": OBJ}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_archive_with_any_byte_wrong_is_whole_or_refused(store: BlobFolder, method: int) -> None:
+    whole = zipped({"scene.obj": OBJ}, method)
+    refused = 0
+    places = {*range(0, len(whole), max(1, len(whole) // 40)), *range(0, 60, 2), *range(len(whole) - 80, len(whole), 2)}
+    for at in sorted(places):
+        for value in (0x00, 0xFF, whole[at] ^ 0x10):
+            damaged = whole[:at] + bytes([value]) + whole[at + 1 :]
+            try:
+                unpack(store, damaged)
+            except FarmError as error:
+                refused += 1
+                assert str(error).endswith("."), error
+            store.sweep(set())
+    assert refused > 20
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_data_that_its_method_cannot_read_is_said_to_be_damaged(store: BlobFolder, method: int) -> None:
+    whole = bytearray(zipped({"scene.obj": OBJ}, method))
+    start = whole.index(b"scene.obj") + len("scene.obj") + (9 if method == zipfile.ZIP_LZMA else 0)
+    whole[start : start + 40] = b"\xff" * 40
+    with pytest.raises(Invalid, match="damaged"):
+        unpack(store, bytes(whole))
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_bomb_is_found_before_it_is_in_memory(store: BlobFolder, method: int) -> None:
+    """Many zeros in a few kilobytes: its directory says that it is small."""
+    size = 96 << 20
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", method) as archive, archive.open("scene.obj", "w", force_zip64=True) as file:
+        for _ in range(size >> 20):
+            file.write(bytes(1 << 20))
+    bomb = out.getvalue().replace(size.to_bytes(8, "little"), (1000).to_bytes(8, "little"))
+    bomb = bomb.replace(size.to_bytes(4, "little"), (1000).to_bytes(4, "little"))
+    tracemalloc.start()
+    try:
+        with pytest.raises(FarmError):
+            unpack(store, bomb)
+        assert tracemalloc.get_traced_memory()[1] < 30 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_directory_of_very_many_files_is_not_read(store: BlobFolder) -> None:
+    entry = zipped({"a.obj": b""})
+    at = entry.index(b"PK\x01\x02")
+    end = entry.index(b"PK\x05\x06")
+    directory = entry[at:end] * 100_000
+    tail = bytearray(entry[end:])
+    tail[12:16] = len(directory).to_bytes(4, "little")
+    with pytest.raises(TooLarge, match="far more files than the 10"):
+        unpack(store, entry[:at] + directory + bytes(tail))
+
+
+@pytest.mark.parametrize("name", ["/etc/passwd", "../up.obj", "a/../../up.obj", "C:\\scene.obj", "a\nb.obj", "a\u2028b.obj"])
+def test_names_that_mean_another_place_are_refused(store: BlobFolder, name: str) -> None:
+    with pytest.raises(Invalid, match="file name"):
+        unpack(store, zipped({name: OBJ}))
+
+
+def test_a_name_with_a_nul_is_refused(store: BlobFolder) -> None:
+    with pytest.raises(Invalid, match="control characters"):
+        unpack(store, zipped({"sceneX.obj": OBJ}).replace(b"sceneX", b"scene\0"))

@@ -1,0 +1,114 @@
+"""One film a job, whoever holds it for however long."""
+
+from __future__ import annotations
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.settings import RenderSettings, View
+from service.errors import FilmLost
+from service.store.film_faults import FilmClosed
+from service.store.film_store import MAX_OPEN, FilmFolder
+from service.store.films import FOLD_AT, Film
+from tests.service.peer_worker import expected_sums
+from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part, rows_of
+
+SETTINGS = RenderSettings(view=View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), width=WIDTH, height=HEIGHT)
+
+
+@pytest.fixture
+def films(tmp_path: Path) -> FilmFolder:
+    return FilmFolder(tmp_path / "films", 1 << 20)
+
+
+def pinned(films: FilmFolder, job: str = "job") -> Film:
+    return films.open(job, SETTINGS, TILE, pin=True)
+
+
+def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
+    """Others push it out of the store meanwhile. Two films of one job would fold what they remember over what is there."""
+    watched = pinned(films)
+    watched.merge([part(watched, 0, first, 1) for first in range(FOLD_AT - 1)])
+    films.unpin("job")
+    for other in range(MAX_OPEN + 1):
+        films.open(f"other{other}", SETTINGS, TILE)
+    rendered = pinned(films)
+    rendered.merge([part(rendered, 0, FOLD_AT - 1, 1)])
+    watched.merge([part(watched, 0, FOLD_AT, 1)])
+    rendered.merge([part(rendered, 0, FOLD_AT + 1, 1)])
+    for film in (watched, rendered):
+        np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, FOLD_AT + 2, 0))
+    assert watched is rendered
+
+
+def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
+    film = pinned(films)
+    database = rows_of(film)
+    films.unpin("job")
+    del film
+    for other in range(MAX_OPEN + 1):
+        films.open(f"other{other}", SETTINGS, TILE)
+    gc.collect()
+    with pytest.raises(Exception, match="closed"):
+        database.execute("SELECT 1")
+
+
+def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
+    database = rows_of(pinned(films))
+    for other in range(MAX_OPEN + 1):
+        films.open(f"other{other}", SETTINGS, TILE)
+    gc.collect()
+    database.execute("SELECT 1")
+
+
+def test_reading_makes_no_film(films: FilmFolder, tmp_path: Path) -> None:
+    film = films.open("job", SETTINGS, TILE)
+    assert film.samples(0) == 0
+    assert film.tile_sums(0, 0) is None
+    assert film.bad_samples(0) == (0, [])
+    assert list((tmp_path / "films").iterdir()) == []
+    assert film.merge([part(film, 0, 0, 1)]) == [True], "until there is something to write"
+
+
+def test_a_film_with_less_than_was_recorded_says_so(films: FilmFolder, tmp_path: Path) -> None:
+    film = pinned(films)
+    film.merge([part(film, 0, 0, 2)])
+    has = film.samples(0)
+    assert films.open("job", SETTINGS, TILE, recorded=has) is film
+    with pytest.raises(FilmLost, match=f"only {has} of its {has + 1} samples"):
+        films.open("job", SETTINGS, TILE, recorded=has + 1)
+    films.close()
+    (tmp_path / "films" / "job.sqlite").write_bytes(b"")
+    with pytest.raises(FilmLost, match="missing or was emptied"):
+        FilmFolder(tmp_path / "films", 0).open("job", SETTINGS, TILE, recorded=has)
+    (tmp_path / "films" / "job.sqlite").unlink()
+    with pytest.raises(FilmLost, match="missing or was emptied"):
+        FilmFolder(tmp_path / "films", 0).open("job", SETTINGS, TILE, recorded=has)
+
+
+def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, tmp_path: Path) -> None:
+    (tmp_path / "films" / "job.sqlite").write_bytes(b"nonsense" * 100)
+    with pytest.raises(FilmLost):
+        pinned(films)
+    films.set_aside("job")
+    film = pinned(films)
+    assert film.merge([part(film, 0, 0, 1)]) == [True]
+    assert (tmp_path / "films" / "job.sqlite.lost").read_bytes() == b"nonsense" * 100
+    films.set_aside("job")
+    with pytest.raises(FilmClosed):
+        film.tile_sums(0, 0)
+    films.set_aside("job")  # nothing is there: nothing to do
+    films.delete("job")
+    assert list((tmp_path / "films").iterdir()) == []
+
+
+def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) -> None:
+    for job in ("kept", "gone", "lost"):
+        pinned(films, job)
+    films.set_aside("lost")
+    films.close()
+    FilmFolder(tmp_path / "films", 0).sweep({"kept"})
+    assert {path.name.partition(".")[0] for path in (tmp_path / "films").iterdir()} == {"kept"}

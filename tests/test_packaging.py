@@ -1,0 +1,192 @@
+"""What `pip install rayfarm` gives: a whole farm, from a wheel alone, in any folder."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import grimp
+import httpx
+import pytest
+from packaging.requirements import Requirement
+
+import renderer
+from service import places
+from tests.helpers import ROOT, Farm, farm_of, stop_farm
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+OURS = ("renderer", "worker", "service", "rayfarm")
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def wheel_of(source: Path, to: Path) -> Path:
+    """The wheel that pip makes of a folder, with the build backend of this environment: nothing is fetched."""
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--no-deps", "--no-build-isolation"]
+    done = subprocess.run([*command, "-w", to, source], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(to.glob("rayfarm-*.whl"))
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return wheel_of(ROOT, tmp_path_factory.mktemp("wheel"))
+
+
+def content(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name for name in archive.namelist() if ".dist-info/" not in name}
+
+
+def test_the_wheel_has_all_that_runs_and_nothing_else(wheel: Path) -> None:
+    files = content(wheel)
+    assert {name.partition("/")[0] for name in files} == set(OURS), "no other package at the top of site-packages"
+    for package in OURS:
+        sources = {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
+        assert sources <= files
+        assert f"{package}/py.typed" in files
+    for folder in ("web/js", "web/css", "web/examples"):
+        shown = {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*") if path.is_file()}
+        assert {f"service/{name}" for name in shown} <= files
+    scenes = {path.relative_to(ROOT).as_posix() for path in (ROOT / "scenes").rglob("*.yaml")}
+    assert {f"service/{name}" for name in scenes} <= files
+    assert {"service/web/index.html", "service/docs_page/index.html", "renderer/scene/schema.json"} <= files
+    assert any(name.endswith(".npy") for name in files)
+    assert not [name for name in files if name.startswith("service/scenes/") and name.endswith(".py")]
+    assert not [name for name in files if "__pycache__" in name or "node_modules" in name]
+
+
+def test_the_wheel_says_what_it_is(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        info = f"rayfarm-{renderer.__version__}.dist-info"
+        said = archive.read(f"{info}/METADATA").decode()
+        assert b"Apache License" in archive.read(f"{info}/licenses/LICENSE")
+    assert f"Version: {renderer.__version__}\n" in said
+    assert "License-Expression: Apache-2.0\n" in said
+
+
+def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "sdist", "--directory", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    with tarfile.open(next(tmp_path.glob("rayfarm-*.tar.gz"))) as archive:
+        archive.extractall(tmp_path / "source", filter="data")
+    made = wheel_of(next((tmp_path / "source").iterdir()), tmp_path / "again")
+    assert content(made) == content(wheel)
+
+
+def everything_works(farm: Farm) -> None:
+    """The page, an example of the page, an upload, a picture."""
+    page = httpx.get(farm.url)
+    assert (page.status_code, "<title>" in page.text) == (200, True)
+    module = httpx.get(f"{farm.url}/js/main.js")
+    assert (module.status_code, module.headers["content-type"].partition(";")[0]) == (200, "text/javascript")
+    assert {"cornell-box", "christmas"} <= {example["name"] for example in httpx.get(f"{farm.url}/api/examples").json()}
+    with farm.client() as client:
+        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"])["id"])
+        job = client.wait(client.submit(scene["id"], width=32, height=32, spp=4)["id"], timeout_s=120)
+        assert job["state"] == "finished", farm.logs()
+        assert client.image(job["id"]).startswith(b"\x89PNG")
+
+
+def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
+    """Unpacked beside the packages of this environment; tests/test_packaging.py's long test installs it truly."""
+    site, elsewhere, home = tmp_path / "site", tmp_path / "elsewhere", tmp_path / "home"
+    elsewhere.mkdir()
+    home.mkdir()
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    up = [sys.executable, "-m", "rayfarm", "up", "--port=0", "--workers=1", "--no-browser"]
+    environment = {"PYTHONPATH": str(site), "XDG_DATA_HOME": str(home), "RAYFARM_DATA": ""}
+    farm = farm_of(up, home / "rayfarm", elsewhere, **environment)
+    try:
+        everything_works(farm)
+        assert str(home / "rayfarm") in farm.log.read_text(), "it says where its data lies"
+        assert not list(elsewhere.iterdir())
+        bench = [sys.executable, "-m", "rayfarm", "bench", "bvh", "--size=2x2", "--patience=0"]
+        done = subprocess.run(
+            bench, cwd=elsewhere, env={**os.environ, **environment}, capture_output=True, text=True, check=False
+        )
+        assert "Without the BVH this takes about" in done.stderr  # and its example scene was found
+    finally:
+        stop_farm(farm)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_installed_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
+    """As a stranger does it: pip fetches all that the wheel asks for."""
+    venv.create(tmp_path / "venv", with_pip=True)
+    program = tmp_path / "venv" / "bin"
+    pip = [program / "python", "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
+    done = subprocess.run(
+        [*pip, wheel, "--constraint", ROOT / "constraints.txt"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    home = tmp_path / "home"
+    home.mkdir()
+    up = [str(program / "rayfarm"), "up", "--port=0", "--workers=1", "--no-browser"]
+    farm = farm_of(up, home / "rayfarm", tmp_path, PYTHONPATH="", XDG_DATA_HOME=str(home), RAYFARM_DATA="")
+    try:
+        everything_works(farm)
+    finally:
+        stop_farm(farm)
+
+
+def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setenv("RAYFARM_DATA", str(tmp_path / "named"))
+    assert places.default_data_folder() == tmp_path / "named"
+    monkeypatch.delenv("RAYFARM_DATA")
+    assert places.default_data_folder() == ROOT / "data"
+    monkeypatch.setattr(places, "CLONE", None)
+    assert places.default_data_folder().is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
+    assert not (tmp_path / "rayfarm").exists(), "asking makes no folder"
+
+
+@pytest.mark.parametrize(("image", "runs"), [("service", ["service"]), ("worker", ["worker", "renderer"])])
+def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str]) -> None:
+    lines = (ROOT / image / "requirements.txt").read_text().splitlines()
+    wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    extras = [each for name in ("postgres", "s3") for each in PROJECT["optional-dependencies"][name]]
+    known = {normal(Requirement(line).name) for line in PROJECT["dependencies"] + extras}
+    assert {normal(each.name) for each in wanted} <= known, "the image wants what a whole farm does not have"
+
+    installed = with_their_own(wanted)
+    graph = grimp.build_graph(*OURS, include_external_packages=True, cache_dir=None)
+    imported = {name.partition(".")[0] for each in runs for name in graph.find_upstream_modules(each, as_package=True)}
+    foreign = imported - set(OURS) - sys.stdlib_module_names
+    owners = importlib.metadata.packages_distributions()
+    missing = {name for name in foreign if not installed & {normal(owner) for owner in owners.get(name, [name])}}
+    assert not missing, f"{image}/requirements.txt lacks what its sources import"
+    assert foreign, "the graph sees what is imported"
+
+
+def with_their_own(wanted: list[Requirement]) -> set[str]:
+    """The distributions that these bring, with what they need in turn."""
+    found: set[str] = set()
+    seen: set[tuple[str, str]] = set()
+    todo = [(each.name, extra) for each in wanted for extra in {"", *each.extras}]
+    while todo:
+        name, extra = todo.pop()
+        if (normal(name), extra) in seen:
+            continue
+        seen.add((normal(name), extra))
+        found.add(normal(name))
+        try:
+            needs = importlib.metadata.requires(name) or []
+        except importlib.metadata.PackageNotFoundError:  # what another platform or another database needs
+            continue
+        for each in map(Requirement, needs):
+            if each.marker is None or each.marker.evaluate({"extra": extra}):
+                todo += [(each.name, more) for more in {"", *each.extras}]
+    return found

@@ -1,0 +1,69 @@
+"""Nobody compiles twice in a farm: a worker fetches the kernels of its kind before it compiles, and hands in what it compiled.
+
+Handing in is a process of its own, so that the first tile does not wait for it:
+`python -m worker.kernels --service URL --folder FOLDER`, with the farm's token in RAYFARM_TOKEN.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from renderer.artefact import ArtefactError, name_of, pack, unpack
+from worker.errors import WorkerError
+from worker.link import Link
+from worker.process import spawn_guard
+
+__all__ = ["fetch_kernels", "hand_in", "hand_in_beside"]
+
+
+def fetch_kernels(link: Link, token: str, folder: Path) -> str:
+    """Fetch the kernels for this folder (renderer.jit.cache_folder), where the farm has them: a sentence on how that went."""
+    with tempfile.TemporaryFile() as file:
+        try:
+            if not link.kernels(name_of(folder), file):
+                return "the farm has no kernels of this kind yet"
+            file.seek(0)
+            return f"fetched the farm's kernels ({unpack(file, token, folder)} files)"
+        except (WorkerError, ArtefactError, OSError) as error:
+            return f"the farm's kernels cannot be fetched: {error}"
+
+
+def hand_in(link: Link, token: str, folder: Path) -> None:
+    """Give the farm the kernels that lie in this folder, unless it has them. Raises WorkerError or OSError."""
+    name = name_of(folder)
+    if link.has_kernels(name):
+        return
+    with tempfile.TemporaryFile() as file:
+        pack(folder, token, file)
+        link.store_kernels(name, file)
+
+
+def hand_in_beside(service: str, token: str, folder: Path) -> None:
+    """As `hand_in`, in a process beside this one that ends with it."""
+    command = [sys.executable, "-m", "worker.kernels", f"--service={service}", f"--folder={folder}"]
+    environment = {**os.environ, "RAYFARM_TOKEN": token}
+    subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=spawn_guard())
+
+
+def main() -> int:
+    """Hand in, once; what cannot be done is said and forgotten: the next worker compiles."""
+    parser = argparse.ArgumentParser(prog="python -m worker.kernels", description="Gives a farm the kernels compiled here.")
+    parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
+    parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")
+    options = parser.parse_args()
+    token = os.environ.get("RAYFARM_TOKEN", "")
+    try:
+        hand_in(Link(options.service, token), token, options.folder)
+    except (WorkerError, OSError) as error:
+        print(f"the kernels are not handed in: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
