@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from rayfarm.cli import main
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable, write
+from tests.helpers import ROOT
 
 
 def test_a_picture_takes_the_place_of_an_older_one_and_keeps_its_link_and_its_rights(tmp_path: Path) -> None:
@@ -48,3 +50,19 @@ def test_a_file_that_may_be_changed_in_a_folder_that_may_not(tmp_path: Path, mon
     assert output.read_bytes() == b"newer"
     with pytest.raises(CommandError, match=r"Permission denied\). Name another file"):
         check_writable(tmp_path / "new.png")
+
+
+@pytest.mark.parametrize(
+    "wrong", [["-o", "{}/missing/out.png"], ["-o", "{}"], ["-o", "{}/out.png", "--stats", "{}/missing/stats.json"]]
+)
+def test_render_looks_first_at_where_it_will_write(
+    wrong: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [part.format(tmp_path) for part in wrong]
+    monkeypatch.setattr("sys.argv", ["rayfarm", "render", str(ROOT / "scenes" / "cornell-box.yaml"), *arguments])
+    monkeypatch.setattr("rayfarm.commands.render.load_scene", lambda *_: pytest.fail("it begins to work"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    said = capsys.readouterr().err
+    assert "There is no folder" in said or "is a folder" in said
