@@ -42,7 +42,7 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
         scene = session.get(Scene, id)
     if scene is None:
         raise Problem(404, "There is no such scene; it may have been deleted.")
-    return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment))
+    return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment, scene.variant))
 
 
 @router.get("/blobs/{sha256}", response_class=FileResponse)

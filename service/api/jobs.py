@@ -17,7 +17,7 @@ from service.api.scenes import record
 from service.api.schemas import JobIn, JobOut, JobPatch
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
-from service.intake.uploads import under_sky
+from service.intake.uploads import changed
 from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
 from service.store.models import Frame, Job, Scene
 
@@ -34,7 +34,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
-    scene_id = _under_its_sky(request, farm)
+    scene_id = _as_asked(request, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
         scene=scene_id,
@@ -147,16 +147,16 @@ def find_job(id: str, farm: Farm) -> Job:
     return job
 
 
-def _under_its_sky(request: JobIn, farm: Farm) -> str:
-    """The scene to render: under the sky that is asked for it is another one, which is made here."""
+def _as_asked(request: JobIn, farm: Farm) -> str:
+    """The scene to render: under another sky, or with other materials of its file, it is another one, which is made here."""
     sky = request.environment.sky if request.environment else None
-    if sky is None:
+    if sky is None and request.variant is None:
         return request.scene
     with farm.sessions() as session:
         scene = session.get(Scene, request.scene)
     if scene is None:
         raise _no_scene(request.scene)
-    return record(under_sky(scene, sky.elevation, sky.azimuth), farm).id
+    return record(changed(scene, (sky.elevation, sky.azimuth) if sky else None, request.variant), farm).id
 
 
 def _no_scene(id: str) -> Problem:

@@ -118,6 +118,7 @@ def record(stored: Upload, farm: Farm) -> SceneOut:
                 created=time.time(),
                 main=stored.main,
                 environment=stored.environment,
+                variant=stored.variant,
                 files=[asdict(ref) for ref in stored.files],
                 bytes=stored.size,
                 notes=stored.notes,

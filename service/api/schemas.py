@@ -150,6 +150,12 @@ class JobIn(Strict):
     filter: str | None = Field(None, json_schema_extra=_one_of(FILTERS), description="the pixel filter")
     seed: int | None = Field(None, ge=0, lt=1 << 32, description="another seed, another noise")
     environment: EnvironmentIn | None = None
+    variant: str | None = Field(
+        None,
+        max_length=200,
+        description="of the scene's materials, by name or number; empty: the file's own. Prepares the scene anew: the job's "
+        "`scene` is then that one",
+    )
     priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
     tile_size: int | None = Field(None, ge=8, le=512)
 
@@ -223,6 +229,8 @@ class SceneOut(BaseModel):
     counts: dict[str, int]
     bounds: list[list[float]] | None
     animations: list[str]
+    variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
+    variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None

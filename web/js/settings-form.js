@@ -11,6 +11,7 @@ import { qualityFields } from "./quality-fields.js";
 import { DEFAULTS, INTEGRATORS } from "./render-choices.js";
 import { expectedSpeed } from "./render-presets.js";
 import { sizeFields } from "./size-fields.js";
+import { variantField } from "./variant-field.js";
 
 /** @typedef {import("./types.js").Scene} Scene */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
@@ -45,10 +46,12 @@ export function settingsForm(scene, submit, like = null) {
   const integrator = choiceField("Integrator", INTEGRATORS, first.integrator ?? own, () =>
     advanced.show(integrator.get()),
   );
+  const variant = variantField(scene);
   if (like?.settings) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
   const request = () => ({
     scene: scene.id,
+    ...variant.get(),
     ...camera.get(),
     ...size.get(),
     spp: quality.get(),
@@ -73,6 +76,7 @@ export function settingsForm(scene, submit, like = null) {
     "form",
     { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
     camera.elements,
+    variant.elements,
     size.elements,
     quality.elements,
     integrator.element,
