@@ -93,7 +93,7 @@ VARIANTS = "KHR_materials_variants"
 
 
 def shoe(**more):
-    """A file of variants. Two parts: the first is red, green as "beach" and "day", blue as "night"; the second is black in all of them."""
+    """A file of variants: the first of two parts is red, green as "beach" and "day", blue as "night"; the second is black."""
     g = Gltf()
     for color in ([1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 1]):
         g.material(name=str(color[:3]), pbrMetallicRoughness={"baseColorFactor": color})
