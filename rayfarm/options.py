@@ -10,6 +10,8 @@ import typer
 
 from rayfarm.errors import CommandError
 from renderer.aovs import AOVS
+from renderer.cameras import camera_number
+from renderer.errors import SettingsError
 from renderer.settings import Tile, Vec3
 
 __all__ = [
@@ -149,12 +151,9 @@ def told(warnings: list[str], env: Env) -> list[str]:
     return [w for w in warnings if env == Env() or w not in STUDIO_NOTES]
 
 
-def find_camera(cameras: list[dict[str, Any]], camera: str) -> dict[str, Any]:
-    """The camera of this name, or of this number."""
-    names = [c["name"] for c in cameras]
-    if camera in names:
-        return cameras[names.index(camera)]
-    if camera.isdigit() and int(camera) < len(cameras):
-        return cameras[int(camera)]
-    listed = ", ".join(f"{i}: {name}" for i, name in enumerate(names[:12]))
-    raise CommandError(f"The scene has no camera {camera!r}. Its cameras are {listed}.")
+def find_camera(cameras: list[dict[str, Any]], camera: str | None) -> dict[str, Any]:
+    """The camera of this name, or of this number; the first where none is named."""
+    try:
+        return cameras[camera_number([each["name"] for each in cameras], camera)]
+    except SettingsError as error:
+        raise CommandError(f"--{error}.") from None

@@ -1,4 +1,5 @@
-"""A hash of what Python sources mean: comments, docstrings, spaces and line numbers leave no trace in it.
+"""A hash of what Python sources mean: comments, docstrings, spaces and line numbers leave no trace in it, nor do the words
+in which a setting is shown (`Shown` in renderer/declared.py).
 
 So machine code and compiled scenes outlive an edit that changes no behaviour, and two hosts agree whatever their Python's version
 makes of the syntax.
@@ -18,9 +19,22 @@ __all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
 ROOT = Path(__file__).parent
 
 # What kernels are compiled from (folders with all that is in them). tests/renderer/test_sources.py holds that nothing else is.
-MACHINE_CODE = ("jit.py", "settings.py", "errors.py", "film.py", "arrays", "bvh", "kernel", "scene/readers/obj_lines.py")
+MACHINE_CODE = (
+    "jit.py",
+    "settings.py",
+    "view.py",
+    "declared.py",
+    "errors.py",
+    "film.py",
+    "arrays",
+    "bvh",
+    "kernel",
+    "scene/readers/obj_lines.py",
+)
 # What decides besides them which arrays a kernel reads, and what is asked of it.
-ARRAYS = ("render.py", "formats.py", "scene", "image/__init__.py", "image/read.py", "image/tonemap.py")
+ARRAYS = ("render.py", "work.py", "formats.py", "scene", "image/__init__.py", "image/read.py", "image/tonemap.py")
+
+WORDS = "Shown"  # what is called with what people read of a setting
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
@@ -66,7 +80,9 @@ def kept_meaning(files: Iterable[Path], folder: Path, root: Path = ROOT) -> str:
 
 def _words(node: object) -> Iterator[str]:
     """The tree written out: only what is set, so that fields which newer Pythons add and nobody uses do not show."""
-    if isinstance(node, ast.AST):
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == WORDS:
+        yield WORDS
+    elif isinstance(node, ast.AST):
         yield type(node).__name__
         for name, value in ast.iter_fields(node):
             if isinstance(value, list):

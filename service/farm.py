@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import asyncio
 import fcntl
+import logging
 import time
 from pathlib import Path
 from typing import IO, Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
-from service.errors import Conflict
+from service.errors import Conflict, FarmError
 from service.scheduling.engine import Engine
 from service.settings import Settings
-from service.store.blobs import BlobStore
+from service.store.blobs import BlobFolder, BlobStore
 from service.store.database import connect
 from service.store.film_store import FilmFolder
 from service.store.films import Film
+from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job
 from service.store.records import Records
+from service.store.reserve import Reserve
 from service.watching.broadcast import Broadcast
+from service.watching.pool import Pool
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
+
+log = logging.getLogger(__name__)
 
 ENGINE_PATIENCE_S = 0.25  # with a locked database: meanwhile all jobs stand still
 OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
@@ -39,18 +46,30 @@ class Farm:
         settings.make_folders()
         self._lock = _own(settings.data)
         self.instance = settings.instance()
-        self.database, self.sessions = connect(settings.database)
-        self.blobs = BlobStore(settings.data / "blobs", settings.data / "tmp")
-        self.kernels = KernelStore(settings.data / "kernels", settings.token)
+        try:
+            self.database, self.sessions = connect(settings.database)
+        except BaseException:
+            self._lock.close()
+            raise
+        self.blobs = open_blobs(settings)
+        self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
+        self.reserve = Reserve(settings.data / "reserve")
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
+        self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
+        self.pictures = Pool()
+        self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
         self.broadcast.open(loop)
-        self.blobs.sweep(self.records.blobs())
+        self.reserve.fill()
+        try:
+            self.blobs.sweep(self.records.blobs())
+        except FarmError as error:
+            log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
 
     def stop(self) -> None:
@@ -71,6 +90,18 @@ class Farm:
             raise Conflict(f"The picture cannot be shown: {error}. Render it anew.") from None
         recorded = self.records.samples(job.id) if job.state in FINAL else 0
         return self.films.open(job.id, settings, job.tile_size, recorded=recorded)
+
+
+def open_blobs(settings: Settings) -> BlobStore:
+    """The blob store that is set."""
+    temporary = settings.data / "tmp"
+    if not settings.blobs:
+        return BlobFolder(settings.data / "blobs", temporary)
+    try:
+        from service.store.s3 import S3Blobs
+    except ImportError as error:
+        raise RuntimeError("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
+    return S3Blobs(settings.blobs, temporary)
 
 
 def _own(folder: Path) -> IO[str]:

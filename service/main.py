@@ -23,6 +23,7 @@ from service.api.security import Door
 from service.farm import Farm
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
+from service.watching.memory import give_back_large_blocks
 
 __all__ = ["create_app"]
 
@@ -37,6 +38,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        give_back_large_blocks()
         farm = app.state.farm = Farm(settings)
         farm.start(asyncio.get_running_loop())
         with _streams_end_with_the_server(farm.broadcast):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 import secrets
 from pathlib import Path
 
@@ -9,6 +11,7 @@ from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service.places import default_data_folder, shipped
+from service.store.whole import PRIVATE_FOLDER, write_whole
 
 __all__ = ["Settings"]
 
@@ -26,6 +29,7 @@ class Settings(BaseSettings):
     redis_url: str = "redis://127.0.0.1:6379/0"
     public_redis_url: str = ""  # what joining workers are told, where it differs from the service's own
     database_url: str = ""  # SQLite in the data folder where empty
+    blobs: str = ""  # s3://bucket/prefix: uploads and compiled scenes are kept there; in the data folder where empty
     token: str = ""  # what workers show; kept in the data folder where empty
     host: str = "127.0.0.1"
     port: int = 8000
@@ -41,7 +45,7 @@ class Settings(BaseSettings):
     min_free_bytes: int = 256 * MIB  # of disk, kept free
 
     max_pixels: int = 64 * MIB
-    film_cache_bytes: int = GIB
+    film_cache_bytes: int = 256 * MIB
 
     batch_seconds: float = 0.5
     window_per_slot: int = 2
@@ -53,6 +57,13 @@ class Settings(BaseSettings):
     @classmethod
     def _absolute(cls, value: Path) -> Path:
         return value.expanduser().resolve()
+
+    @field_validator("blobs")
+    @classmethod
+    def _bucket(cls, value: str) -> str:
+        if value and not re.fullmatch(r"s3://[^/]+(/.*)?", value):
+            raise ValueError(f"{value!r} is no address of blobs; give s3://bucket/prefix, or nothing for the data folder")
+        return value
 
     @property
     def database(self) -> str:
@@ -71,8 +82,11 @@ class Settings(BaseSettings):
 
     def make_folders(self) -> None:
         """The folders of the data directory, the instance's id, and the token where none is given."""
+        self.data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
+        with contextlib.suppress(PermissionError):  # another user's folder: as private as they made it
+            self.data.chmod(PRIVATE_FOLDER)
         for name in ("blobs", "films", "tmp"):
-            (self.data / name).mkdir(parents=True, exist_ok=True)
+            (self.data / name).mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
         if not self.token:
             self.token = _kept(self.data / "token")
 
@@ -84,6 +98,5 @@ class Settings(BaseSettings):
 def _kept(path: Path) -> str:
     """A random id, made once and kept in a file that only its owner reads."""
     if not path.exists() or not path.read_text().strip():
-        path.touch(mode=0o600)
-        path.write_text(secrets.token_hex(16) + "\n")
+        write_whole(path, f"{secrets.token_hex(16)}\n".encode())
     return path.read_text().strip()

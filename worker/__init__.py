@@ -12,8 +12,12 @@ denoise.py    denoise: from a film's means to a picture without noise
 reproduce.py  the command that shows a failure again, without a farm
 results.py    the way back: events and sums on the stream
 link.py       HTTP to the service: manifests, and blobs both ways
+foreign.py    the sentence about what answers there and is no service
+errors.py     what goes wrong, by whose trouble it is: the worker's own, or the scene's
+patience.py   trying again where it is the worker's own
 cache.py      blobs by hash, fetched once, or mapped from the service's own files
 heartbeat.py  what a worker reports of itself, and the watchdog on its event loop
 status.py     what each slot does now, in shared memory
+logs.py       the log, a line for each thing that happens
 process.py    no process is left behind
 """

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from renderer import denoise, jit
 from renderer.render import warm_up
-from worker import app
+from worker import app, logs
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
@@ -49,8 +49,7 @@ def main() -> int:
 
 def _work(options: argparse.Namespace) -> int:
     _check(options)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
-    logging.getLogger("httpx").setLevel(logging.WARNING)
+    logs.set_up()
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))

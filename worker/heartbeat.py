@@ -81,6 +81,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.reporter = Reporter(self.worker.redis_url)
         self.consumer = consumer
         self.is_paused = False
+        self.said = ""  # of what is in the way, once
         self.timer: Any = None
         self.idle_since = time.monotonic()
 
@@ -116,10 +117,17 @@ class Heartbeat(bootsteps.StartStopStep):
         wanted = self.reporter.is_paused(self.worker.name, self.is_paused)
         if wanted == self.is_paused:
             return
+        try:
+            for queue in self.worker.queues:
+                if wanted:
+                    self.consumer.cancel_task_queue(queue)
+                else:
+                    self.consumer.add_task_queue(queue)
+        except redis.RedisError as error:
+            if str(error) != self.said:
+                self.said = str(error)
+                log.warning("tasks cannot be %s now: %s", "left" if wanted else "taken", error)
+            return  # until the next beat
         self.is_paused = wanted
+        self.said = ""
         log.warning("paused by the service" if wanted else "taking tasks again")
-        for queue in self.worker.queues:
-            if wanted:
-                self.consumer.cancel_task_queue(queue)
-            else:
-                self.consumer.add_task_queue(queue)

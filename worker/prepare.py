@@ -146,6 +146,8 @@ def _place(blob: Path, folder: Path, name: str) -> None:
     except OSError as error:
         if is_of_machine(error):
             raise
+        if not blob.is_file():
+            raise MachineError("the scene's files do not stay in the cache while they are needed; give it more room") from error
         raise WorkError(f"{name!r} cannot be the name of a file here ({error.strerror}); rename it.") from error
 
 

@@ -6,12 +6,10 @@ import math
 import shlex
 from typing import Any
 
-from renderer.settings import OPTIONAL, RenderSettings, Tile
+from renderer.declared import Declared
+from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, Tile
 
 __all__ = ["batch_command", "sample_command"]
-
-# Options whose name is not the setting's.
-_NAMES = {"clamp_indirect": "clamp", "height": "ortho-height"}
 
 
 def batch_command(settings: RenderSettings, tile: Tile, first: int, count: int) -> str:
@@ -33,16 +31,19 @@ def _options(settings: RenderSettings) -> list[str]:
     if settings.view.aperture == 0.0:
         del view["focus"]
     words = [f"--size={settings.width}x{settings.height}"]
-    for name, value in [*view.items(), *((name, getattr(settings, name)) for name in OPTIONAL)]:
-        if value is not None:
-            words.append(f"--{_NAMES.get(name, name.replace('_', '-'))}={_text(value)}")
+    words += [_word(VIEW[name], value) for name, value in view.items()]
+    words += [_word(SETTINGS[name], getattr(settings, name)) for name in OPTIONAL]
     if settings.environment is not None:
         words.append(f"--env={_text(settings.environment)}")
-    if settings.environment_strength != 1.0:
-        words.append(f"--env-strength={settings.environment_strength!r}")
-    if settings.environment_rotation != 0.0:
-        words.append(f"--env-rotation={settings.environment_rotation!r}")
+    for name, each in ENVIRONMENT.items():
+        value = getattr(settings, each.name)
+        if name != "color" and value != each.default:
+            words.append(_word(each, value))
     return words
+
+
+def _word(each: Declared, value: Any) -> str:
+    return f"--{each.option}={_text(value)}"
 
 
 def _text(value: Any) -> str:

@@ -93,7 +93,13 @@ def _prepare(task: Any, scene: str) -> None:
 def _denoise(task: Any, frame: dict[str, Any]) -> None:
     """Denoise a frame (DenoiseFrame as a dict), and say where the result is."""
     worker = context.current()
-    work = DenoiseFrame.from_json(frame)
+    try:
+        work = DenoiseFrame.from_json(frame)
+    except ValueError as error:
+        worker.results.send(
+            Result({"type": "denoise-failed", "work": frame.get("work"), "worker": worker.name, "error": str(error)})
+        )
+        return
     worker.board.write(_slot(), {"denoise": work.job, "frame": work.frame})
     try:
         if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:

@@ -79,7 +79,7 @@ def bvh(
         descriptions = [read(folder, main), read(folder, main)]
     tree, brute = compile_scene(descriptions[0]), compile_scene(descriptions[1], brute=True)
     summary = summarise(descriptions[0], tree)
-    settings = Picture(size=size).settings(summary["cameras"], summary["defaults"])
+    settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
     warm_up(settings)
     expected = _expected_s(brute, settings, spp)
     cores = machine.cores()

@@ -124,10 +124,8 @@ class LocalFarm:
         with contextlib.suppress(redis.RedisError), redis.Redis.from_url(self.redis_url, socket_timeout=5) as store:
             for key in store.scan_iter(WORKER_KEYS):
                 data = store.get(key)
-                if isinstance(data, bytes):
-                    report = WorkerReport.from_bytes(data)
-                    if process is not None and report.pid == process.pid and report.state == "ready":
-                        return True
+                if isinstance(data, bytes) and process is not None and _is_ready(data, process.pid):
+                    return True
         return False
 
     def _redis_answers(self) -> bool:
@@ -149,6 +147,14 @@ class LocalFarm:
 
     def _announce(self) -> None:
         announce(self.data, FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids()))
+
+
+def _is_ready(report: bytes, pid: int) -> bool:
+    try:
+        worker = WorkerReport.from_bytes(report)
+    except (TypeError, ValueError):
+        return False  # of a worker of another release
+    return worker.pid == pid and worker.state == "ready"
 
 
 def _family(host: str) -> socket.AddressFamily:

@@ -1,4 +1,4 @@
-"""Processes that belong together: started, watched, restarted (after a growing pause where they die young), and stopped without a remainder.
+"""Processes that belong together: started, watched, restarted (with growing pauses where they die young), and stopped whole.
 
 Every part is the leader of its own session, so that a Ctrl-C at the terminal reaches the supervisor alone and it decides the
 order; and so that whatever a part forks can be ended with it as one group. Should the supervisor itself be killed, the

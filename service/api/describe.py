@@ -54,7 +54,7 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
 
 def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
     """A job, with the engine's latest numbers where it is being rendered."""
-    live = engine.snapshot.jobs.get(job.id)
+    live = engine.snapshot.jobs.get(job.id) if job.state in ACTIVE else None
     frames = [
         FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
         for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import re
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from service.api.scenes import record
 from service.api.schemas import SceneOut
 from service.farm import Farm, FarmDependency
 from service.intake.multipart import Form
-from service.intake.uploads import keep, no_room
+from service.intake.uploads import full_disk, keep
 
 __all__ = ["router"]
 
@@ -45,12 +44,9 @@ def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOu
     path = next((path for path in _files(farm) if path.stem == name), None)
     if path is None:
         raise Problem(404, f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
-    try:
-        scene = record(keep(_form(path, farm), farm.blobs, farm.settings, lambda size: None), farm)
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise no_room() from error
-        raise
+    with full_disk():
+        form = _form(path, farm)
+    scene = keep(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, lambda stored: record(stored, farm))
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene
 

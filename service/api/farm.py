@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Depends, Request, Response
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
@@ -18,8 +18,8 @@ from service.api.jobs import find_job
 from service.api.problem import Problem
 from service.api.token import check_token
 from service.farm import FarmDependency
-from service.intake.uploads import disk_checker
-from service.store.blobs import is_sha256
+from service.intake.uploads import disk_checker, gathered
+from service.store.blobs import is_sha256, no_blob
 from service.store.models import Scene
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
@@ -32,7 +32,8 @@ router = APIRouter(prefix="/api/farm", tags=["farm"], dependencies=[Depends(chec
 @router.get("/join")
 def join(farm: FarmDependency) -> dict[str, str]:
     """Where the queue is, and how a worker on this machine recognises the service's own files."""
-    return {"redis_url": farm.settings.worker_redis_url, "instance": farm.instance, "data_dir": str(farm.settings.data)}
+    data = str(farm.settings.data) if farm.blobs.is_local else ""
+    return {"redis_url": farm.settings.worker_redis_url, "instance": farm.instance, "data_dir": data}
 
 
 @router.get("/scenes/{id}/manifest")
@@ -45,12 +46,13 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
     return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment, scene.variant))
 
 
-@router.get("/blobs/{sha256}", response_class=FileResponse)
-def get_blob(sha256: str, farm: FarmDependency) -> FileResponse:
+@router.get("/blobs/{sha256}", response_class=StreamingResponse)
+def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
     """A stored file by its hash."""
-    if not is_sha256(sha256) or not farm.blobs.path(sha256).is_file():
-        raise Problem(404, "There is no blob of this hash; its scene may have been deleted.")
-    return FileResponse(farm.blobs.path(sha256), media_type="application/octet-stream")
+    if not is_sha256(sha256):
+        raise no_blob()
+    blob = farm.blobs.serve(sha256)
+    return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers={"Content-Length": str(blob.size)})
 
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
@@ -85,13 +87,14 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
     writer = farm.blobs.writer()
     try:
-        async for chunk in request.stream():
+        async for chunk in gathered(request.stream()):
             check_disk(len(chunk))
-            writer.write(chunk)
+            await run_in_threadpool(writer.write, chunk)
             if writer.size > farm.settings.max_blob_bytes:
                 raise Problem(413, f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
         if writer.sha256 != sha256:
             raise Problem(422, "The bytes do not have the hash that they are to be stored under. Send them again.")
+        farm.garbage.promise(sha256)
         await run_in_threadpool(writer.commit)
     finally:
         writer.discard()

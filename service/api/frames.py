@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import math
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -83,17 +84,18 @@ async def image(
     if denoise and planes:
         raise Problem(422, "denoise: only colour is denoised; leave aov out.")
     PictureWish(extension, planes, in_layers).check()
-    film = await run_in_threadpool(_film, id, n, farm)
-    denoised = await _denoised(id, n, film, farm) if denoise else None
-    version, samples = (film.version(n), film.samples(n)) if denoised is None else (denoised.version, denoised.samples)
+    film, version, samples = await run_in_threadpool(_state, id, n, farm)
+    denoised = await _denoised(id, n, film, samples, farm) if denoise else None
+    if denoised is not None:
+        version, samples = denoised.version, denoised.samples
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    blob = None if denoised is None else farm.blobs.path(denoised.sha256)
+    blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
-    data = await run_in_threadpool(picture, film, n, wish)
+    data = await farm.pictures.make((id, headers["ETag"]), picture, film, n, wish)
     kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
     headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{kind}.{extension}"'
     return Response(data, media_type=MEDIA[extension], headers=headers)
@@ -120,15 +122,15 @@ def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int
 
 
 @router.get("/digest", response_model=Digest)
-def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
+async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
-    film = _film(id, n, farm)
-    return Digest(digest=film.digest(n), samples=film.samples(n))
+    film, version, samples = await run_in_threadpool(_state, id, n, farm)
+    return Digest(digest=await farm.pictures.make((id, n, "digest", version), film.digest, n), samples=samples)
 
 
-async def _denoised(id: str, n: int, film: Film, farm: Farm) -> Denoised:
+async def _denoised(id: str, n: int, film: Film, samples: int, farm: Farm) -> Denoised:
     """Waits without a thread of its own: many readers may wait at a time."""
-    if not film.samples(n):
+    if not samples:
         raise Problem(409, "The picture has no samples yet. Try again when its first tiles are there.")
     made = await run_in_threadpool(farm.engine.denoise, id, n, film)
     # Shielded: a reader that leaves must not take the picture from those who wait for the same.
@@ -143,6 +145,12 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     except SettingsError as error:
         raise Problem(422, f"{error}.") from None
     return tuple(dict.fromkeys(names)), bool(names) and (len(asked) > 1 or "all" in asked)
+
+
+def _state(id: str, n: int, farm: Farm) -> tuple[Film, str, int]:
+    """A frame's film, the version of its content, and its samples."""
+    film = _film(id, n, farm)
+    return film, film.version(n), film.samples(n)
 
 
 def _film(id: str, n: int, farm: Farm) -> Film:

@@ -2,38 +2,47 @@
 
 from __future__ import annotations
 
+import anyio
+import anyio.to_thread
 from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from sqlalchemy import text
 
 from service.api import metrics
-from service.api.problem import Problem
-from service.farm import FarmDependency
+from service.errors import Unavailable
+from service.farm import Farm, FarmDependency
 
 __all__ = ["router"]
 
 router = APIRouter(tags=["health"])
 
+PATIENCE_S = 2.0  # with the database
+
 
 @router.get("/healthz")
-def healthz(farm: FarmDependency) -> dict[str, str]:
-    """Whether the process is sane; if not, restart it."""
+async def healthz(farm: FarmDependency) -> dict[str, str]:
+    """Whether the process is sane; if not, restart it. It waits for nothing: no thread, no database, no disk."""
     if not farm.engine.is_alive:
-        raise Problem(503, "The engine has ended. Restart the service.")
+        raise Unavailable("The engine has ended. Restart the service.")
     return {"status": "ok"}
 
 
 @router.get("/readyz")
-def readyz(farm: FarmDependency) -> dict[str, str]:
+async def readyz(farm: FarmDependency) -> dict[str, str]:
     """Whether the service can work now: its database, its films and Redis answer."""
     try:
-        with farm.sessions() as session:
-            session.execute(text("SELECT 1"))
+        with anyio.fail_after(PATIENCE_S):
+            await anyio.to_thread.run_sync(_ask_database, farm, limiter=farm.readiness, abandon_on_cancel=True)
     except Exception as error:
-        raise Problem(503, f"The database does not answer ({type(error).__name__}). Look at RAYFARM_DATABASE_URL.") from error
+        raise Unavailable(f"The database does not answer ({type(error).__name__}). Look at RAYFARM_DATABASE_URL.") from error
     if (why := farm.engine.snapshot.not_ready) is not None:
-        raise Problem(503, why)
+        raise Unavailable(why)
     return {"status": "ready"}
+
+
+def _ask_database(farm: Farm) -> None:
+    with farm.sessions() as session:
+        session.execute(text("SELECT 1"))
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})

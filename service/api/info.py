@@ -8,21 +8,9 @@ from fastapi import APIRouter
 
 from renderer import __version__
 from renderer.aovs import AOVS
+from renderer.described import described
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
-from renderer.settings import (
-    FILTERS,
-    HEURISTICS,
-    INTEGRATORS,
-    LIGHT_CHOICES,
-    MAX_DEPTH,
-    MAX_LIGHT_SAMPLES,
-    MAX_SIZE,
-    MAX_SPP,
-    PROJECTIONS,
-    SAMPLERS,
-    SAMPLINGS,
-)
 from service.farm import FarmDependency
 
 __all__ = ["router"]
@@ -32,7 +20,7 @@ router = APIRouter(tags=["info"])
 
 @router.get("/api/info")
 def info(farm: FarmDependency) -> dict[str, Any]:
-    """The version, the limits, and the names that requests may use."""
+    """The version, the limits, and what requests may ask for: every setting with its range, its names and what it does."""
     settings = farm.settings
     return {
         "name": "rayfarm",
@@ -41,18 +29,8 @@ def info(farm: FarmDependency) -> dict[str, Any]:
             "upload_bytes": settings.max_upload_bytes,
             "upload_files": settings.max_upload_files,
             "pixels": settings.max_pixels,
-            "size": MAX_SIZE,
-            "spp": MAX_SPP,
-            "max_depth": MAX_DEPTH,
-            "light_samples": MAX_LIGHT_SAMPLES,
         },
-        "integrators": list(INTEGRATORS),
-        "samplings": list(SAMPLINGS),
-        "heuristics": list(HEURISTICS),
-        "light_choices": list(LIGHT_CHOICES),
-        "samplers": list(SAMPLERS),
-        "filters": list(FILTERS),
-        "projections": list(PROJECTIONS),
+        **described(),
         "curves": list(CURVES),
         "aovs": list(AOVS),
         "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,

@@ -52,7 +52,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     )
     try:
         with farm.sessions.begin() as session:
-            scene = session.get(Scene, scene_id)
+            scene = session.get(Scene, scene_id, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
@@ -104,7 +104,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 
     A job that is over and set to running renders what its picture lacks; a film that is damaged is set aside first.
     """
-    is_anew = change.state == "running" and begins_anew(find_job(id, farm), farm.films)
+    may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
+    is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
@@ -126,14 +127,18 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 @router.delete("/{id}", status_code=204)
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
-    with farm.sessions.begin() as session:
-        job = session.get(Job, id)
-        if job is None:
-            raise _unknown(id)
-        for frame in session.scalars(select(Frame).where(Frame.job == id)):
-            session.delete(frame)
-        session.flush()
-        session.delete(job)
+
+    def forget() -> None:
+        with farm.sessions.begin() as session:
+            job = session.get(Job, id)
+            if job is None:
+                raise _unknown(id)
+            for frame in session.scalars(select(Frame).where(Frame.job == id)):
+                session.delete(frame)
+            session.flush()
+            session.delete(job)
+
+    farm.reserve.spend_on(forget)
     farm.engine.changed("job", id)  # which removes the film, once it is out of its hands
     farm.broadcast.tell("job", id)
 
@@ -152,11 +157,18 @@ def _as_asked(request: JobIn, farm: Farm) -> str:
     sky = request.environment.sky if request.environment else None
     if sky is None and request.variant is None:
         return request.scene
+    stored = changed(_scene(request.scene, farm), (sky.elevation, sky.azimuth) if sky else None, request.variant)
+    with farm.garbage.pinned(ref.sha256 for ref in stored.files):
+        _scene(request.scene, farm)  # where it is deleted by now, its files may be
+        return record(stored, farm).id
+
+
+def _scene(id: str, farm: Farm) -> Scene:
     with farm.sessions() as session:
-        scene = session.get(Scene, request.scene)
+        scene = session.get(Scene, id)
     if scene is None:
-        raise _no_scene(request.scene)
-    return record(changed(scene, (sky.elevation, sky.azimuth) if sky else None, request.variant), farm).id
+        raise _no_scene(id)
+    return scene
 
 
 def _no_scene(id: str) -> Problem:

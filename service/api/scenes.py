@@ -6,9 +6,10 @@ import time
 from dataclasses import asdict
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import FileResponse
+from fastapi.responses import StreamingResponse
 from sqlalchemy import func, select
-from starlette.concurrency import run_in_threadpool
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from service.api.describe import scene_out
 from service.api.problem import Problem
@@ -51,8 +52,9 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
     check_length(request.headers.get("content-length"), farm.settings.max_upload_bytes)
     content_type = request.headers.get("content-type", "")
-    stored = await receive(content_type, request.stream(), farm.blobs, farm.settings)
-    scene = await run_in_threadpool(record, stored, farm)
+    scene = await receive(
+        content_type, request.stream(), farm.blobs, farm.garbage, farm.settings, lambda stored: record(stored, farm)
+    )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene
 
@@ -74,40 +76,49 @@ def get_scene(id: str, farm: FarmDependency) -> SceneOut:
     return scene_out(_find(id, farm), farm.engine)
 
 
-@router.get("/{id}/thumbnail.png", response_class=FileResponse)
-def thumbnail(id: str, farm: FarmDependency) -> FileResponse:
+@router.get("/{id}/thumbnail.png", response_class=StreamingResponse)
+def thumbnail(id: str, farm: FarmDependency) -> StreamingResponse:
     """A small picture of the scene, made when it was prepared."""
     scene = _find(id, farm)
     ref = (scene.info or {}).get("thumbnail")
-    if not ref or not farm.blobs.path(ref["sha256"]).is_file():
+    if not ref:
         raise Problem(404, "This scene has no thumbnail yet.")
-    headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"'}
-    return FileResponse(farm.blobs.path(ref["sha256"]), media_type="image/png", headers=headers)
+    blob = farm.blobs.serve(ref["sha256"])
+    headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"', "Content-Length": str(blob.size)}
+    return StreamingResponse(blob.chunks, media_type="image/png", headers=headers)
 
 
 @router.delete("/{id}", status_code=204)
 def delete_scene(id: str, farm: FarmDependency) -> None:
     """Delete a scene and its files. Finished pictures stay; jobs that still need the scene are in the way."""
-    with farm.sessions.begin() as session:
-        scene = session.get(Scene, id)
+
+    def forget(session: Session) -> set[str]:
+        scene = session.get(Scene, id, with_for_update=True)
         if scene is None:
             raise _unknown(id)
         needed = session.scalar(select(func.count()).where(Job.scene == id, Job.state.in_(ACTIVE)))
         if needed:
             raise Problem(409, f"{needed} unfinished job(s) need this scene. Cancel them first.")
-        hashes = blobs_of(scene)
         session.delete(scene)
-        session.flush()
-        for other in session.scalars(select(Scene)):
-            hashes -= blobs_of(other)
-    for sha256 in hashes:
-        farm.blobs.delete(sha256)
+        return blobs_of(scene)
+
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
     farm.engine.changed("scene", id)
     farm.broadcast.tell("scene", id)
 
 
 def record(stored: Upload, farm: Farm) -> SceneOut:
-    """Write a stored upload down as a scene, and have it prepared. One that is there already stays as it is."""
+    """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is."""
+    try:
+        scene = _write(stored, farm)
+    except IntegrityError:  # another wrote the same scene down in the same moment
+        scene = _write(stored, farm)
+    farm.engine.changed("scene", scene.id)
+    farm.broadcast.tell("scene", scene.id)
+    return scene_out(scene, farm.engine)
+
+
+def _write(stored: Upload, farm: Farm) -> Scene:
     with farm.sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
@@ -127,9 +138,7 @@ def record(stored: Upload, farm: Farm) -> SceneOut:
             session.add(scene)
         elif scene.status == "failed":
             scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
-    farm.engine.changed("scene", scene.id)
-    farm.broadcast.tell("scene", scene.id)
-    return scene_out(scene, farm.engine)
+        return scene
 
 
 def _find(id: str, farm: Farm) -> Scene:

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
-from renderer.settings import (
-    FILTERS,
-    HEURISTICS,
-    INTEGRATORS,
-    LIGHT_CHOICES,
-    MAX_DEPTH,
-    MAX_FLOOR,
-    MAX_LIGHT_SAMPLES,
-    MAX_SIZE,
-    MAX_SPP,
-    MISTAKES,
-    OPTIONAL,
-    PROJECTIONS,
-    SAMPLERS,
-    SAMPLINGS,
-    RenderSettings,
-    View,
-)
+from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
+from renderer.work import WORK
+from service.api.declared_fields import with_fields
 from service.errors import Invalid
 from service.intake.names import plain_title
 
@@ -43,17 +29,8 @@ __all__ = [
     "WorkerPatch",
 ]
 
-Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
-Vec3 = tuple[Finite, Finite, Finite]
-Length = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e12)]
-Radiance = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e6)]
 SceneStatus = Literal["preparing", "ready", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
-
-
-def _one_of(names: tuple[str, ...]) -> dict[str, Any]:
-    """For the OpenAPI page; RenderSettings itself refuses what is not known."""
-    return {"enum": [*names, None]}
 
 
 class Strict(BaseModel):
@@ -70,18 +47,9 @@ class Strict(BaseModel):
         return value
 
 
+@with_fields(VIEW)
 class ViewModel(Strict):
     """A camera in world space; lengths in the scene's unit."""
-
-    eye: Vec3
-    target: Vec3
-    up: Vec3 = (0.0, 1.0, 0.0)
-    fov: float = Field(40.0, ge=0.01, le=179.0, description="vertical field of view in degrees; perspective")
-    projection: str = Field("perspective", json_schema_extra={"enum": list(PROJECTIONS)})
-    aperture: Length = Field(0.0, description="radius of the lens; 0 is a pinhole, sharp everywhere")
-    focus: Length | None = Field(None, description="distance of the plane that is sharp; the target's where left out")
-    height: Length = Field(2.0, description="what an orthographic camera shows from top to bottom")
-    near: Length = Field(0.0, description="distance along the line of sight where rays start: what stands before is cut away")
 
     @model_validator(mode="after")
     def _possible(self) -> ViewModel:
@@ -99,13 +67,12 @@ class SkyIn(Strict):
     azimuth: float = Field(0.0, ge=-360.0, le=360.0)
 
 
+@with_fields(ENVIRONMENT)
 class EnvironmentIn(Strict):
     """Light from all around in place of the scene's: a linear RGB radiance, or a sky; a factor, and a further turn."""
 
-    color: tuple[Radiance, Radiance, Radiance] | None = None
+    color: Vec3 | None = None
     sky: SkyIn | None = Field(None, description="prepares the scene anew under that sky: the job's `scene` is then that one")
-    strength: Radiance = 1.0
-    rotation: float = Field(0.0, ge=-360.0, le=360.0, description="degrees about +Y, counter-clockwise seen from above")
 
     @model_validator(mode="after")
     def _one(self) -> EnvironmentIn:
@@ -114,41 +81,24 @@ class EnvironmentIn(Strict):
         return self
 
 
+@with_fields(WORK)
+@with_fields({name: SETTINGS[name] for name in ("width", "height", *OPTIONAL)}, of_scene=True)
 class JobIn(Strict):
     """A request for a picture. Quality is asked for by spp, noise or seconds; whichever comes first ends it."""
 
     scene: str = Field(description="a scene's id", max_length=100)
     name: str | None = Field(None, max_length=200)
-    camera: str | Annotated[int, Field(ge=0)] | None = Field(None, description="a camera of the scene, by its name or number")
+    camera: str | Annotated[int, Field(ge=0, lt=MOST_CAMERAS)] | None = Field(
+        None, description="a camera of the scene, by its name or number"
+    )
     view: ViewModel | None = Field(None, description="a camera of your own, instead of `camera`")
-    width: int | None = Field(None, ge=1, le=MAX_SIZE)
-    height: int | None = Field(None, ge=1, le=MAX_SIZE)
-    spp: int | None = Field(None, ge=1, le=MAX_SPP, description="samples a pixel")
-    noise: float | None = Field(None, gt=0.0, le=10.0, description="relative noise at which a tile is done, for example 0.02")
-    seconds: float | None = Field(None, gt=0.0, le=1e7, description="wall-clock time spent on rendering")
+    spp: int | None = None
+    noise: float | None = None
+    seconds: float | None = None
+    tile_size: int | None = None
+    priority: int = 0
     frames: str | int = Field("0", description="only 0: a still")
     fps: float = Field(24.0, gt=0.0, le=1000.0)
-    integrator: str | None = Field(None, json_schema_extra=_one_of(INTEGRATORS), description="how light is followed")
-    max_depth: int | None = Field(None, ge=1, le=MAX_DEPTH, description="path segments, the camera's included")
-    sampling: str | None = Field(None, json_schema_extra=_one_of(SAMPLINGS), description="how paths find lights")
-    heuristic: str | None = Field(None, json_schema_extra=_one_of(HEURISTICS), description="how mis weighs its strategies")
-    light_choice: str | None = Field(
-        None, json_schema_extra=_one_of(LIGHT_CHOICES), description="by what chance a light is taken of many"
-    )
-    roulette: float | None = Field(
-        None, ge=0.0, le=1.0, description="probability with which paths go on, from 0.05; 0: by throughput, after three bounces"
-    )
-    roulette_floor: float | None = Field(None, ge=0.0, le=MAX_FLOOR, description="the least of it where it goes by throughput")
-    clamp_indirect: float | None = Field(
-        None, ge=0.0, le=1e9, allow_inf_nan=False, description="the most that indirect light adds to a sample; 0: no limit"
-    )
-    light_samples: int | None = Field(None, ge=1, le=MAX_LIGHT_SAMPLES, description="shadow rays at the camera's first hit")
-    ao_distance: Length | None = Field(None, description="how far ambient occlusion looks; 0: to infinity")
-    ambient: tuple[Radiance, Radiance, Radiance] | None = Field(None, description="light from all sides, of whitted alone")
-    mistake: str | None = Field(None, json_schema_extra=_one_of(MISTAKES), description="an error of other renderers, to show it")
-    sampler: str | None = Field(None, json_schema_extra=_one_of(SAMPLERS), description="where random numbers come from")
-    filter: str | None = Field(None, json_schema_extra=_one_of(FILTERS), description="the pixel filter")
-    seed: int | None = Field(None, ge=0, lt=1 << 32, description="another seed, another noise")
     environment: EnvironmentIn | None = None
     variant: str | None = Field(
         None,
@@ -156,8 +106,13 @@ class JobIn(Strict):
         description="of the scene's materials, by name or number; empty: the file's own. Prepares the scene anew: the job's "
         "`scene` is then that one",
     )
-    priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
-    tile_size: int | None = Field(None, ge=8, le=512)
+
+    @field_validator("camera", mode="before")
+    @classmethod
+    def _name_or_number(cls, value: Any) -> Any:
+        if value is None or isinstance(value, str) or (isinstance(value, int) and 0 <= value < MOST_CAMERAS):
+            return value
+        raise ValueError("a camera is a name, or a number from 0")
 
     @field_validator("name")
     @classmethod
@@ -173,16 +128,6 @@ class JobIn(Strict):
         if str(value).strip() != "0":
             raise ValueError('animation is not rendered yet; leave frames out, or give "0"')
         return "0"
-
-    @field_validator(*OPTIONAL)
-    @classmethod
-    def _possible(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is not None:
-            try:
-                RenderSettings(1, 1, View((0, 0, 1), (0, 0, 0)), **{str(info.field_name): value})
-            except SettingsError as error:
-                raise ValueError(str(error)) from None
-        return value
 
     @model_validator(mode="after")
     def _one_camera(self) -> JobIn:

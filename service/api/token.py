@@ -13,7 +13,7 @@ from service.farm import FarmDependency
 __all__ = ["check_token"]
 
 
-def check_token(farm: FarmDependency, authorization: Annotated[str, Header()] = "") -> None:
+async def check_token(farm: FarmDependency, authorization: Annotated[str, Header()] = "") -> None:
     """Let only those in who show the farm's token."""
     if not secrets.compare_digest(authorization.encode(), f"Bearer {farm.settings.token}".encode()):
         raise Problem(

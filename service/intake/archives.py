@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import errno
-import io
 import lzma
 import stat
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from typing import Any, BinaryIO, cast
 
 from renderer.formats import is_junk
 from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
 from service.intake.unpack import CHUNK, pieces
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["expand"]
 
@@ -29,7 +29,7 @@ DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
 
 def expand(
-    archive: Path,
+    archive: BinaryIO,
     name: str,
     store: BlobStore,
     max_files: int,
@@ -43,7 +43,7 @@ def expand(
     Raises TooLarge where the archive is so in files, bytes or ratio, Invalid where it is not a sane archive.
     """
     try:
-        with _Archive(archive, name, max_files) as raw, zipfile.ZipFile(raw) as file:
+        with zipfile.ZipFile(cast(BinaryIO, _Archive(archive, name, max_files))) as file:
             everything = [entry for entry in file.infolist() if not entry.is_dir()]
             for entry in everything:
                 safe_name(entry.orig_filename)
@@ -62,19 +62,22 @@ def expand(
         raise
 
 
-class _Archive(io.BufferedReader):
+class _Archive:
     """The file of an archive. zipfile reads the whole directory at once: one that so many files do not need is refused."""
 
-    def __init__(self, path: Path, name: str, max_files: int) -> None:
-        super().__init__(io.FileIO(path))
+    def __init__(self, file: BinaryIO, name: str, max_files: int) -> None:
+        self._file = file
         self._limit = max(2 * CHUNK, max_files * DIRECTORY_BYTES_A_FILE)
         self._refusal = f"The archive {name} has a directory of far more files than the {max_files} that are taken."
 
-    def read(self, size: int | None = -1) -> bytes:
-        """As every file's."""
-        if size is not None and size > self._limit:
+    def read(self, size: int = -1) -> bytes:
+        """As the file's."""
+        if size > self._limit:
             raise TooLarge(self._refusal)
-        return super().read(size)
+        return self._file.read(size)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 def _damaged(name: str, error: Exception) -> Invalid:

@@ -11,14 +11,14 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
 
 from service.errors import Invalid, TooLarge, UnknownFormat
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.staging import BlobWriter
 
 __all__ = ["Form", "read_form"]
 
 MAX_FIELD = 4096
 MAX_FIELDS = 32
 MAX_HEADER = 8192
-PIECE = 1 << 20
 
 
 @dataclass
@@ -57,7 +57,7 @@ async def read_form(
             check_disk(len(piece))
             parser.write(piece)
 
-        async for piece in _pieces(chunks):
+        async for piece in chunks:
             total += len(piece)
             if total > max_bytes:
                 raise TooLarge(
@@ -73,22 +73,6 @@ async def read_form(
         reader.discard()
         raise
     return reader.form
-
-
-async def _pieces(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """The same bytes in pieces that are worth a thread's while: each is hashed and written there.
-
-    The first comes as it is, so that what is no form is refused before more of it is sent.
-    """
-    piece, enough = bytearray(), 1
-    async for chunk in chunks:
-        piece += chunk
-        if len(piece) >= enough:
-            yield bytes(piece)
-            piece.clear()
-            enough = PIECE
-    if piece:
-        yield bytes(piece)
 
 
 class _Reader:

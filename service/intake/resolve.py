@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from renderer.cameras import camera_number
 from renderer.errors import SettingsError
-from renderer.settings import RenderSettings, View, chosen
+from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from service.store.models import Job, Scene
 
 __all__ = ["DEFAULT_SPP", "NOISE_SPP", "default_tile_size", "resolve"]
@@ -38,9 +39,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         width=width,
         height=height,
         view=_view(request, info.get("cameras") or []),
-        environment=tuple(environment["color"]) if environment.get("color") is not None else None,
-        environment_strength=environment.get("strength", 1.0),
-        environment_rotation=environment.get("rotation", 0.0),
+        **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
         **chosen(request, defaults),
     )
     if job.spp is None:
@@ -70,22 +69,6 @@ def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
 def _view(request: dict[str, Any], cameras: list[dict[str, Any]]) -> View:
     wanted = request.get("view")
     if wanted is None:
-        camera = request.get("camera")
-        names = [c["name"] for c in cameras]
-        if not cameras:
-            raise SettingsError("the scene has no camera; give a view")
-        if camera is None:
-            index = 0
-        elif isinstance(camera, int):
-            index = camera
-        elif camera in names:
-            index = names.index(camera)
-        elif camera.isascii() and camera.isdigit() and len(camera) < 10:
-            index = int(camera)
-        else:
-            raise SettingsError(f"camera is {camera[:60]!r}; the scene has {', '.join(map(repr, names))}")
-        if not 0 <= index < len(cameras):
-            raise SettingsError(f"camera is number {index}; the scene has {len(cameras)}, counted from 0")
-        wanted = cameras[index]["view"]
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in wanted.items() if v is not None}
-    return View(**values)
+        number = camera_number([camera["name"] for camera in cameras], request.get("camera"))
+        wanted = cameras[number]["view"]
+    return View.from_json({name: value for name, value in wanted.items() if value is not None})

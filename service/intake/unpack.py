@@ -12,20 +12,12 @@ import lzma
 import zipfile
 import zlib
 from collections.abc import Iterator
-from typing import Protocol
 
 __all__ = ["CHUNK", "pieces"]
 
 CHUNK = 1 << 20
 LZMA_MEMORY = 256 << 20
 UNKNOWN_SIZE = b"\xff" * 8
-
-
-class _Decompressor(Protocol):
-    eof: bool
-    needs_input: bool
-
-    def decompress(self, data: bytes, max_length: int = -1) -> bytes: ...
 
 
 def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
@@ -58,7 +50,7 @@ def _packed(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
 
 
 def _expanded(packed: Iterator[bytes], method: int) -> Iterator[bytes]:
-    decompressor: _Decompressor = bz2.BZ2Decompressor()
+    decompressor: bz2.BZ2Decompressor | lzma.LZMADecompressor = bz2.BZ2Decompressor()
     if method == zipfile.ZIP_LZMA:
         decompressor = lzma.LZMADecompressor(lzma.FORMAT_ALONE, memlimit=LZMA_MEMORY)
     for piece in packed:

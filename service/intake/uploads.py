@@ -6,9 +6,11 @@ import errno
 import hashlib
 import json
 import shutil
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
@@ -19,14 +21,19 @@ from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
 from service.settings import Settings
-from service.store.blobs import BlobStore, BlobWriter
+from service.store.blobs import BlobStore
+from service.store.database import no_room
+from service.store.garbage import Garbage
 from service.store.models import Scene
+from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "changed", "check_length", "keep", "no_room", "receive"]
+__all__ = ["Upload", "changed", "check_length", "full_disk", "gathered", "keep", "receive"]
 
 DISK_CHECK_EVERY = 16 << 20
+PIECE = 1 << 20
 SKY = "sky:"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -61,7 +68,7 @@ def check_length(length: str | None, limit: int) -> None:
 
 
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
-    """A function of the bytes about to be written; raises Problem 507 where the disk would fall below `keep_free`."""
+    """A function of the bytes about to be written; raises NoRoom where the disk would fall below `keep_free`."""
     since_check = DISK_CHECK_EVERY
 
     def check(size: int) -> None:
@@ -75,25 +82,59 @@ def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
     return check
 
 
-def no_room() -> Problem:
-    """The answer where the disk is full."""
-    return Problem(507, "The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
+async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """The same bytes in larger pieces, each worth a thread in which it is hashed and written; the first chunk at once."""
+    pieces: list[bytes] = []
+    size, enough = 0, 1
+    async for chunk in chunks:
+        pieces.append(chunk)
+        size += len(chunk)
+        if size >= enough:
+            yield b"".join(pieces)
+            pieces, size, enough = [], 0, PIECE
+    if pieces:
+        yield b"".join(pieces)
 
 
-async def receive(content_type: str, chunks: AsyncIterator[bytes], store: BlobStore, settings: Settings) -> Upload:
-    """Read, expand, check and store an upload. Raises Problem; then nothing of it is left."""
+async def receive(
+    content_type: str,
+    chunks: AsyncIterator[bytes],
+    store: BlobStore,
+    garbage: Garbage,
+    settings: Settings,
+    record: Callable[[Upload], T],
+) -> T:
+    """Read, expand, check and store an upload, and write it down. Raises Problem or FarmError; then nothing of it is left."""
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
+    limits = settings.max_upload_files, settings.max_upload_bytes
+    with full_disk():
+        form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
+        return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """Raise NoRoom where the system says that the disk is full."""
     try:
-        form = await read_form(content_type, chunks, store, settings.max_upload_files, settings.max_upload_bytes, check_disk)
-        return await run_in_threadpool(keep, form, store, settings, check_disk)
+        yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise no_room() from error
         raise
 
 
-def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]) -> Upload:
-    """Expand, check and store what was sent. Raises Problem; then nothing of it is left."""
+def keep(
+    form: Form,
+    store: BlobStore,
+    garbage: Garbage,
+    settings: Settings,
+    check_disk: Callable[[int], None],
+    record: Callable[[Upload], T],
+) -> T:
+    """Expand, check and store what was sent, and write it down by `record`, before which nobody can delete its blobs.
+
+    Raises Problem or FarmError; then nothing of it is left.
+    """
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:
@@ -106,15 +147,16 @@ def keep(form: Form, store: BlobStore, settings: Settings, check_disk: Callable[
         _refuse_files_as_folders(files)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
-        refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+        if environment is not None and not environment.startswith(SKY):
+            environment = chosen.strip(environment)
+        name = title[:200] or PurePosixPath(chosen.main).stem
+        with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
+            refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+            return record(Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes))
     finally:
         form.discard()
         for writer in files.values():
             writer.discard()
-    if environment is not None and not environment.startswith(SKY):
-        environment = chosen.strip(environment)
-    name = title[:200] or PurePosixPath(chosen.main).stem
-    return Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
 
 
 def changed(scene: Scene, sky: tuple[float, float] | None = None, variant: str | None = None) -> Upload:

@@ -98,7 +98,7 @@ class Answers:
     def review(self) -> None:
         """Once a second: read the stream anew where there is more in it than is kept here: Redis was away when something
         was to be deleted, or has lost what it had. Raises redis.RedisError."""
-        more = self._results.has_read(self._results.end()) and self._results.length() > sum(map(len, self._kept.values()))
+        more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
         if more and self._overlooked:
             self._results.start_over()
         self._overlooked = more and not self._overlooked

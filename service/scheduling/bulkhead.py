@@ -22,7 +22,7 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
-from service.errors import FarmError, FilmWaits, NoRoom
+from service.errors import FarmError, FilmWaits, NoRoom, Unavailable
 from service.scheduling.dispatch import QueueError
 
 __all__ = ["Bulkheads", "Step", "Verdict"]
@@ -31,6 +31,7 @@ RETRY_S = 1.0
 RETRY_AT_MOST_S = 5.0
 SHARE_OF_A_FAULT = 10  # a step that failed slowly (a lock was waited for) is tried so many times more rarely than it takes
 
+DATABASE_FAULTS = (exc.DBAPIError, exc.TimeoutError)
 # These are of a row, not of the database.
 ROW_FAULTS = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
 
@@ -94,16 +95,15 @@ class Bulkheads:
             action()
         except (redis.RedisError, QueueError):
             raise
-        except (FilmWaits, NoRoom) as error:
-            self._wait(id, step, _waits(str(error)), began)
-        except exc.SQLAlchemyError as error:
-            if isinstance(error, ROW_FAULTS) or not isinstance(error, exc.DBAPIError | exc.TimeoutError):
+        except FilmWaits as error:
+            self._wait(id, step, str(error), began)
+        except (NoRoom, Unavailable) as error:
+            self._wait_for_database(id, step, str(error), began)
+        except DATABASE_FAULTS as error:
+            if isinstance(error, ROW_FAULTS):
                 self._blame(id, step, error)
             else:
-                cause = getattr(error, "orig", None) or error
-                self.database_fault = f"The database cannot be used ({cause})."
-                self._wait(id, step, _waits(self.database_fault), began)
-                self._database_until = self._waits[id][step].until
+                self._wait_for_database(id, step, f"The database cannot be used ({getattr(error, 'orig', error)}).", began)
         except Exception as error:
             self._blame(id, step, error)
         else:
@@ -119,10 +119,6 @@ class Bulkheads:
         """Whether batches of a job may be handed out: its film takes what comes back."""
         waits = self._waits.get(id, {})
         return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
-
-    def waiting(self, step: Step) -> list[str]:
-        """The jobs and scenes that wait with a step."""
-        return [id for id, waits in self._waits.items() if step in waits]
 
     def sentences(self) -> dict[str, str]:
         """Why they wait."""
@@ -140,7 +136,13 @@ class Bulkheads:
         wait = self._waits.get(id, {}).get(step)
         return wait is None or now >= wait.until
 
-    def _wait(self, id: str, step: Step, sentence: str, began: float) -> None:
+    def _wait_for_database(self, id: str, step: Step, sentence: str, began: float) -> None:
+        self.database_fault = sentence
+        self._wait(id, step, sentence, began)
+        self._database_until = self._waits[id][step].until
+
+    def _wait(self, id: str, step: Step, why: str, began: float) -> None:
+        sentence = f"Waits: {why[:1].lower()}{why[1:]}"
         waits = self._waits.setdefault(id, {})
         if step not in waits:
             log.warning("%s: %s (%s)", id, sentence, step)
@@ -169,7 +171,3 @@ class Bulkheads:
                 "Setting it to running tries again."
             )
         self.condemn(id, sentence)
-
-
-def _waits(why: str) -> str:
-    return f"Waits: {why[:1].lower()}{why[1:]}"

@@ -59,7 +59,7 @@ class Denoising:
         """
         with self._lock:
             made = self._made.get((job, frame))
-            if made is not None and made.version == version and self._blobs.path(made.sha256).is_file():
+            if made is not None and made.version == version and self._blobs.exists(made.sha256):
                 done: Future[Denoised] = Future()
                 done.set_result(made)
                 return done
@@ -93,7 +93,7 @@ class Denoising:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
         if key is None:
             return  # too late, or of an earlier life of the service
-        if made is None or not is_sha256(made.sha256) or not self._blobs.path(made.sha256).is_file():
+        if made is None or not is_sha256(made.sha256) or not self._blobs.exists(made.sha256):
             self._fail(key, Failed(f"The picture could not be denoised: {(error or 'its file is missing').rstrip('.')}."))
             return
         with self._lock:

@@ -59,6 +59,7 @@ class Lifecycle:
         if row is None or row.state not in ACTIVE:
             if job is not None:
                 self._drop(job)
+            self._rest(id)
             self._bulkheads.forget(id)
             if row is None:
                 self._denoising.forget(id)
@@ -187,5 +188,8 @@ class Lifecycle:
     def _drop(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
+        self._rest(job.id)
+
+    def _rest(self, id: str) -> None:
         with suppress(FarmError):  # a film that cannot rest now rests later
-            self._films.unpin(job.id)
+            self._films.unpin(id)

@@ -68,9 +68,10 @@ class Snapshot:
             return f"The engine has been busy with one thing for {age:.0f} s: a disk, the database or Redis is slow to answer."
         if self.fault is not None:
             return self.fault
-        unfinished = [id for id, job in self.jobs.items() if job.state != "paused"]
-        if self.waits and all(id in self.waits for id in unfinished):
-            return "Nothing goes on. " + next(iter(self.waits.values()))
+        paused = {id for id, job in self.jobs.items() if job.state == "paused"}
+        waits = [why for id, why in self.waits.items() if id not in paused]
+        if waits and self.jobs.keys() - paused <= self.waits.keys():
+            return f"Nothing goes on. {waits[0]}"
         return None
 
 

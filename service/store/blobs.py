@@ -1,19 +1,25 @@
-"""Files under the SHA-256 of their bytes. A blob is whole or not there: written beside, synced, then renamed."""
+"""Files under the SHA-256 of their bytes. A blob is whole or not there."""
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import re
-import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, Protocol
 
-__all__ = ["BlobStore", "BlobWriter", "is_sha256"]
+from service.errors import NotFound
+from service.store.staging import BlobWriter, Staging
+from service.store.whole import move_whole
+
+__all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "is_sha256", "no_blob"]
 
 SHA256 = re.compile(r"[0-9a-f]{64}")
+CHUNK = 1 << 20
+OLD_S = 86400.0
 
 
 def is_sha256(text: str) -> bool:
@@ -21,100 +27,115 @@ def is_sha256(text: str) -> bool:
     return SHA256.fullmatch(text) is not None
 
 
-class BlobWriter:
-    """Bytes on their way in. Nothing is visible before `commit`; `discard` leaves no trace."""
+@dataclass(frozen=True)
+class ServedBlob:
+    """A blob on its way out."""
 
-    def __init__(self, store: BlobStore) -> None:
-        handle, name = tempfile.mkstemp(dir=store.temporary, prefix="blob-")
-        self._store = store
-        self._file = os.fdopen(handle, "w+b")
-        self._hash = hashlib.sha256()
-        self.path = Path(name)
-        self.size = 0
-
-    def write(self, data: bytes) -> None:
-        """Append bytes."""
-        self._file.write(data)
-        self._hash.update(data)
-        self.size += len(data)
-
-    @property
-    def sha256(self) -> str:
-        """The hash of what was written so far."""
-        return self._hash.hexdigest()
-
-    def rewind(self) -> Path:
-        """Flush, and the path to read what was written."""
-        self._file.flush()
-        return self.path
-
-    def commit(self) -> str:
-        """Make the blob visible; returns its hash. A blob that is there already stays as it is."""
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        self._file.close()
-        target = self._store.path(self.sha256)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if target.exists():
-            os.utime(target)
-            self.path.unlink(missing_ok=True)
-        else:
-            self.path.chmod(0o644)
-            self.path.replace(target)
-            _sync_folder(target.parent)
-        return self.sha256
-
-    def discard(self) -> None:
-        """Forget what was written."""
-        self._file.close()
-        self.path.unlink(missing_ok=True)
+    size: int
+    chunks: Iterator[bytes]
 
 
-class BlobStore:
-    """The folder of blobs: `<folder>/<first two hex digits>/<sha256>`; `temporary` is on the same file system."""
+class BlobStore(Protocol):
+    """Where blobs are. A hash that is none raises ValueError; a store that does not answer, Unavailable."""
 
-    def __init__(self, folder: Path, temporary: Path) -> None:
-        self.folder = folder
-        self.temporary = temporary
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary.mkdir(parents=True, exist_ok=True)
-
-    def path(self, sha256: str) -> Path:
-        """Where the blob of this hash is or would be. Raises ValueError where it is no hash."""
-        if not is_sha256(sha256):
-            raise ValueError(f"{sha256!r} is no SHA-256 in lower-case hexadecimal")
-        return self.folder / sha256[:2] / sha256
+    is_local: bool  # a worker on this machine finds the blobs in the data folder, and maps them from there
 
     def writer(self) -> BlobWriter:
         """Begin a new blob."""
-        return BlobWriter(self)
+
+    def put(self, writer: BlobWriter) -> None:
+        """Make what was written a blob. One that is there already stays as it is."""
+
+    def open(self, sha256: str) -> BinaryIO:
+        """Read a blob. Raises NotFound."""
+
+    def serve(self, sha256: str) -> ServedBlob:
+        """A blob in pieces, to be sent on. Raises NotFound."""
+
+    def exists(self, sha256: str) -> bool:
+        """Whether the blob is there."""
 
     def delete(self, sha256: str) -> None:
-        """Remove a blob; a worker that has it mapped keeps reading it."""
-        self.path(sha256).unlink(missing_ok=True)
+        """Remove a blob where it is there."""
 
-    def sweep(self, keep: set[str], older_than_s: float = 86400.0) -> int:
+    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> int:
         """Remove unfinished writes, and blobs that are not in `keep`; returns how many blobs went.
 
         Young blobs stay: the news of what a worker stored may still be on its way.
         """
-        for left_over in [*self.temporary.glob("blob-*"), *self.temporary.glob("means-*")]:
-            left_over.unlink(missing_ok=True)
+
+
+class BlobFolder:
+    """Blobs as `<folder>/<first two hex digits>/<sha256>`; `temporary` is on the same file system.
+
+    A worker that has a blob mapped keeps reading it after it was deleted.
+    """
+
+    is_local = True
+
+    def __init__(self, folder: Path, temporary: Path) -> None:
+        self._folder = folder
+        self._staging = Staging(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def writer(self) -> BlobWriter:
+        """See BlobStore."""
+        return self._staging.writer(self.put)
+
+    def put(self, writer: BlobWriter) -> None:
+        """See BlobStore. One that a power cut left shorter than it was is replaced."""
+        target = self._path(writer.sha256)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(FileNotFoundError):
+            if target.stat().st_size == writer.size:
+                os.utime(target)
+                return
+        move_whole(writer.path, target)
+
+    def open(self, sha256: str) -> BinaryIO:
+        """See BlobStore."""
+        try:
+            return self._path(sha256).open("rb")
+        except FileNotFoundError:
+            raise no_blob() from None
+
+    def serve(self, sha256: str) -> ServedBlob:
+        """See BlobStore."""
+        file = self.open(sha256)
+        return ServedBlob(os.fstat(file.fileno()).st_size, _chunks(file))
+
+    def exists(self, sha256: str) -> bool:
+        """See BlobStore."""
+        return self._path(sha256).is_file()
+
+    def delete(self, sha256: str) -> None:
+        """See BlobStore."""
+        self._path(sha256).unlink(missing_ok=True)
+
+    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> int:
+        """See BlobStore."""
+        self._staging.sweep()
         gone = 0
-        for path in self._all():
+        for path in self._folder.glob("??/*"):
             with contextlib.suppress(OSError):
-                if path.name not in keep and path.stat().st_mtime < time.time() - older_than_s:
+                is_old = path.stat().st_mtime < time.time() - older_than_s
+                if is_sha256(path.name) and path.name not in keep and is_old:
                     path.unlink()
                     gone += 1
         return gone
 
-    def _all(self) -> Iterator[Path]:
-        return (path for path in self.folder.glob("??/*") if is_sha256(path.name))
+    def _path(self, sha256: str) -> Path:
+        if not is_sha256(sha256):
+            raise ValueError(f"{sha256!r} is no SHA-256 in lower-case hexadecimal")
+        return self._folder / sha256[:2] / sha256
 
 
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def no_blob() -> NotFound:
+    """There is no such blob."""
+    return NotFound("There is no blob of this hash; its scene may have been deleted.")
+
+
+def _chunks(file: BinaryIO) -> Iterator[bytes]:
+    with file:
+        while chunk := file.read(CHUNK):
+            yield chunk

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+import contextlib
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
 
-from service.store.models import Base
+from service.errors import NoRoom, Unavailable
+from service.store.upgrade import upgrade
+from service.store.whole import PRIVATE
 
-__all__ = ["Sessions", "connect"]
+__all__ = ["Sessions", "connect", "no_room"]
+
+LOCK_PATIENCE_S = 5.0
 
 
 class Sessions:
     """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes.
 
+    Raises NoRoom where the disk is full, and Unavailable where the database is locked or away.
     patience_s: how long a lock of SQLite's is waited for.
     """
 
-    def __init__(self, engine: Engine, patience_s: float = 30.0) -> None:
+    def __init__(self, engine: Engine, patience_s: float = LOCK_PATIENCE_S) -> None:
         self._engine = engine
         options = {"patience_ms": round(patience_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
@@ -29,24 +40,56 @@ class Sessions:
         """The same database, for whoever must not wait so long."""
         return Sessions(self._engine, seconds)
 
-    def __call__(self) -> Session:
+    @contextmanager
+    def __call__(self) -> Iterator[Session]:
         """A session for reading."""
-        return self._readers()
+        with _faults(), self._readers() as session:
+            yield session
 
-    def begin(self) -> AbstractContextManager[Session]:
+    @contextmanager
+    def begin(self) -> Iterator[Session]:
         """A transaction: committed at its end, or rolled back where an exception leaves it."""
-        return self._writers.begin()
+        with _faults(), self._writers.begin() as session:
+            yield session
 
 
 def connect(url: str) -> tuple[Engine, Sessions]:
-    """The engine with its tables made, and the maker of sessions."""
+    """The engine, its tables made or brought up to date, and the maker of sessions."""
     is_sqlite = url.startswith("sqlite")
-    engine = create_engine(url, pool_pre_ping=not is_sqlite, connect_args={"timeout": 30} if is_sqlite else {})
+    engine = create_engine(url, pool_pre_ping=not is_sqlite, connect_args={"timeout": LOCK_PATIENCE_S} if is_sqlite else {})
     if is_sqlite:
+        _make_private(make_url(url).database)
         event.listen(engine, "connect", _tune_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
-    Base.metadata.create_all(engine)
+    upgrade(engine)
     return engine, Sessions(engine)
+
+
+def no_room() -> NoRoom:
+    """What is said where the disk is full."""
+    return NoRoom("The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
+
+
+@contextmanager
+def _faults() -> Iterator[None]:
+    try:
+        yield
+    except DBAPIError as error:
+        if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
+            raise no_room() from error
+        if isinstance(error, OperationalError):
+            raise Unavailable(f"The database does not answer ({error.orig}). Try again.") from error
+        raise
+
+
+def _make_private(database: str | None) -> None:
+    """SQLite gives what it makes beside the database the database's own mode."""
+    if database and database != ":memory:":
+        path = Path(database)
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, PRIVATE))
+        for suffix in ("", "-wal", "-shm"):
+            with contextlib.suppress(OSError):  # not there; or another's, and then as private as they made it
+                path.with_name(path.name + suffix).chmod(PRIVATE)
 
 
 def _tune_sqlite(connection: Any, _: Any) -> None:
@@ -61,6 +104,6 @@ def _begin_sqlite(connection: Connection) -> None:
     # A transaction that reads and then writes must hold the lock from its beginning: else another writer may come between,
     # and what was decided by the reading is no longer true (or SQLite gives up with "database is locked").
     options = connection.get_execution_options()
-    writes, patience_ms = options.get("writes"), options.get("patience_ms", 30_000)
+    writes, patience_ms = options.get("writes"), options.get("patience_ms", round(LOCK_PATIENCE_S * 1000))
     connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")  # of this use of the connection, which is pooled
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

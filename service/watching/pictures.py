@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs
-from renderer.image import rgbe9995
+from renderer import film as film_math
+from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import encode, encode_shown
 from service.errors import Invalid
 from service.store.films import Film
@@ -17,6 +19,7 @@ from service.store.films import Film
 __all__ = ["MEDIA", "PictureWish", "picture"]
 
 F32 = npt.NDArray[np.float32]
+ROWS = 64  # at a time, of a denoised picture
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
@@ -31,7 +34,7 @@ class PictureWish:
     """What a reader asks for.
 
     planes: AOVs by name, none for colour. in_layers: as layers beside the colour, else the one plane alone.
-    denoised: the file with the colour to take instead.
+    denoised: opens the colour to take instead.
     """
 
     extension: str
@@ -40,7 +43,7 @@ class PictureWish:
     exposure: float = 0.0
     curve: str = "neutral"
     width: int | None = None
-    denoised: Path | None = None
+    denoised: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
         """Raise Invalid for a wish that no file fulfils."""
@@ -54,6 +57,8 @@ def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
     """The file."""
     if wish.planes and not wish.in_layers:
         return _plane(film, frame, wish, wish.planes[0])
+    if wish.extension in ("png", "jpg") and wish.width is None:
+        return encode_shown(_shown(film, frame, wish), wish.extension)
     color = _smaller(_color(film, frame, wish.denoised), wish.width)
     if wish.extension == "rgb9e5":
         return rgbe9995.pack(color).astype("<u4").tobytes()
@@ -61,10 +66,25 @@ def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
     return encode(color, wish.extension, wish.exposure, wish.curve, channels)
 
 
-def _color(film: Film, frame: int, denoised: Path | None) -> F32:
+def _shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
+    """What a screen shows, piece by piece: the whole frame's radiance is never in memory, which would be many times as large."""
+    out = np.zeros((film.height, film.width, 3), np.uint8)
+    if wish.denoised is None:
+        return film.each(
+            frame, lambda sums: tonemap.apply(film_math.mean(sums, film.film_exponent), wish.exposure, wish.curve), out
+        )
+    with wish.denoised() as file:
+        for rows in np.array_split(out, -(-film.height // ROWS)):
+            color = np.frombuffer(file.read(rows.size * 4), "<f4").reshape(rows.shape)
+            rows[:] = tonemap.apply(color, wish.exposure, wish.curve)
+    return out
+
+
+def _color(film: Film, frame: int, denoised: Callable[[], BinaryIO] | None) -> F32:
     if denoised is None:
         return film.channel(frame)
-    return np.fromfile(denoised, "<f4").reshape(film.height, film.width, 3)
+    with denoised() as file:
+        return np.frombuffer(file.read(), "<f4").reshape(film.height, film.width, 3)
 
 
 def _plane(film: Film, frame: int, wish: PictureWish, name: str) -> bytes:

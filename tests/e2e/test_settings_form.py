@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from renderer import settings
+from renderer.declared import Declared, Setting, Shown, table
+from renderer.described import described
 from tests.e2e.site import call
 
 pytestmark = pytest.mark.browser
@@ -23,13 +27,17 @@ SCENE = {
 }
 
 
-def open_form(page: Page) -> None:
+# What a form is made of, before it is opened.
+TOLD = "(await import('/js/settings-table.js')).table.set(a.table);"
+
+
+def open_form(page: Page, known: Mapping[str, Declared] = settings.SETTINGS) -> None:
     body = """
         window.asked = null;
-        const form = m.settingsForm(a, async (request) => { window.asked = request; });
+        const form = m.settingsForm(a.scene, async (request) => { window.asked = request; });
         document.body.replaceChildren(form.element);
         for (const fold of document.querySelectorAll("details")) fold.open = true;"""
-    call(page, "settings-form", body, SCENE)
+    call(page, "settings-form", TOLD + body, {"scene": SCENE, "table": described(known)})
 
 
 def submitted(page: Page) -> dict[str, Any]:
@@ -38,23 +46,63 @@ def submitted(page: Page) -> dict[str, Any]:
     return asked
 
 
-def test_the_choices_are_the_renderers(page: Page) -> None:
-    names = """
-        const lists = Object.entries(m).filter(([, list]) => Array.isArray(list));
-        return Object.fromEntries(lists.map(([name, list]) => [name, list.map((choice) => choice.name)]));"""
-    assert call(page, "render-choices", names) == {
-        name: list(getattr(settings, name))
-        for name in ("INTEGRATORS", "SAMPLERS", "FILTERS", "SAMPLINGS", "HEURISTICS", "LIGHT_CHOICES", "PROJECTIONS", "MISTAKES")
-    }
-    fields = settings.RenderSettings.__dataclass_fields__
-    for name, value in call(page, "render-choices", "return m.DEFAULTS;").items():
-        assert fields[name].default == (tuple(value) if isinstance(value, list) else value), name
+@dataclass(frozen=True)
+class Sparkling(settings.RenderSettings):
+    """The settings of a renderer that has one more."""
+
+    sparkle: Annotated[
+        float,
+        Setting(0.1, 2.0, off=0.0),
+        Shown("Sparkle", "How much the snow glitters.", group="lab", integrators=("path", "ao"), off="dull", phrase="glitter {}"),
+    ] = 0.0
+
+
+def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
+    open_form(page, table(Sparkling))
+    field = page.get_by_label("Sparkle")
+    expect(field).to_have_attribute("placeholder", "dull")
+    expect(page.get_by_text("How much the snow glitters.")).to_be_visible()
+    field.fill("3")
+    assert submitted(page) is None
+    expect(page.get_by_text("Sparkle lies between 0.1 and 2.")).to_be_visible()
+    field.fill("1.5")
+    assert submitted(page)["sparkle"] == 1.5
+    page.get_by_label("Integrator").select_option("direct")
+    expect(field).to_be_hidden()
+    assert "sparkle" not in submitted(page)
+
+
+def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
+    """By its phrases: the value that switches something off, a choice, a noise level and a camera among them."""
+    view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
+    a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
+    left = {**a, "settings": {"integrator": "path", "sparkle": 0.0, "seed": 0, "clamp_indirect": 0.0, "view": view}}
+    right = {**a, "noise": 0.025, "settings": {**left["settings"], "integrator": "ao", "sparkle": 1.23456, "seed": 7}}
+    right["settings"]["view"] = {**view, "focus": 2.0, "eye": [0.1, 0, 5]}
+    rows = call(
+        page,
+        "job-differences",
+        TOLD + "return m.differences(a.left, a.right);",
+        {
+            "left": left,
+            "right": right,
+            "table": described(table(Sparkling)),
+        },
+    )
+    assert [(row["label"], row["a"], row["b"]) for row in rows] == [
+        ("Integrator", "Path tracing", "Ambient occlusion"),
+        ("Sparkle", "glitter dull", "glitter 1.235"),
+        ("Seed", "seed 0", "seed 7"),
+        ("Samples per pixel", "64 spp", "noise 2.5 %"),
+        ("Eye", "from 0, 0, 5", "from 0.1, 0, 5"),
+        ("Focus distance", "focus the target's", "focus 2"),
+    ]
 
 
 def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
     open_form(page)
-    plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50, "seed": 0}
-    assert submitted(page) == {**plain, "environment": {"strength": 1}}
+    plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
+    assert submitted(page) == plain
 
 
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
@@ -68,7 +116,7 @@ def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
         window.asked = null;
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
         document.body.replaceChildren(form.element);"""
-    call(page, "settings-form", body, {"scene": SCENE, "job": job})
+    call(page, "settings-form", TOLD + body, {"scene": SCENE, "job": job, "table": described()})
     asked = submitted(page)
     assert settings.View.from_json(asked.pop("view")) == view
     size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}
@@ -90,7 +138,7 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     assert asked["view"]["focus"] is None
     assert "camera" not in asked
     assert (asked["sampling"], asked["sampler"], asked["light_samples"], asked["roulette"]) == ("light", "independent", 4, 0.5)
-    assert asked["environment"] == {"strength": 1, "sky": {"elevation": 35, "azimuth": 0}}
+    assert asked["environment"] == {"sky": {"elevation": 35, "azimuth": 0}}
     settings.View.from_json(asked["view"])
 
 

@@ -186,7 +186,7 @@ def white_rough_metal() -> Case:
 def normal_map() -> Case:
     """Bumps on a turned wall and, their axes exchanged, on a slope: what swaps or flips an axis shows."""
     y, x = np.meshgrid(np.arange(32) / 32 * 2 * math.pi, np.arange(32) / 32 * 2 * math.pi, indexing="ij")
-    n = np.stack([0.25 * np.cos(x), 0.2 * np.cos(2 * y), np.ones_like(x)], -1)
+    n = np.stack([0.08 * np.cos(x), 0.06 * np.cos(2 * y), np.ones_like(x)], -1)
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
     codes = np.concatenate([np.rint((n * 0.5 + 0.5) * 255), np.full((32, 32, 1), 255)], -1).astype(np.uint8)
     bumpy = Material(base_color=(0.7, 0.7, 0.6), normal_texture=0)
@@ -203,7 +203,7 @@ def normal_map() -> Case:
         textures=[Texture(0)],
         images=[Image("bumps", codes, srgb=False)],
     )
-    # One bounce: a ray that a bent normal sends into the facet is lost there in Mitsuba, and here meets the facet again.
+    # Flat bumps and one bounce: what a bent normal sends into the facet is lost in Mitsuba, and here is scattered again.
     return description, _settings(_view(), 2)
 
 

@@ -51,8 +51,12 @@ def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
 
 
 def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
-    with pytest.raises(CommandError, match="0: front, 1: top"):
-        options.find_camera(CAMERAS, "side")
+    for wanted in ("side", "²", "9" * 5000, "-1"):
+        with pytest.raises(CommandError, match="0: front, 1: top") as caught:
+            options.find_camera(CAMERAS, wanted)
+        assert len(str(caught.value)) < 200
+    with pytest.raises(CommandError, match="--camera is number 2; the scene has 2, counted from 0"):
+        options.find_camera(CAMERAS, "2")
 
 
 def test_a_picture_with_light_of_its_own_is_not_said_to_be_in_a_studio() -> None:

@@ -34,7 +34,7 @@ LAMPLIGHT = {"path": 1.0, "direct": 0.5, "whitted": 0.5}
 
 
 def _settings(camera: str, sampler: str, integrator: str, **more: object) -> RenderSettings:
-    return RenderSettings(12, 12, CAMERAS[camera], 100, sampler=sampler, integrator=integrator, **more)
+    return RenderSettings(12, 12, CAMERAS[camera], max_depth=100, sampler=sampler, integrator=integrator, **more)
 
 
 @pytest.mark.parametrize("camera", CAMERAS)

@@ -40,7 +40,8 @@ def room(scale=1.0):
 
 
 def view(scale=1.0, seed=0, size=32):
-    return RenderSettings(size, size, View((1.9 * scale, 1.6 * scale, 1.9 * scale), (0, -0.4 * scale, 0), fov=80), 6, seed)
+    view = View((1.9 * scale, 1.6 * scale, 1.9 * scale), (0, -0.4 * scale, 0), fov=80)
+    return RenderSettings(size, size, view, max_depth=6, seed=seed)
 
 
 @pytest.fixture

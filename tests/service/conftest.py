@@ -13,7 +13,7 @@ import httpx
 import pytest
 import redis
 import uvicorn
-from sqlalchemy import create_engine
+from sqlalchemy import create_engine, text
 
 from rayfarm.local.farm import free_port
 from service.farm import Farm
@@ -121,6 +121,8 @@ def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
     if database:
         engine = create_engine(database)
         Base.metadata.drop_all(engine)
+        with engine.begin() as connection:
+            connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
         engine.dispose()
     service = Service(tmp_path / "data", redis_server.url, database_url=database)
     yield service

@@ -15,10 +15,10 @@ import pytest
 from tests.helpers import ROOT
 
 PROGRAM = """
-import json, os, signal, sys, time
+import errno, json, os, resource, signal, sys, time
 from renderer.errors import SceneError
 from worker.bounded import run_bounded
-from worker.errors import WorkError
+from worker.errors import MachineError, WorkError
 
 def good(send):
     send({"step": "reading", "fraction": 0.5})
@@ -45,9 +45,30 @@ def deep(send):
 def quiet(send):
     os._exit(0)
 
+def full(send):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "compiled.safetensors")
+
+def too_large(send):
+    raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+def missing(send):
+    open("/nowhere/texture.png")
+
+def crowded(send):
+    raise AssertionError("never started")
+
+def last_signal(send):
+    os.kill(os.getpid(), signal.SIGRTMAX)
+
+if sys.argv[1] == "crowded":
+    def fork():
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+    os.fork = fork
 said = []
 try:
     answer = run_bounded(globals()[sys.argv[1]], said.append, 256 << 20, 2.0, (SceneError,), "truck.glb")
+except MachineError as error:
+    print(json.dumps({"machine": str(error), "said": said}))
 except WorkError as error:
     print(json.dumps({"error": str(error), "said": said}))
 else:
@@ -108,3 +129,14 @@ def _alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except (ProcessLookupError, FileNotFoundError):
         return False
+
+
+def test_the_machines_own_trouble_is_not_the_files() -> None:
+    assert "No space left on device" in run("full")["machine"]
+    assert "cannot start another process" in run("crowded")["machine"]
+    assert "grants one scene" in run("too_large")["error"]
+    assert "No such file" in run("missing")["error"]
+
+
+def test_any_signal_has_a_name() -> None:
+    assert "crash" in run("last_signal")["error"]

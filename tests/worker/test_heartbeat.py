@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
 
+import pytest
 import redis
 
-from worker.contract import HEARTBEAT_TTL_S, WorkerReport, render_queue, worker_key
-from worker.heartbeat import Reporter
+from worker import context
+from worker.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
+from worker.heartbeat import Heartbeat, Reporter
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:
@@ -34,3 +37,32 @@ def test_a_worker_outlives_a_redis_that_is_away() -> None:
 def test_what_waits_is_counted(redis_url: str, store: redis.Redis) -> None:
     store.rpush(render_queue("kind"), b"1", b"2")
     assert Reporter(redis_url).waiting("kind") == 2
+
+
+def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
+    redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    refusals = [redis.OutOfMemoryError("maxmemory"), redis.OutOfMemoryError("maxmemory")]
+    taken: list[str] = []
+
+    def add(queue: str) -> None:
+        if refusals:
+            raise refusals.pop()
+        taken.append(queue)
+
+    consumer = SimpleNamespace(add_task_queue=add, cancel_task_queue=taken.remove)
+    worker = SimpleNamespace(redis_url=redis_url, name="w", kind="k", queues=["render", "prepare"])
+    monkeypatch.setattr(context, "_current", worker)
+    heartbeat = Heartbeat(consumer)
+    heartbeat.is_paused = True
+    for _ in range(2):
+        heartbeat._obey()
+        assert heartbeat.is_paused, "it does not say that it takes tasks while it takes none"
+    heartbeat._obey()
+    assert not heartbeat.is_paused
+    assert taken == ["render", "prepare"]
+    assert sum("cannot be taken now: maxmemory" in line for line in caplog.messages) == 1
+    store.set(order_key("w"), "Paused by a test.")
+    heartbeat._obey()
+    assert heartbeat.is_paused
+    assert taken == []

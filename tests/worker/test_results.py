@@ -6,6 +6,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
 import redis
 
 from tests.helpers import running_redis
@@ -52,3 +53,29 @@ def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:
             assert store.xlen(RESULTS) == 1
     finally:
         server.stop()
+
+
+@pytest.mark.parametrize("trouble", ["full", "read-only", "of another type"])
+def test_a_redis_that_refuses_is_waited_for_and_said_once(tmp_path: Path, trouble: str, caplog: pytest.LogCaptureFixture) -> None:
+    server = running_redis(tmp_path)
+    server.start()
+    try:
+        with redis.Redis.from_url(server.url) as store, ThreadPoolExecutor() as pool:
+            if trouble == "full":
+                store.config_set("maxmemory", "1")
+            elif trouble == "read-only":
+                store.replicaof("127.0.0.1", "1")
+            else:
+                store.set(RESULTS, "a text")
+            sending = pool.submit(ResultStream(server.url).send, Result({"type": "a"}))
+            time.sleep(1.0)
+            assert not sending.done()
+            store.config_set("maxmemory", "0")
+            store.replicaof("NO", "ONE")
+            if trouble == "of another type":
+                store.delete(RESULTS)
+            assert sending.result(10)
+            assert store.xlen(RESULTS) == 1
+    finally:
+        server.stop()
+    assert sum("a result waits" in line for line in caplog.messages) == 1

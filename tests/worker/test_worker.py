@@ -111,7 +111,10 @@ class Bench:
 
     def report(self) -> WorkerReport | None:
         for key in self.store.scan_iter(WORKER_KEYS):
-            report = WorkerReport.from_bytes(self.store.get(key))  # type: ignore[arg-type]
+            data = self.store.get(key)
+            if not isinstance(data, bytes):
+                continue  # expired in between
+            report = WorkerReport.from_bytes(data)
             if report.pid == self.process.pid:
                 return report
         return None

@@ -102,6 +102,9 @@ export const getInfo = () => call("GET", "/info");
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");
 
+/** @returns {Promise<import("./types.js").SettingsTable>} and more that the page does not read */
+export const getInfo = () => call("GET", "/info");
+
 /** @returns {Promise<Example[]>} */
 export const getExamples = () => call("GET", "/examples");
 

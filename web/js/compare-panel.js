@@ -3,7 +3,7 @@
 import { CHANNELS, DENOISED_CHANNEL } from "./channels.js";
 import { h, keyedList, setText } from "./dom.js";
 import { jobs } from "./farm.js";
-import { INTEGRATORS, labelOf } from "./render-choices.js";
+import { settingOf, valueText } from "./settings-table.js";
 import { progressBar, stateChip } from "./state-chip.js";
 
 /** @typedef {import("./types.js").Job} Job */
@@ -57,7 +57,7 @@ function pictureOption(/** @type {Job} */ { id }) {
   return {
     element,
     update({ name, settings, spp, width, height }) {
-      const facts = [name, labelOf(INTEGRATORS, settings?.integrator), spp && `${spp} spp`, `${width}×${height}`];
+      const facts = [name, settings && valueText(settingOf("settings", "integrator"), settings.integrator), spp && `${spp} spp`, `${width}×${height}`];
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

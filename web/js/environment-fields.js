@@ -3,25 +3,30 @@
 import { hexOf, linearOf } from "./colour.js";
 import { h } from "./dom.js";
 import { choiceField, field, numberInput, setShown } from "./fields.js";
+import { settingField } from "./setting-field.js";
+import { known } from "./settings-table.js";
 
 /** @typedef {import("./types.js").EnvironmentRequest} EnvironmentRequest */
 
 const CHOICES = [
-  { name: "own", label: "The scene's own", hint: "As its file says." },
-  { name: "color", label: "One colour", hint: "The same light from every direction." },
-  { name: "sky", label: "Clear sky and sun", hint: "A clear day, with the sun where you put it." },
+  { name: "own", label: "The scene's own", help: "As its file says." },
+  { name: "color", label: "One colour", help: "The same light from every direction." },
+  { name: "sky", label: "Clear sky and sun", help: "A clear day, with the sun where you put it." },
 ];
 
 /**
- * @param {{environment?: import("./types.js").Vec3 | null, environment_strength?: number}} start
- * @returns {{elements: HTMLElement[], get: () => EnvironmentRequest}}
+ * @param {Record<string, any>} first what the fields show first, where that is not each setting's default
+ * @returns {{elements: HTMLElement[], get: () => EnvironmentRequest}} what differs from the scene's own
  */
-export function environmentFields({ environment = null, environment_strength = 1 }) {
+export function environmentFields(first) {
+  const { environment = null } = first;
   const shown = environment ? hexOf(environment) : "#ffffff";
   const colour = h("input", { type: "color", value: shown });
   const elevation = numberInput({ value: 35, min: 0, max: 90, step: "any" });
   const azimuth = numberInput({ value: 0, min: -360, max: 360, step: "any" });
-  const strength = numberInput({ value: environment_strength, min: 0, max: 1e6, step: "any" });
+  const numbers = known()
+    .settings.filter(({ of, type }) => of === "environment" && type === "number")
+    .map((setting) => settingField(setting, first[setting.name] ?? setting.default));
   /** The fields of each choice. @type {Record<string, HTMLElement[]>} */
   const of = {
     color: [field("Colour", colour)],
@@ -40,10 +45,15 @@ export function environmentFields({ environment = null, environment_strength = 1
     elements: [
       kind.element,
       ...Object.values(of).flat(),
-      field("Strength", strength, "A factor on the light from all around."),
+      ...numbers.map(({ element }) => element),
     ],
     get: () => ({
-      strength: strength.valueAsNumber,
+      ...Object.fromEntries(
+        numbers
+          .map(({ setting, get }) => ({ setting, value: get() }))
+          .filter(({ setting, value }) => value !== setting.default)
+          .map(({ setting, value }) => [setting.name.replace("environment_", ""), value]),
+      ),
       ...(kind.get() === "color" && {
         color: environment && colour.value === shown ? environment : linearOf(colour.value),
       }),

@@ -2,6 +2,7 @@
 
 import * as api from "./api.js";
 import { Backoff } from "./backoff.js";
+import { table } from "./settings-table.js";
 import { Store } from "./store.js";
 
 /** @typedef {import("./types.js").Scene} Scene */
@@ -117,7 +118,8 @@ export function followFarm() {
     source.onopen = async () => {
       meanwhile = [];
       try {
-        const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers()]);
+        const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers(), api.getInfo()]);
+        table.set(lists[3]); // before all else: what is said of jobs and scenes is said by it
         jobs.set(lists[1]);
         scenes.set(lists[0]); // after the jobs: a scene's form may begin with the settings of one
         workers.set(lists[2]);

@@ -77,7 +77,7 @@ export function setShown(element, shown) {
  * A choice with a sentence below that says what the chosen one does.
  *
  * @param {string} label
- * @param {import("./render-choices.js").Choice[]} choices
+ * @param {import("./types.js").Choice[]} choices
  * @param {string} start
  * @param {() => void} [changed] by the user
  */
@@ -89,7 +89,7 @@ export function choiceField(label, choices, start, changed) {
   );
   const element = field(label, select, " ");
   const hint = /** @type {HTMLElement} */ (element.lastElementChild);
-  const show = () => setText(hint, choices.find(({ name }) => name === select.value)?.hint ?? "");
+  const show = () => setText(hint, choices.find(({ name }) => name === select.value)?.help ?? "");
   select.addEventListener("change", () => (show(), changed?.()));
   /** @param {string} value */
   const set = (value) => {

@@ -1,55 +1,44 @@
 /** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
 
 import { DENOISED, channelOf } from "./channels.js";
-import { count } from "./format.js";
-import {
-  FILTERS,
-  HEURISTICS,
-  INTEGRATORS,
-  LIGHT_CHOICES,
-  MISTAKES,
-  PROJECTIONS,
-  SAMPLERS,
-  SAMPLINGS,
-  labelOf,
-} from "./render-choices.js";
+import { known, phraseOf, settingOf } from "./settings-table.js";
 
 /** @typedef {import("./types.js").Job} Job */
-/** @typedef {Record<string, any>} Settings */
+/** @typedef {import("./types.js").Setting} Setting */
 
 /** At most this many differences name a side; the table has all of them. */
 const NAMED_BY = 2;
 
-/** What is compared, the most telling first. @type {[string, (settings: Settings, job: Job) => unknown][]} */
-const ROWS = [
-  ["Scene", (_, job) => job.name],
-  ["Integrator", ({ integrator }) => labelOf(INTEGRATORS, integrator)],
-  ["Finding lights", ({ sampling }) => labelOf(SAMPLINGS, sampling)],
-  ["Weighed by", ({ heuristic }) => labelOf(HEURISTICS, heuristic)],
-  ["Choice among lights", ({ light_choice: choice }) => choice && `lights: ${labelOf(LIGHT_CHOICES, choice)?.toLowerCase()}`],
-  ["Sampler", ({ sampler }) => labelOf(SAMPLERS, sampler)],
-  ["Max depth", ({ max_depth }) => max_depth && `depth ${max_depth}`],
-  ["Roulette", ({ roulette }) => (roulette ? `roulette ${roulette}` : "by throughput")],
-  ["Least chance", ({ roulette_floor: floor }) => (floor ? `floor ${floor}` : "no floor")],
-  ["Light samples", ({ light_samples: n }) => n && `${n} light sample${n === 1 ? "" : "s"}`],
-  ["Indirect clamp", ({ clamp_indirect: clamp }) => (clamp ? `clamp ${clamp}` : "no clamp")],
-  ["AO distance", ({ ao_distance: d }) => (d ? `AO ${d}` : "no limit")],
-  ["Ambient light", ({ ambient }) => ambient && `ambient ${ambient.map(short).join(", ")}`],
-  ["Mistake", ({ mistake }) => (mistake ? labelOf(MISTAKES, mistake) : "no mistake")],
-  ["Pixel filter", ({ filter }) => labelOf(FILTERS, filter)],
-  ["Samples per pixel", (_, { spp, noise }) => (noise == null ? spp && `${count(spp)} spp` : `noise ${noise * 100} %`)],
-  ["Seed", ({ seed }) => `seed ${seed}`],
-  ["Projection", ({ view }) => labelOf(PROJECTIONS, view?.projection)],
-  ["Aperture", ({ view }) => view?.aperture != null && `aperture ${short(view.aperture)}`],
-  ["Focus distance", ({ view }) => (view?.focus == null ? "at the target" : `focus ${short(view.focus)}`)],
-  ["Near plane", ({ view }) => view?.near != null && `near ${short(view.near)}`],
-  ["Camera at", ({ view }) => view?.eye?.map(short).join(", ")],
-  ["Environment", ({ environment, environment_strength: strength }) => JSON.stringify([environment, strength])],
-  ["Size", (_, { width, height }) => `${width}×${height}`],
-];
+/** Basic settings tell most, those of the lab more than what stays as it is. */
+const TELLING = ["basic", "lab", "advanced"];
 
-/** @param {number} value */
-const short = (value) => Number(value.toPrecision(4));
+/**
+ * What is compared, the most telling first.
+ *
+ * @returns {{label: string, read: (job: Job) => string}[]}
+ */
+function rows() {
+  const { settings, view } = known();
+  /** @param {Setting} setting @param {(job: Job) => Record<string, any> | undefined} part */
+  const row = (setting, part) => ({
+    label: setting.label,
+    read: (/** @type {Job} */ job) => {
+      const values = part(job);
+      return values && setting.name in values ? phraseOf(setting, values[setting.name]) : "";
+    },
+  });
+  const spp = settingOf("work", "spp");
+  const noise = settingOf("work", "noise");
+  const ofJob = settings.filter(({ name }) => name !== "width" && name !== "height");
+  const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
+  return [
+    { label: "Scene", read: ({ name }) => name },
+    ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
+    { label: spp.label, read: (job) => (job.noise == null ? job.spp && phraseOf(spp, job.spp) : phraseOf(noise, job.noise)) || "" },
+    ...view.map((setting) => row(setting, (job) => job.settings?.view)),
+    { label: "Size", read: ({ width, height }) => `${width}×${height}` },
+  ];
+}
 
 /**
  * @param {Job} a
@@ -57,11 +46,9 @@ const short = (value) => Number(value.toPrecision(4));
  * @returns {{label: string, a: string, b: string}[]}
  */
 export function differences(a, b) {
-  return ROWS.map(([label, read]) => ({
-    label,
-    a: String(read(a.settings ?? {}, a) || "–"),
-    b: String(read(b.settings ?? {}, b) || "–"),
-  })).filter((row) => row.a !== row.b);
+  return rows()
+    .map(({ label, read }) => ({ label, a: read(a) || "–", b: read(b) || "–" }))
+    .filter((row) => row.a !== row.b);
 }
 
 /**
@@ -72,10 +59,10 @@ export function differences(a, b) {
  * @returns {[string, string]}
  */
 export function sideNames(left, right) {
-  const rows = differences(left.job, right.job).slice(0, NAMED_BY);
+  const telling = differences(left.job, right.job).slice(0, NAMED_BY);
   const isDenoised = [left.channel, right.channel].includes(DENOISED);
   const name = (/** @type {"a" | "b"} */ key, /** @type {{job: Job, channel: string}} */ { channel }) => {
-    const parts = rows.map((row) => row[key]);
+    const parts = telling.map((row) => row[key]);
     if (left.channel !== right.channel || parts.length === 0)
       parts.push(isDenoised && channel === "" ? "Raw" : channelOf(channel).label);
     return parts.join(", ");

@@ -1,11 +1,12 @@
 /** The quality of a picture: samples per pixel, by presets or any number. */
 
 import { setText } from "./dom.js";
-import { field, numberInput, numberOf, segments } from "./fields.js";
+import { field, numberOf, segments } from "./fields.js";
 import { plural } from "./format.js";
 import { CUSTOM, QUALITIES } from "./render-presets.js";
+import { numberFor } from "./setting-field.js";
+import { settingOf } from "./settings-table.js";
 
-const MAX_SPP = 1 << 20;
 const START_SPP = 128;
 
 /**
@@ -14,8 +15,10 @@ const START_SPP = 128;
  * @returns {{elements: HTMLElement[], get: () => number}}
  */
 export function qualityFields(defaults, changed) {
-  const spp = numberInput({ value: defaults.spp ?? START_SPP, min: 1, max: MAX_SPP });
-  const custom = field("Samples per pixel", spp);
+  const setting = settingOf("work", "spp");
+  const spp = numberFor(setting, defaults.spp ?? START_SPP);
+  spp.required = true; // the form has a number of its own where the scene has none
+  const custom = field(setting.label, spp);
   const get = () => numberOf(spp, 0);
   const tell = () => {
     setText(quality.aside, `${plural(get(), "sample")} per pixel`);

@@ -1,15 +1,13 @@
 /** What a picture is asked to be: the form on a scene's page, and what it will cost. */
 
-import { advancedFields } from "./advanced-fields.js";
 import { cameraFields } from "./camera-fields.js";
 import { h, setText } from "./dom.js";
 import { jobs, workers } from "./farm.js";
-import { choiceField } from "./fields.js";
 import { compact, plural, roughly } from "./format.js";
 import { icon } from "./icons.js";
 import { qualityFields } from "./quality-fields.js";
-import { DEFAULTS, INTEGRATORS } from "./render-choices.js";
 import { expectedSpeed } from "./render-presets.js";
+import { settingFields } from "./setting-fields.js";
 import { sizeFields } from "./size-fields.js";
 import { variantField } from "./variant-field.js";
 
@@ -41,11 +39,7 @@ export function settingsForm(scene, submit, like = null) {
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
   const quality = qualityFields({ ...defaults, ...first }, () => update());
-  const advanced = advancedFields(defaults, first);
-  const own = defaults.integrator ?? DEFAULTS.integrator;
-  const integrator = choiceField("Integrator", INTEGRATORS, first.integrator ?? own, () =>
-    advanced.show(integrator.get()),
-  );
+  const others = settingFields(defaults, first);
   const variant = variantField(scene);
   if (like?.settings) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
@@ -55,8 +49,7 @@ export function settingsForm(scene, submit, like = null) {
     ...camera.get(),
     ...size.get(),
     spp: quality.get(),
-    ...(integrator.get() !== own && { integrator: integrator.get() }),
-    ...advanced.get(),
+    ...others.get(),
   });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
@@ -79,8 +72,8 @@ export function settingsForm(scene, submit, like = null) {
     variant.elements,
     size.elements,
     quality.elements,
-    integrator.element,
-    advanced.element,
+    others.basic,
+    others.folds,
     h("div", { class: "submit" }, estimate, render),
   );
   update();

@@ -1,10 +1,11 @@
 /** The size of a picture: presets along the longer side in the scene's own aspect, or any two numbers. */
 
 import { h, setText } from "./dom.js";
-import { field, numberInput, numberOf, segments } from "./fields.js";
+import { field, numberOf, segments } from "./fields.js";
 import { CUSTOM, DEFAULT_ASPECT, SIZES, sizeOf } from "./render-presets.js";
+import { numberFor } from "./setting-field.js";
+import { settingOf } from "./settings-table.js";
 
-const MAX_SIZE = 16384;
 const START_LONG = 1280;
 /** 360 degrees by 180. */
 const PANORAMA_ASPECT = 2;
@@ -19,8 +20,8 @@ export function sizeFields(defaults, changed) {
   const own = defaults.width && defaults.height ? { width: defaults.width, height: defaults.height } : null;
   let aspect = own ? own.width / own.height : DEFAULT_ASPECT;
   const start = own ?? sizeOf(START_LONG, aspect);
-  const width = numberInput({ value: start.width, min: 1, max: MAX_SIZE });
-  const height = numberInput({ value: start.height, min: 1, max: MAX_SIZE });
+  const width = side("width", start.width);
+  const height = side("height", start.height);
   const keep = h("input", { type: "checkbox", checked: true });
   const custom = h(
     "div",
@@ -77,4 +78,11 @@ export function sizeFields(defaults, changed) {
     show(sizeOf(Math.max(width, height), aspect));
   };
   return { elements: [size.element, custom], get, suit };
+}
+
+/** @param {"width" | "height"} name @param {number} start */
+function side(name, start) {
+  const input = numberFor(settingOf("settings", name), start);
+  input.required = true;
+  return input;
 }

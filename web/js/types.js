@@ -63,11 +63,14 @@
  * @property {Record<string, any> | null} settings
  *
  * @typedef {object} EnvironmentRequest
- * @property {number} strength
+ * @property {number} [strength]
+ * @property {number} [rotation] degrees
  * @property {Vec3} [color] linear Rec.709
  * @property {{elevation: number, azimuth: number}} [sky] degrees
  *
- * @typedef {object} JobRequest
+ * @typedef {Record<string, any> & Asked} JobRequest and whichever of the settings: the scene file's own where one is left out
+ *
+ * @typedef {object} Asked
  * @property {string} scene
  * @property {string} [variant] by number; empty: the file's own materials
  * @property {string} [camera]
@@ -79,21 +82,6 @@
  * @property {number} [spp]
  * @property {number} [noise] relative
  * @property {number} [seconds]
- * @property {string} [integrator] this and what follows: the scene file's own where it is left out
- * @property {number} [max_depth]
- * @property {number} [seed]
- * @property {string} [sampler]
- * @property {string} [filter]
- * @property {string} [sampling]
- * @property {string} [heuristic]
- * @property {string} [light_choice]
- * @property {number} [light_samples]
- * @property {number} [roulette]
- * @property {number} [roulette_floor]
- * @property {number} [clamp_indirect]
- * @property {number} [ao_distance]
- * @property {number[]} [ambient]
- * @property {string} [mistake]
  * @property {EnvironmentRequest} [environment] in place of the scene's own, or times its strength
  *
  * @typedef {object} Worker
@@ -104,6 +92,28 @@
  * @property {number} samples_per_s of one slot
  * @property {boolean} [denoises]
  * @property {Record<string, any>[]} current a slot each
+ *
+ * @typedef {{name: string, label: string, help: string}} Choice
+ *
+ * @typedef {object} Setting
+ * @property {string} name
+ * @property {string} label
+ * @property {string} help a sentence
+ * @property {"integer" | "number" | "choice" | "color" | "vector"} type
+ * @property {any} default null where there is none
+ * @property {number | null} minimum
+ * @property {number | null} maximum
+ * @property {{value: number | null, label: string} | null} off the value that switches it off, and what that is called
+ * @property {"" | "px" | "°" | "s" | "fraction" | "scene units" | "radiance"} unit
+ * @property {Choice[] | null} choices
+ * @property {"basic" | "advanced" | "lab"} group
+ * @property {string} section what it stands beside
+ * @property {"job" | "environment"} of what of a request it belongs to
+ * @property {string[] | null} integrators that look at it; null: all
+ * @property {string[] | null} projections that look at it; null: all
+ * @property {string} phrase names a picture by the value, in place of {}
+ *
+ * @typedef {{settings: Setting[], view: Setting[], work: Setting[]}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string}} Example
  *

@@ -2,14 +2,15 @@
 
 import { h } from "./dom.js";
 import { choiceField, explain, field, numberInput, numberOf, setShown } from "./fields.js";
-import { PROJECTIONS } from "./render-choices.js";
+import { numberFor } from "./setting-field.js";
+import { isSeen, known, labelOf, settingOf } from "./settings-table.js";
 
 /** @typedef {import("./types.js").View} View */
 /** @typedef {import("./types.js").Vec3} Vec3 */
+/** @typedef {import("./types.js").Setting} Setting */
 
 /** @type {View} */
 const START = { eye: [0, 0, 5], target: [0, 0, 0], up: [0, 1, 0], fov: 40 };
-const LARGEST = 1e15;
 
 /**
  * @param {View} [start]
@@ -19,31 +20,20 @@ const LARGEST = 1e15;
  */
 export function viewFields(start = START, projected = () => {}) {
   let base = start;
-  const eye = vector("Eye");
-  const target = vector("Target");
-  const up = vector("Up");
-  const projection = choiceField("Projection", PROJECTIONS, "perspective", () => chosen());
-  const fov = numberInput({ min: 0.01, max: 179, step: "any" });
-  const height = numberInput({ min: 1e-12, max: LARGEST, step: "any" });
-  const aperture = numberInput({ min: 0, max: LARGEST, step: "any" });
-  const near = numberInput({ min: 0, max: LARGEST, step: "any" });
-  const focus = numberInput({ min: 1e-12, max: LARGEST, step: "any", required: false });
-  /** The fields of each projection. @type {Record<string, HTMLElement[]>} */
-  const of = {
-    perspective: [
-      field("Field of view, °", fov, "From the picture's lower edge to its upper."),
-      field("Aperture", aperture, "The lens's radius in scene units; 0 is sharp everywhere."),
-      field("Focus distance", focus, "What lies this far away is sharp; empty: the target."),
-    ],
-    orthographic: [field("View height", height, "Scene units from the picture's lower edge to its upper.")],
-    panorama: [],
-  };
-
-  const cut = field("Near plane", near, "What stands before this distance is cut away.");
+  const eye = vector(settingOf("view", "eye"));
+  const target = vector(settingOf("view", "target"));
+  const up = vector(settingOf("view", "up"));
+  const lens = known()
+    .view.filter(({ type }) => type === "number")
+    .map((setting) => {
+      const input = numberFor(setting, null);
+      return { setting, input, element: field(labelOf(setting), input, setting.help) };
+    });
+  const focus = /** @type {HTMLInputElement} */ (lens.find(({ setting }) => setting.name === "focus")?.input);
+  const { label, choices } = settingOf("view", "projection");
+  const projection = choiceField(label, choices ?? [], "perspective", () => chosen());
   const show = () => {
-    for (const [name, elements] of Object.entries(of))
-      for (const element of elements) setShown(element, name === projection.get());
-    setShown(cut, projection.get() !== "panorama");
+    for (const { setting, element } of lens) setShown(element, isSeen(setting, projection.get()));
   };
   const chosen = () => (show(), projected(projection.get()));
 
@@ -55,11 +45,10 @@ export function viewFields(start = START, projected = () => {}) {
     target.set(view.target);
     up.set(view.up);
     projection.set(view.projection ?? "perspective");
-    fov.value = String(short(view.fov));
-    height.value = String(short(view.height ?? heightAtTarget(view)));
-    aperture.value = String(short(view.aperture ?? 0));
-    near.value = String(short(view.near ?? 0));
-    focus.value = view.focus == null ? "" : String(short(view.focus));
+    for (const { setting, input } of lens) {
+      const value = numberOfView(view, setting);
+      input.value = value == null ? "" : String(short(value));
+    }
     focus.placeholder = String(short(distance(view)));
     show();
     if (projection.get() !== before) projected(projection.get());
@@ -72,30 +61,34 @@ export function viewFields(start = START, projected = () => {}) {
   const get = () => {
     /** @type {View} */
     const view = { ...base, eye: eye.get(base.eye), target: target.get(base.target), up: up.get(base.up) };
-    view.projection = projection.get();
-    if (view.projection !== "panorama") view.near = kept(near, base.near ?? 0);
-    if (view.projection === "orthographic") view.height = kept(height, base.height ?? heightAtTarget(base));
-    if (view.projection === "perspective") {
-      view.fov = kept(fov, base.fov);
-      view.aperture = kept(aperture, base.aperture ?? 0);
-      view.focus = focus.value ? kept(focus, base.focus ?? 0) : null;
+    const shape = projection.get();
+    view.projection = shape;
+    for (const { setting, input } of lens) {
+      if (!isSeen(setting, shape)) continue;
+      const isLeft = setting.default === null && !input.value;
+      Object.assign(view, { [setting.name]: isLeft ? null : kept(input, numberOfView(base, setting) ?? 0) });
     }
     return view;
   };
 
   set(start);
-  const lens = h(
+  const fold = h(
     "details",
     null,
     h("summary", null, "Lens"),
-    h("div", { class: "pairs" }, projection.element, Object.values(of).flat(), cut),
+    h(
+      "div",
+      { class: "pairs" },
+      projection.element,
+      lens.map(({ element }) => element),
+    ),
   );
   /** As the fields had it when they were set. */
   const unchanged = () => JSON.stringify(get());
   let asSet = unchanged();
   return {
     place: h("div", { class: "stack" }, eye.element, target.element, up.element),
-    lens,
+    lens: fold,
     get,
     set(view) {
       set(view);
@@ -103,7 +96,7 @@ export function viewFields(start = START, projected = () => {}) {
     },
     focus(distance) {
       focus.value = String(short(distance));
-      lens.open = true; // where the distance, and the aperture that makes it seen, are
+      fold.open = true; // where the distance, and the aperture that makes it seen, are
     },
     isChanged: () => unchanged() !== asSet,
   };
@@ -119,10 +112,22 @@ function heightAtTarget(view) {
   return 2 * distance(view) * Math.tan((view.fov * Math.PI) / 360);
 }
 
-/** @param {string} label */
-function vector(label) {
+/**
+ * What a view has of a setting: its own, else what shows the same.
+ *
+ * @param {View} view
+ * @param {Setting} setting
+ * @returns {number | null}
+ */
+function numberOfView(view, { name, default: usual }) {
+  const own = /** @type {Record<string, any>} */ (view)[name];
+  return own ?? (name === "height" ? heightAtTarget(view) : usual);
+}
+
+/** @param {Setting} setting */
+function vector({ label, minimum, maximum }) {
   const inputs = ["x", "y", "z"].map((axis) =>
-    numberInput({ step: "any", min: -LARGEST, max: LARGEST, label: `${label} ${axis}` }),
+    numberInput({ step: "any", min: minimum ?? undefined, max: maximum ?? undefined, label: `${label} ${axis}` }),
   );
   const element = h(
     "div",

@@ -13,7 +13,15 @@ from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.mixture import mixture_bounce
 from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
-from renderer.kernel.integrators.state import Path, camera_path, vertex_at, with_origin, with_radiance, with_throughput
+from renderer.kernel.integrators.state import (
+    MAX_AGAIN,
+    camera_path,
+    scattered,
+    vertex_at,
+    with_origin,
+    with_radiance,
+    with_throughput,
+)
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, power_heuristic, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
@@ -45,21 +53,21 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
     forget_first_hit(first)
     path = camera_path(o, d)
     rays = 0
-    segment = 0  # those that end at a vertex
+    number = 0  # of the vertex that the ray is on its way to
     passed = 0  # surfaces without effect, by their alpha
     lit = _has_lights(scene, options, special)
     layers = local_floats(LAYER_SLOTS)
     while True:
         # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
-        for_bounce = draw4(stream, np.uint32(2 * segment + 2))
-        for_light = draw4(stream, np.uint32(2 * segment + 1))
+        for_bounce = draw4(stream, np.uint32(2 * number + 2))
+        for_light = draw4(stream, np.uint32(2 * number + 1))
         hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
         rays += 1
-        row = segment + passed
+        row = number + passed
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_miss(log, row, path)
-            path = _add_environment(scene, path, segment, options, special)
+            path = _add_environment(scene, path, options, special)
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
             break
@@ -76,20 +84,20 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        path = _add_emission(scene, surface, path, segment, options, special)
-        vertex, path = vertex_at(scene, surface, path, stream, segment, layers)
-        if segment == 0:
+        path = _add_emission(scene, surface, path, number, options, special)
+        vertex, path = vertex_at(scene, surface, path, stream, number, layers)
+        if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
             keep_first_hit(first, surface, vertex.material.base, vertex.frame[2], distance)
         if vertex.material.kind == UNLIT:
-            path = _add(path, vertex.material.base, segment + 1, options)
+            path = _add(path, vertex.material.base, 1, options)
         if row < len(log):
             record_light(log, row, EMITTED, path.radiance)
-        if segment + 1 == options.max_depth or vertex.material.kind == UNLIT:
+        if path.depth + 1 >= options.max_depth or vertex.material.kind == UNLIT:
             break
 
         if lit and not is_specular(vertex.material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, segment, options, stream, for_light, special)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, special)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
@@ -97,11 +105,13 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
         path = _bounce(scene, vertex, path, options, for_bounce, special)
         if vec.maximum(path.throughput) <= _ZERO:
             break
-        survival = _survival(path, segment + 1, options)
+        survival = _survival(path, options)
         if for_bounce[3] >= survival:
             break
         path = with_throughput(path, vec.scale(path.throughput, _ONE / survival))
-        segment += 1
+        number += 1
+        if number - path.depth > MAX_AGAIN:
+            break
     return path.radiance, rays
 
 
@@ -116,8 +126,9 @@ def _has_lights(scene, options, special):
 
 @device
 def _add(path, light, segments, options):
-    """The path with the light that comes to it over so many segments."""
-    return with_radiance(path, vec.add(path.radiance, limited(vec.mul(path.throughput, light), segments, options.clamp)))
+    """The path with the light that comes to it over so many further segments."""
+    brought = limited(vec.mul(path.throughput, light), path.depth + segments, options.clamp)
+    return with_radiance(path, vec.add(path.radiance, brought))
 
 
 @template
@@ -131,19 +142,19 @@ def _mis_weight(pdf, other_pdf, options, special):
 
 
 @template
-def _add_environment(scene, path, segment, options, special):
+def _add_environment(scene, path, options, special):
     """The environment's light that the ray meets, weighed against what next-event estimation finds of it."""
     if path.pdf >= _ZERO:
         emitted = environment_radiance(scene.environment, scene.environment_frame, path.d)
         weight = _ONE
         if path.pdf > _ZERO:
             weight = _mis_weight(path.pdf, environment_light_pdf(scene, path.d), options, special)
-        path = _add(path, vec.scale(emitted, weight), segment + 1, options)
+        path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 
 
 @template
-def _add_emission(scene, surface, path, segment, options, special):
+def _add_emission(scene, surface, path, number, options, special):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
     if surface.light >= 0 and path.pdf >= _ZERO:
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
@@ -152,24 +163,24 @@ def _add_emission(scene, surface, path, segment, options, special):
             cosine = vec.dot(surface.geometric, vec.neg(path.d))
             light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine)
             weight = _mis_weight(path.pdf, light_pdf, options, special)
-        if special is not None and options.mistake != NO_MISTAKE and segment > 0:
+        if special is not None and options.mistake != NO_MISTAKE and number > 0:
             weight *= mistaken(options.mistake, path.vertex, surface.point)
-        path = _add(path, vec.scale(emitted, weight), segment + 1, options)
+        path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 
 
 @template
-def _add_direct(scene, stack, vertex, path, segment, options, stream, numbers, special):
+def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, special):
     """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
     surface, material = vertex.surface, vertex.material
     s, t, n = vertex.frame
     rays = 0
     count = 1
-    if special is not None and segment == 0:
+    if special is not None and number == 0:
         count = options.light_samples
     for k in range(count):
         if special is not None and count > 1:
-            numbers = draw4(substream(stream, k, count), np.uint32(2 * segment + 1))
+            numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
         light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]))
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
@@ -185,33 +196,29 @@ def _add_direct(scene, stack, vertex, path, segment, options, stream, numbers, s
                         weight *= share_of_light(options, light.pdf, scatter_pdf, light.alone) / np.float32(count)
                         if options.mistake != NO_MISTAKE:
                             weight *= mistaken(options.mistake, surface.point, light.end)
-                    path = _add(path, vec.scale(vec.mul(f, light.radiance), weight), segment + 2, options)
+                    path = _add(path, vec.scale(vec.mul(f, light.radiance), weight), 2, options)
     return path, rays
 
 
 @template
 def _bounce(scene, vertex, path, options, numbers, special):
     """The path after its vertex has scattered it, in a direction by its BSDF or by the strategy asked for."""
-    surface, material, wo = vertex.surface, vertex.material, vertex.wo
+    material, wo = vertex.material, vertex.wo
     u = (numbers[0], numbers[1])
     if special is None:
         wi, weight, pdf, eta2 = sample_material(material, wo, numbers[2], u)
     elif options.sampling == MIXTURE and not is_specular(material):
-        wi, weight, pdf, eta2 = mixture_bounce(scene, surface.point, vertex.frame, material, wo, numbers[2], u)
+        wi, weight, pdf, eta2 = mixture_bounce(scene, vertex.surface.point, vertex.frame, material, wo, numbers[2], u)
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
-    s, t, n = vertex.frame
-    d = vec.to_world(s, t, n, wi)
-    o = departure(surface, wi[2] > _ZERO, d)
-    throughput = vec.mul(path.throughput, weight)
-    return Path(o, d, surface.point, vertex.normal, pdf, throughput, path.radiance, path.eta_scale * eta2)
+    return scattered(vertex, path, wi, weight, pdf, eta2)
 
 
 @device
-def _survival(path, segments, options):
-    """Russian roulette: the probability that a path of so many segments goes on."""
+def _survival(path, options):
+    """Russian roulette: the probability that the path goes on."""
     if options.roulette > _ZERO:
         return options.roulette
-    if segments < _ROULETTE_FROM:
+    if path.depth < _ROULETTE_FROM:
         return _ONE
     return min(max(vec.maximum(path.throughput) * path.eta_scale, options.roulette_floor), _MOST_SURVIVAL)

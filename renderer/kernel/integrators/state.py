@@ -11,15 +11,27 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
 from renderer.kernel.material.normal_map import shading_frame
-from renderer.kernel.surface.surface import Surface
+from renderer.kernel.surface.surface import Surface, departure, leaves
 
-__all__ = ["Path", "Vertex", "camera_path", "vertex_at", "with_origin", "with_radiance", "with_throughput"]
+__all__ = [
+    "MAX_AGAIN",
+    "Path",
+    "Vertex",
+    "camera_path",
+    "scattered",
+    "vertex_at",
+    "with_origin",
+    "with_radiance",
+    "with_throughput",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_NONE = np.int64(0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE)
 _EVERY_SIDE = _BLACK
+MAX_AGAIN = 64  # segments that do not count, of one path: each has about an even chance to be the last of its vertex
 
 
 class Path(NamedTuple):
@@ -33,6 +45,7 @@ class Path(NamedTuple):
     throughput: tuple[float, float, float]
     radiance: tuple[float, float, float]  # found so far
     eta_scale: float  # eta**2 of the medium that the ray is in: by so much its radiance is thinner there
+    depth: int  # segments behind it that count
 
 
 class Vertex(NamedTuple):
@@ -48,38 +61,61 @@ class Vertex(NamedTuple):
 @device
 def camera_path(o, d):
     """A path that leaves the camera's point o in the unit direction d."""
-    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE)
+    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE)
 
 
 @device
 def with_origin(path, o):
     """The path, its ray starting at o."""
-    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.eta_scale)
+    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.eta_scale, path.depth)
 
 
 @device
 def with_throughput(path, throughput):
     """The path with another throughput."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.eta_scale)
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.eta_scale, path.depth)
 
 
 @device
 def with_radiance(path, radiance):
     """The path with another radiance."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.eta_scale)
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.eta_scale, path.depth)
 
 
 @device
-def vertex_at(scene, surface, path, stream, segment, layers):
+def vertex_at(scene, surface, path, stream, number, layers):
     """The path's vertex on a surface, and the path, which sees one colour from here on where the material spreads them.
 
-    layers: (LAYER_SLOTS,) float32, in which the rarer materials' textures are looked up.
+    number: how many vertices it had before; layers: (LAYER_SLOTS,) float32, in which the rarer materials' textures are looked up.
     """
     towards_viewer = vec.neg(path.d)
     frame = shading_frame(scene, surface, towards_viewer)
     material = fetch_material(scene, surface, frame, layers)
-    material, throughput = one_color(scene, surface, material, path.throughput, stream, np.uint32(segment))
+    material, throughput = one_color(scene, surface, material, path.throughput, stream, np.uint32(number))
     s, t, n = frame
     wo = vec.to_local(s, t, n, towards_viewer)
     normal = _EVERY_SIDE if transmits(material) else n
     return Vertex(surface, frame, material, wo, normal), with_throughput(path, throughput)
+
+
+@device
+def scattered(vertex, path, wi, weight, pdf, eta2):
+    """The path after its vertex has scattered it into wi, of its frame. weight, pdf, eta2: as `sample_material` gives them.
+
+    A ray that meets its own facet again, as bent normals make some do, has not left the vertex: no segment is counted.
+    Else what is white would darken towards its rims, the more so the fewer bounces there may be.
+    """
+    s, t, n = vertex.frame
+    d = vec.to_world(s, t, n, wi)
+    reflected = wi[2] > _ZERO
+    return Path(
+        departure(vertex.surface, reflected, d),
+        d,
+        vertex.surface.point,
+        vertex.normal,
+        pdf,
+        vec.mul(path.throughput, weight),
+        path.radiance,
+        path.eta_scale * eta2,
+        path.depth + 1 if leaves(vertex.surface, reflected, d) else path.depth,
+    )

@@ -16,7 +16,15 @@ from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
-from renderer.kernel.integrators.state import Path, camera_path, vertex_at, with_origin, with_radiance, with_throughput
+from renderer.kernel.integrators.state import (
+    MAX_AGAIN,
+    camera_path,
+    scattered,
+    vertex_at,
+    with_origin,
+    with_radiance,
+    with_throughput,
+)
 from renderer.kernel.integrators.strategy import mistaken
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
@@ -112,14 +120,14 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first, special):
     forget_first_hit(first)
     path = camera_path(o, d)
     rays = 0
-    segment = 0
+    number = 0  # of the vertex that the ray is on its way to
     passed = 0
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
     while True:
         hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
         rays += 1
-        row = segment + passed
+        row = number + passed
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_miss(log, row, path)
@@ -142,9 +150,9 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first, special):
 
         if surface.light >= 0:
             path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front))
-        vertex, path = vertex_at(scene, surface, path, stream, segment, layers)
+        vertex, path = vertex_at(scene, surface, path, stream, number, layers)
         material = vertex.material
-        if segment == 0:
+        if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
             keep_first_hit(first, surface, material.base, vertex.frame[2], distance)
         if material.kind == UNLIT:
@@ -153,35 +161,37 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first, special):
             path = _add(path, vec.mul(material.base, options.ambient))
         if row < len(log):
             record_light(log, row, EMITTED, path.radiance)
-        if segment + 1 >= options.max_depth or material.kind == UNLIT:
+        if path.depth + 1 >= options.max_depth or material.kind == UNLIT:
             break
 
         if lit and not _is_mirror(material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, segment, options, stream)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
 
-        numbers = draw4(stream, np.uint32(2 * segment + 2))
+        numbers = draw4(stream, np.uint32(2 * number + 2))
         wi, weight, pdf, eta2 = sample_material(material, vertex.wo, numbers[2], (numbers[0], numbers[1]))
         if pdf > _ZERO and not _is_mirror(material):
             break
-        path = _followed(vertex, path, wi, weight, eta2)
+        path = scattered(vertex, path, wi, weight, _ZERO, eta2)
         if vec.maximum(path.throughput) <= _ZERO:
             break
-        segment += 1
+        number += 1
+        if number - path.depth > MAX_AGAIN:
+            break
     return path.radiance, rays
 
 
 @template
-def _add_direct(scene, stack, vertex, path, segment, options, stream):
+def _add_direct(scene, stack, vertex, path, number, options, stream):
     """The path with the light that the lights send to its vertex, and the shadow rays that were cast."""
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0
     count = options.light_samples
     for k in range(count):
-        numbers = draw4(substream(stream, k, count), np.uint32(2 * segment + 1))
+        numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
         light = _look_at_light(scene, surface.point, vertex.normal, count == 1, numbers[2], (numbers[0], numbers[1]))
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
@@ -195,13 +205,3 @@ def _add_direct(scene, stack, vertex, path, segment, options, stream):
                     weight *= mistaken(options.mistake, surface.point, light.end)
                 path = _add(path, vec.scale(vec.mul(f, light.radiance), weight))
     return path, rays
-
-
-@device
-def _followed(vertex, path, wi, weight, eta2):
-    """The path after a reflection or refraction into wi. All light it meets counts in full."""
-    s, t, n = vertex.frame
-    d = vec.to_world(s, t, n, wi)
-    o = departure(vertex.surface, wi[2] > _ZERO, d)
-    throughput = vec.mul(path.throughput, weight)
-    return Path(o, d, vertex.surface.point, vertex.normal, _ZERO, throughput, path.radiance, path.eta_scale * eta2)

@@ -17,17 +17,13 @@ from renderer.arrays.rows import (
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.texture import sample_texture
-from renderer.kernel.polynomial import acos, atan2, sincos_turns
+from renderer.kernel.surface.consistent import consistent_normal
 
 __all__ = ["coat_normal", "map_normal", "shading_frame"]
 
 _ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_INV_2PI = np.float32(0.5 / math.pi)
-_LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and surface,
-_OF_VIEWER = np.float32(0.9)  # or this of the viewer's own
 _LEAST_TANGENT = np.float32(1e-4)
 
 
@@ -42,33 +38,6 @@ def _tangents(n, tangent):
     s = vec.scale(s, _ONE / math.sqrt(square))
     t = vec.cross(n, s)
     return s, vec.scale(t, math.copysign(_ONE, tangent[3]))
-
-
-@subroutine
-def _keep_reflection(n, geometric, wo):
-    """n turned towards the geometric normal by as little as it takes for wo's mirror direction to leave the surface.
-
-    With n = sin a x + cos a g in the plane of the geometric normal g, and wo's coordinates (p, q) there, the mirror direction
-    has the height p sin 2a + q cos 2a = r cos(2a - phi). The idea is that of Cycles (Schuessler et al., Microfacet-based
-    Normal Mapping, 2017, discuss the black spots that it avoids).
-    """
-    height = vec.dot(geometric, wo)
-    least = min(_OF_VIEWER * height, _LEAST_HEIGHT)
-    mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height
-    if mirrored >= least and vec.dot(n, wo) > _ZERO:
-        return n
-    x = vec.sub(n, vec.scale(geometric, vec.dot(n, geometric)))
-    square = vec.dot(x, x)
-    if not square > _ZERO:
-        return geometric
-    x = vec.scale(x, _ONE / math.sqrt(square))
-    along = vec.dot(x, wo)
-    reach = math.sqrt(along * along + height * height)
-    if not reach > least:
-        return geometric
-    double = atan2(along, height) + acos(least / reach)
-    sine, cosine = sincos_turns(_HALF * double * _INV_2PI)
-    return vec.normalize(vec.add(vec.scale(x, sine), vec.scale(geometric, cosine)))
 
 
 @subroutine
@@ -87,7 +56,7 @@ def _read_normal(color, strength, s, t, n):
 @subroutine
 def map_normal(color, strength, s, t, n, geometric, wo):
     """As `_read_normal`, kept where the viewer can see it lit."""
-    return _keep_reflection(_read_normal(color, strength, s, t, n), geometric, wo)
+    return consistent_normal(_read_normal(color, strength, s, t, n), geometric, wo)
 
 
 @device

@@ -7,15 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import TEXTURED
+from renderer.arrays.rows import DIFFUSE, TEXTURED
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
 from renderer.kernel.surface.carry import normal_to_world, point_to_world, tangent_to_world
+from renderer.kernel.surface.consistent import consistent_normal
 from renderer.kernel.surface.terminator import lifted
 
-__all__ = ["Surface", "departure", "hit_material", "leave", "sphere_uv", "surface_at", "triangle_point"]
+__all__ = ["Surface", "departure", "hit_material", "leave", "leaves", "sphere_uv", "surface_at", "triangle_point"]
 
 _ZERO = np.float32(0.0)
 _THIRD = np.float32(1.0 / 3.0)
@@ -46,7 +47,7 @@ class Surface(NamedTuple):
     point: tuple[float, float, float]
     error: float  # how far the point may be off the surface
     geometric: tuple[float, float, float]  # unit normal of the true surface, on the viewer's side
-    shading: tuple[float, float, float]  # unit normal to shade with, less than 90 degrees from the viewer
+    shading: tuple[float, float, float]  # unit normal to shade with, less than 90 degrees from the viewer, consistent
     uv: tuple[float, float]
     front: bool  # whether the viewer is on the triangle's counter-clockwise side, or outside the sphere
     material: int
@@ -248,7 +249,18 @@ def surface_at(scene, o, d, hit):
         light = scene.sphere_light[ball]
         number = scene.sphere_object[ball]
     shading = _facing(shading, geometric, wo)
+    if smooth and scene.material_kind[material] != DIFFUSE:  # what reflects nothing keeps its normal, whoever looks at it
+        shading = consistent_normal(shading, geometric, wo)
     return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, smooth, lift)
+
+
+@device
+def leaves(surface, reflected, d):
+    """Whether a ray of direction d goes where it was scattered to: above the facet if it was `reflected`, else below it.
+
+    About a bent normal light may be scattered above the shading horizon and below the facet's. It then meets the facet again.
+    """
+    return (vec.dot(surface.geometric, d) > _ZERO) == reflected
 
 
 @device

@@ -202,7 +202,10 @@ def test_what_the_tables_leave_out_bsdf_sampling_finds():
     )
     for depth in (2, 5):
         films = [
-            [render_frame(s, RenderSettings(24, 24, View((0, 0.5, 4), (0, 0, 0)), depth, seed), 64) for seed in range(8)]
+            [
+                render_frame(s, RenderSettings(24, 24, View((0, 0.5, 4), (0, 0, 0)), max_depth=depth, seed=seed), 64)
+                for seed in range(8)
+            ]
             for s in (ours, everything)
         ]
         means = [[film.mean(sums, 24).mean(dtype=np.float64) for sums in some] for some in films]

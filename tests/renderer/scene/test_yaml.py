@@ -245,7 +245,10 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
         ("hello", "line 1: 'hello' is not of type 'object'"),
         ("name: x", "'shapes' is a required property"),
         ("shapes: []", "line 1: shapes:"),
-        ("settings:\n  roulette: 0.01\n" + QUAD, "line 2: settings.roulette: roulette is 0.01; a probability to go on"),
+        (
+            "settings:\n  roulette: 0.01\n" + QUAD,
+            "line 2: settings.roulette: roulette is 0.01; it lies between 0.05 and 1, or is 0",
+        ),
         ("shapes:\n  - {type: blob}", "line 2: shapes[0].type: 'blob' is not one of"),
         ("shapes:\n  - type: sphere\n    radius: -1", "line 3: shapes[0].radius"),
         ("shapes:\n  - {type: mesh}", "line 2: shapes[0]: 'file' is a required property"),

@@ -69,8 +69,14 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"noise": -1}, "noise", "greater"),
         ({"seconds": 0}, "seconds", "greater"),
         ({"frames": "1-24"}, "frames", "animation is not rendered yet"),
-        ({"camera": "nowhere"}, "camera", "'front', 'overview'"),
+        ({"camera": "nowhere"}, "camera", "0: front, 1: overview"),
+        ({"camera": "²"}, "camera", "0: front, 1: overview"),
+        ({"camera": "9" * 5000}, "camera", "0: front, 1: overview"),
         ({"camera": 7}, "camera", "counted from 0"),
+        ({"camera": "7"}, "camera", "counted from 0"),
+        ({"camera": -1}, "camera", "a number from 0"),
+        ({"camera": 10**9}, "camera", "a number from 0"),
+        ({"camera": ["front"]}, "camera", "a camera is a name"),
         ({"camera": "front", "view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}, "", "either camera or view"),
         ({"view": {"eye": [0, 0, 0], "target": [0, 0, 0]}}, "view", "same point"),
         ({"view": {"eye": [0, 0], "target": [0, 0, 0]}}, "view.eye[2]", "required"),
@@ -87,10 +93,10 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"clamp_indirect": -1}, "clamp_indirect", "greater"),
         ({"light_samples": 0}, "light_samples", "greater"),
         ({"ao_distance": -1}, "ao_distance", "greater"),
-        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "projection": "fish"}}, "view", "known are perspective"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "projection": "fish"}}, "view.projection", "known are perspective"),
         ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "aperture": -1}}, "view.aperture", "greater"),
-        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "focus": 0}}, "view", "focus is 0"),
-        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "height": 0}}, "view", "height is 0"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "focus": 0}}, "view.focus", "greater"),
+        ({"view": {"eye": [0, 0, 1], "target": [0, 0, 0], "height": 0}}, "view.height", "greater"),
         ({"seed": -1}, "seed", "greater"),
         ({"environment": {"sky": {"elevation": 91}}}, "environment.sky.elevation", "less"),
         ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "either color or sky"),
@@ -301,9 +307,10 @@ def test_lists_are_bounded_and_filtered(service: Service, scene: str, job: str) 
 
 
 def test_changes_that_make_no_sense_are_refused(service: Service, job: str) -> None:
-    for change in ({"state": "paused"}, {"state": "running"}, {"state": "cancelled"}):
+    for change in ({"state": "paused"}, {"state": "cancelled"}, {"spp": 1}):
         problem(service.http.patch(f"/api/jobs/{job}", json=change), 409)
-    problem(service.http.patch(f"/api/jobs/{job}", json={"state": "finished"}), 422)
+    for change in ({"state": "finished"}, {"spp": 9, "more": 1}, {"more": 0}, {"more": 1 << 20}):
+        problem(service.http.patch(f"/api/jobs/{job}", json=change), 422)
     problem(service.http.patch("/api/jobs/nothing", json={}), 404)
     problem(service.http.delete("/api/jobs/nothing"), 404)
 

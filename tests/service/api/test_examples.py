@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from service.store.blobs import BlobWriter
+from service.store.staging import BlobWriter
 from tests.service.conftest import Service
 
 

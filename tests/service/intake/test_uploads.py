@@ -61,7 +61,7 @@ def refused(service: Service, status: int, files: list[tuple[str, bytes]], **fie
 def files_of(service: Service, answer: httpx.Response) -> dict[str, bytes]:
     assert answer.status_code == 201, answer.text
     farm = service.farm
-    return {file["path"]: farm.blobs.path(file["sha256"]).read_bytes() for file in answer.json()["files"]}
+    return {file["path"]: b"".join(farm.blobs.serve(file["sha256"]).chunks) for file in answer.json()["files"]}
 
 
 def test_files_with_folders_in_their_names(service: Service) -> None:
@@ -265,7 +265,7 @@ def test_deleting_a_scene_deletes_what_only_it_has(service: Service) -> None:
     two = post(service, [("two.obj", OBJ + b"# two"), ("shared.png", b"shared")]).json()
     hashes = {file["path"]: file["sha256"] for file in one["files"]}
     assert service.http.delete(f"/api/scenes/{one['id']}").status_code == 204
-    assert not service.farm.blobs.path(hashes["one.obj"]).exists()
-    assert service.farm.blobs.path(hashes["shared.png"]).exists()
+    assert not service.farm.blobs.exists(hashes["one.obj"])
+    assert service.farm.blobs.exists(hashes["shared.png"])
     assert service.http.get(f"/api/scenes/{one['id']}").status_code == 404
     assert two["id"] in json.dumps(service.http.get("/api/scenes").json())

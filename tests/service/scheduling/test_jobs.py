@@ -44,6 +44,47 @@ def test_more_samples_give_the_bits_of_asking_at_once(service: Service, worker: 
     assert service.digest(job) == expected_digest()
 
 
+def test_more_can_be_asked_for_as_so_many_more(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene(), spp=3)
+    service.wait_for(job, "finished")
+    assert service.patch(job, more=2)["spp"] == 5
+    assert service.patch(job, more=3)["spp"] == 8
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+
+
+def test_a_job_by_noise_that_has_converged_gets_more_samples_all_the_same(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene(), spp=None, noise=0.5)
+    done = service.wait_for(job, "finished")
+    assert done["samples"] == 64 * 48 * 32, "the first look at the noise is enough"
+    refused = service.http.patch(f"/api/jobs/{job}", json={"spp": 32})
+    assert refused.status_code == 409
+    assert "has 32 samples a pixel already" in refused.json()["detail"]
+    assert service.patch(job, more=8)["state"] == "queued"
+    assert service.wait_for(job, "finished")["samples"] == 64 * 48 * 40
+    assert service.patch(job, spp=48)["spp"] == 48
+    assert service.wait_for(job, "finished")["noise"] is None, "it is a job by samples now"
+    assert service.digest(job) == expected_digest(spp=48)
+
+
+def test_a_job_by_noise_may_be_told_to_go_on_regardless_while_it_is_rendered(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=None, noise=0.0001)
+    until(lambda: service.job(job)["samples"] > 0, "the job is under way")
+    service.patch(job, spp=40)
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=40)
+
+
+def test_a_job_by_time_gets_more_samples_when_its_time_is_over(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=None, seconds=0.5, tile_size=64)
+    has = service.wait_for(job, "finished")["samples"] // (64 * 48)
+    assert service.patch(job, more=6)["spp"] == has + 6
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=has + 6)
+
+
 def test_a_job_waits_for_its_scene(service: Service, worker: PeerWorker) -> None:
     go = threading.Event()
     worker.on_prepare = lambda scene: (go.wait(10), None)[1]

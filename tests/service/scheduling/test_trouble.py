@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 import time
 
+import pytest
 import redis
 
+from service.scheduling.results import Entry
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
@@ -119,6 +122,73 @@ def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, wor
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest()
     assert len({b.batch for b in worker.batches}) == len(worker.batches), "every handing out has an id of its own"
+
+
+def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = service.submit(service.ready_scene(), spp=20, tile_size=32)
+    results = service.farm.engine._results
+    read = results.read
+    monkeypatch.setattr(results, "read", lambda block_ms: time.sleep(0.1) or [])
+    until(lambda: len(worker.batches) >= 4, "the window is full of what is rendered and not read")
+    out = len(worker.batches)
+    time.sleep(4.5)  # of which three looks were enough to call it lost
+    assert len(worker.batches) == out, "nothing is rendered twice, and nothing more is handed out"
+    monkeypatch.setattr(results, "read", read)
+    service.wait_for(job, "finished")
+    assert service.farm.engine.snapshot.counts["lost"] == 0
+    assert len({(batch.tile, batch.first) for batch in worker.batches}) == len(worker.batches)
+    assert service.digest(job) == expected_digest(spp=20)
+
+
+def test_a_result_that_could_not_be_deleted_is_dropped_when_it_is_read_again(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(entries: list[Entry]) -> None:
+        if entries:
+            raise redis.ConnectionError("away")
+
+    scene = service.ready_scene()
+    results = service.farm.engine._results
+    delete = results.delete
+    monkeypatch.setattr(results, "delete", refuse)
+    job = service.submit(scene)
+    until(lambda: worker.redis.xlen(RESULTS) > 2, "results are read and stay in the stream")
+    monkeypatch.setattr(results, "delete", delete)
+    service.wait_for(job, "finished")
+    until(lambda: worker.redis.xlen(RESULTS) == 0, "the stream is trimmed")
+    assert service.digest(job) == expected_digest()
+
+
+def test_a_redis_that_is_slow_makes_the_service_say_so(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=30)
+    until(lambda: service.job(job)["progress"] > 0.1, "the job is under way")
+    assert redis_server.process is not None
+    redis_server.process.send_signal(signal.SIGSTOP)
+    try:
+        until(lambda: service.http.get("/readyz").status_code == 503, "the service says that it cannot work", 8)
+    finally:
+        redis_server.process.send_signal(signal.SIGCONT)
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+
+
+def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service) -> None:
+    go = threading.Event()
+    with service.worker(slots=1) as worker:
+
+        def hold(batch: RenderBatch) -> None:
+            worker.current = {key: value for key, value in worker.current.items() if key != "batch"}
+            go.wait(20)
+
+        worker.on_batch = hold
+        job = service.submit(service.ready_scene(), spp=1, tile_size=64)
+        until(lambda: bool(worker.batches), "the worker holds the batch")
+        time.sleep(4.5)
+        assert service.farm.engine.snapshot.counts["lost"] == 0, "it is seen there, and not handed out again"
+        go.set()
+        service.wait_for(job, "finished")
+        assert len(worker.batches) == 1
 
 
 def test_what_a_vanished_worker_held_is_handed_out_at_once(tmp_path, redis_server: running_redis) -> None:  # type: ignore[no-untyped-def]

@@ -9,10 +9,10 @@ import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { actionsPanel, progressPanel } from "../job-panel.js";
 import { livePicture } from "../live-picture.js";
-import { INTEGRATORS, SAMPLINGS, labelOf } from "../render-choices.js";
 import { jobKeys, stageKeys } from "../render-keys.js";
 import { go, linkTo, setTitle } from "../router.js";
 import { savePanel } from "../save-panel.js";
+import { isRead, known, labelOf, valueText } from "../settings-table.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
@@ -146,10 +146,7 @@ function details(job) {
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
     ["Size", `${job.width}×${job.height}`],
     ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
-    ["Integrator", job.settings && labelOf(INTEGRATORS, job.settings.integrator)],
-    ["Max depth", job.settings?.max_depth],
-    ["Light sampling", job.settings && labelOf(SAMPLINGS, job.settings.sampling)],
-    ["Seed", job.settings?.seed],
+    ...told(job.settings),
     ["Job", h("code", null, job.id)],
   ];
   return h(
@@ -170,4 +167,18 @@ function details(job) {
         .map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
     ),
   );
+}
+
+/**
+ * The basic settings of a picture, and of the others those that are not as they are by themselves.
+ *
+ * @param {Record<string, any> | null} settings
+ * @returns {[string, string][]}
+ */
+function told(settings) {
+  if (!settings) return [];
+  return known()
+    .settings.filter((setting) => setting.name !== "width" && setting.name !== "height" && isRead(setting, settings.integrator))
+    .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name]) !== String(usual))
+    .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);
 }

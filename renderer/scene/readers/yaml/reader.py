@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
-from pathlib import PurePosixPath
 from typing import Any
 
 import jsonschema
@@ -17,13 +15,11 @@ from renderer.scene.readers.yaml.geometry import Shapes
 from renderer.scene.readers.yaml.lights import read_environment, read_light
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
+from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
-from renderer.settings import OPTIONAL, RenderSettings, View
 
-__all__ = ["SCHEMA_FILE", "read"]
-
-SCHEMA_FILE = PurePosixPath("schema.json")
+__all__ = ["read"]
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -52,12 +48,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
 
 def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDescription) -> None:
     for name, value in settings.items():
-        if name in OPTIONAL:
-            try:
-                RenderSettings(1, 1, View((0, 0, 1), (0, 0, 0)), **{name: value})
-            except SettingsError as error:
-                raise document.error(("settings", name), str(error)) from None
-        description.defaults[name] = value
+        try:
+            taken = SCENE_SETTINGS[name].check(value)
+        except SettingsError as error:
+            raise document.error(("settings", name), str(error)) from None
+        description.defaults[name] = list(taken) if isinstance(taken, tuple) else taken
 
 
 def _add_camera(source: dict[str, Any], index: int, document: Yaml, description: SceneDescription) -> None:
@@ -69,11 +64,9 @@ def _add_camera(source: dict[str, Any], index: int, document: Yaml, description:
 
 @functools.cache
 def _validator() -> Any:
-    from importlib.resources import files as resources
-
-    schema = json.loads(resources("renderer.scene").joinpath(str(SCHEMA_FILE)).read_text())
-    jsonschema.Draft202012Validator.check_schema(schema)
-    return jsonschema.Draft202012Validator(schema)
+    document = schema()
+    jsonschema.Draft202012Validator.check_schema(document)
+    return jsonschema.Draft202012Validator(document)
 
 
 def _validate(document: Yaml) -> None:

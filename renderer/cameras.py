@@ -1,0 +1,31 @@
+"""Which of a scene's cameras is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from renderer.errors import SettingsError
+
+__all__ = ["MOST_CAMERAS", "camera_number"]
+
+_MOST_DIGITS = 6
+MOST_CAMERAS = 10**_MOST_DIGITS
+
+
+def camera_number(names: Sequence[str], wanted: str | int | None) -> int:
+    """By its name, by its number from 0, or the first. Raises SettingsError where there is none."""
+    if not names:
+        raise SettingsError("camera cannot be chosen, as the scene has none; give a view")
+    if wanted is None:
+        return 0
+    if isinstance(wanted, str):
+        if wanted in names:
+            return names.index(wanted)
+        if not (wanted.isascii() and wanted.isdigit() and len(wanted) <= _MOST_DIGITS):
+            shown = repr(wanted) if len(wanted) <= 60 else f"{wanted[:40]!r}..."
+            listed = ", ".join(f"{i}: {name}" for i, name in enumerate(names[:12]))
+            raise SettingsError(f"camera is {shown}; the scene has none of that name. Its cameras are {listed}")
+        wanted = int(wanted)
+    if not 0 <= wanted < len(names):
+        raise SettingsError(f"camera is number {wanted}; the scene has {len(names)}, counted from 0")
+    return wanted

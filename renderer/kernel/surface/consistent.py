@@ -1,0 +1,53 @@
+"""Normals that are consistent with their facet: what the viewer sees mirrored in them lies above it.
+
+A vertex's normal or a normal map's may be bent so far off the facet that the mirror direction points below it, where the ray
+meets the facet that it comes from. Keller et al., "The Iray Light Transport Simulation and Rendering System" (2017), and
+Cycles turn such normals back; Schuessler et al., "Microfacet-based Normal Mapping" (2017), discuss the black spots.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.polynomial import acos, atan2, sincos_turns
+
+__all__ = ["consistent_normal"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_INV_2PI = np.float32(0.5 / math.pi)
+_LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and facet,
+_OF_VIEWER = np.float32(0.9)  # or this of the viewer's own
+
+
+@subroutine
+def consistent_normal(n, geometric, wo):
+    """n turned towards the geometric normal by as little as it takes for wo's mirror direction to leave the surface.
+
+    With n = sin a x + cos a g in the plane of the geometric normal g, and wo's coordinates (p, q) there, the mirror direction
+    has the height p sin 2a + q cos 2a = r cos(2a - phi). All three are unit; wo is on the geometric normal's side.
+    """
+    out_of_line()
+    height = vec.dot(geometric, wo)
+    least = min(_OF_VIEWER * height, _LEAST_HEIGHT)
+    mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height
+    if mirrored >= least and vec.dot(n, wo) > _ZERO:
+        return n
+    x = vec.sub(n, vec.scale(geometric, vec.dot(n, geometric)))
+    square = vec.dot(x, x)
+    if not square > _ZERO:
+        return geometric
+    x = vec.scale(x, _ONE / math.sqrt(square))
+    along = vec.dot(x, wo)
+    reach = math.sqrt(along * along + height * height)
+    if not reach > least:
+        return geometric
+    double = atan2(along, height) + acos(least / reach)
+    sine, cosine = sincos_turns(_HALF * double * _INV_2PI)
+    return vec.normalize(vec.add(vec.scale(x, sine), vec.scale(geometric, cosine)))

@@ -1,0 +1,135 @@
+"""From where, and through which lens, a picture is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from renderer.declared import Choices, Setting, Shown, checked, table
+from renderer.errors import SettingsError
+
+__all__ = ["MAX_DISTANCE", "PROJECTIONS", "VIEW", "Vec3", "View"]
+
+Vec3 = tuple[float, float, float]
+
+MAX_DISTANCE = 1e15  # squares and products of it stay within float32
+MIN_DISTANCE = 1e-12
+
+PROJECTIONS = Choices(
+    {
+        "perspective": Shown("Perspective", "As an eye or a lens sees."),
+        "orthographic": Shown("Orthographic", "Parallel lines stay parallel, as on a plan."),
+        "panorama": Shown("Panorama", "All around the eye, twice as wide as high: an equirectangular picture."),
+    }
+)
+
+_lens = ("perspective",)
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera: world-space `eye` and `target`, and an `up` hint; lengths in the scene's unit.
+
+    projection: perspective, with the vertical field of view `fov` in degrees; orthographic, showing `height` units from top
+    to bottom; or panorama, all directions around the eye as an equirectangular picture (`fov` unused).
+    aperture: radius of the thin lens of a perspective camera; 0: a pinhole, sharp everywhere.
+    focus: distance along the line of sight of the plane that is sharp; None: the target's.
+    near: distance along the line of sight where rays start, but a panorama's: what stands before is cut away.
+    """
+
+    eye: Annotated[
+        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), Shown("Eye", "Where to look from.", section="View", phrase="from {}")
+    ]
+    target: Annotated[
+        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), Shown("Target", "What to look at.", section="View", phrase="to {}")
+    ]
+    up: Annotated[
+        Vec3,
+        Setting(-MAX_DISTANCE, MAX_DISTANCE),
+        Shown("Up", "Which way is up: a direction not along the line of sight.", section="View"),
+    ] = (0.0, 1.0, 0.0)
+    fov: Annotated[
+        float,
+        Setting(0.01, 179.0),
+        Shown(
+            "Field of view",
+            "Vertical, in degrees: from the picture's lower edge to its upper.",
+            unit="°",
+            section="View",
+            projections=_lens,
+            phrase="{}°",
+        ),
+    ] = 40.0
+    projection: Annotated[
+        str, Setting(choices=PROJECTIONS), Shown("Projection", "How directions become places of the picture.", section="View")
+    ] = "perspective"
+    aperture: Annotated[
+        float,
+        Setting(0.0, MAX_DISTANCE),
+        Shown(
+            "Aperture",
+            "The lens's radius in scene units: more blurs what is out of focus; 0 is sharp everywhere.",
+            unit="scene units",
+            section="View",
+            projections=_lens,
+        ),
+    ] = 0.0
+    focus: Annotated[
+        float | None,
+        Setting(MIN_DISTANCE, MAX_DISTANCE),
+        Shown(
+            "Focus distance",
+            "What lies this far away along the line of sight is sharp; the target unless told.",
+            unit="scene units",
+            section="View",
+            projections=_lens,
+            off="the target's",
+            phrase="focus {}",
+        ),
+    ] = None
+    height: Annotated[
+        float,
+        Setting(MIN_DISTANCE, MAX_DISTANCE),
+        Shown(
+            "View height",
+            "Scene units from the picture's lower edge to its upper.",
+            unit="scene units",
+            section="View",
+            projections=("orthographic",),
+            option="ortho-height",
+            phrase="{} high",
+        ),
+    ] = 2.0
+    near: Annotated[
+        float,
+        Setting(0.0, MAX_DISTANCE),
+        Shown(
+            "Near plane",
+            "Rays start at this distance along the line of sight: what stands before is cut away.",
+            unit="scene units",
+            section="View",
+            projections=("perspective", "orthographic"),
+            phrase="near {}",
+        ),
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        checked(self)
+        if all(abs(e - t) < 1e-12 for e, t in zip(self.eye, self.target, strict=True)):
+            raise SettingsError("eye and target are the same point; move one of them")
+        d = [t - e for e, t in zip(self.eye, self.target, strict=True)]
+        u = self.up
+        cross = (d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2], d[0] * u[1] - d[1] * u[0])
+        if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
+            raise SettingsError("up points along the line of sight (or is zero); give another up direction")
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> View:
+        """The view that `dataclasses.asdict` made JSON of. Raises SettingsError where it cannot be."""
+        try:
+            return cls(**data)
+        except TypeError as error:
+            raise SettingsError(f"this view is of another release of Rayfarm ({error})") from None
+
+
+VIEW = table(View)

@@ -1,0 +1,52 @@
+"""Fields of the API's models, made of what renderer/settings.py declares: type, range, names, default, description."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING
+from typing import Annotated, Any, TypeVar
+
+from pydantic import AfterValidator, BaseModel, Field, create_model
+
+from renderer.declared import Declared
+from renderer.described import sentences
+from renderer.errors import SettingsError
+
+__all__ = ["with_fields"]
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def with_fields(settings: Mapping[str, Declared], of_scene: bool = False) -> Callable[[type[Model]], type[Model]]:
+    """For a model: these settings are fields of it, in place of what it says of them for the type checker.
+
+    of_scene: what a request leaves out is the scene file's, and only then the setting's own default.
+    """
+
+    def add(model: type[Model]) -> type[Model]:
+        made: dict[str, Any] = {name: _field(each, of_scene) for name, each in settings.items()}
+        return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **made)
+
+    return add
+
+
+def _field(each: Declared, of_scene: bool) -> tuple[Any, Any]:
+    number: Any = Annotated[each.number, Field(ge=each.lowest, le=each.setting.high, allow_inf_nan=False)]
+    kind: Any = tuple[number, number, number] if each.kind is tuple else number
+    names: list[Any] = list(each.setting.choices or ())
+    kind = Annotated[str if names else kind, AfterValidator(_checked(each))]
+    default: Any = ... if each.default is MISSING else each.default
+    if of_scene or each.optional:
+        kind, default = kind | None, None
+        names += [None] if names else []
+    return kind, Field(default, description=sentences(each), json_schema_extra={"enum": names} if names else None)
+
+
+def _checked(each: Declared) -> Callable[[Any], Any]:
+    def check(value: Any) -> Any:
+        try:
+            return each.check(value)
+        except SettingsError as error:
+            raise ValueError(str(error)) from None
+
+    return check

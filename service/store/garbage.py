@@ -1,0 +1,80 @@
+"""Which blobs may go: those that no scene refers to, and that nobody is about to refer to.
+
+An upload pins its blobs until its scene is written down; what a worker stores is pinned until the news of it must have
+come. Blobs are deleted under the lock by which they are pinned, together with the row that let go of them. So whoever pins a
+blob and then finds or puts it, has it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.errors import FarmError
+from service.store.blobs import BlobStore
+from service.store.database import Sessions
+from service.store.models import Scene
+from service.store.records import blobs_of
+
+__all__ = ["Garbage"]
+
+
+class Garbage:
+    """The one place that deletes blobs of scenes. Safe to use from several threads."""
+
+    def __init__(self, sessions: Sessions, blobs: BlobStore, patience_s: float) -> None:
+        """patience_s: how long what a worker stored may wait for the scene that will refer to it."""
+        self._sessions = sessions
+        self._blobs = blobs
+        self._patience_s = patience_s
+        self._lock = threading.Lock()
+        self._pins: Counter[str] = Counter()
+        self._promised: dict[str, float] = {}  # until when
+        self._left: set[str] = set()  # what would have gone, had it not been pinned
+
+    @contextmanager
+    def pinned(self, hashes: Iterable[str]) -> Iterator[None]:
+        """Keep blobs, whether they are there already or will be put, while somebody makes a scene of them."""
+        mine = set(hashes)
+        with self._lock:
+            self._pins.update(mine)
+        try:
+            yield
+        except BaseException:
+            with self._lock:
+                self._left |= mine  # no scene came of them
+            raise
+        finally:
+            with self._lock:
+                self._pins.subtract(mine)
+                self._pins += Counter()  # forgets those that are 0
+                leftover = bool(self._left)
+            if leftover:
+                with contextlib.suppress(FarmError):  # the next one to collect takes them along
+                    self.collect(lambda session: set())
+
+    def promise(self, sha256: str) -> None:
+        """A worker stores a blob, and will say for which scene."""
+        with self._lock:
+            self._promised[sha256] = time.monotonic() + self._patience_s
+
+    def collect(self, let_go: Callable[[Session], set[str]]) -> None:
+        """Change the database by a function that returns the blobs that it let go of, and delete those that nobody needs."""
+        with self._lock:
+            with self._sessions.begin() as session:
+                gone = let_go(session) | self._left
+                session.flush()
+                for scene in session.scalars(select(Scene)) if gone else ():
+                    gone -= blobs_of(scene)
+            now = time.monotonic()
+            self._promised = {sha256: until for sha256, until in self._promised.items() if until > now}
+            self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
+            for sha256 in gone - self._left:
+                self._blobs.delete(sha256)

@@ -1,0 +1,133 @@
+"""Blobs in an S3-compatible object store: AWS, MinIO, Ceph, R2. Needs obstore (the extra `s3`).
+
+Address and credentials come from the environment, as all S3 clients take them: AWS_ENDPOINT_URL, AWS_REGION,
+AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+from typing import BinaryIO, cast
+from urllib.parse import urlsplit
+
+import obstore
+from obstore.exceptions import BaseError
+from obstore.store import S3Store
+
+from service.errors import NotFound, Unavailable
+from service.store.blobs import CHUNK, OLD_S, ServedBlob, is_sha256, no_blob
+from service.store.staging import BlobWriter, Staging
+
+__all__ = ["S3Blobs"]
+
+IN_MEMORY = 8 << 20
+RETRIES = 5
+PATIENCE = timedelta(seconds=10)
+
+
+class S3Blobs:
+    """Blobs as objects `<prefix>/<first two hex digits>/<sha256>` of a bucket. What is uploaded lies in `temporary` first."""
+
+    is_local = False
+
+    def __init__(self, url: str, temporary: Path) -> None:
+        """url: s3://bucket/prefix"""
+        address = urlsplit(url)
+        self._bucket = address.netloc
+        self._temporary = temporary
+        self._staging = Staging(temporary)
+        self._store = S3Store(
+            self._bucket,
+            prefix=address.path.strip("/") or None,
+            client_options={"allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")},
+            retry_config={"max_retries": RETRIES, "retry_timeout": PATIENCE},
+        )
+
+    def writer(self) -> BlobWriter:
+        """See BlobStore."""
+        return self._staging.writer(self.put)
+
+    def put(self, writer: BlobWriter) -> None:
+        """See BlobStore. An object appears when all of it has arrived, so it is whole or not there."""
+        try:
+            with self._faults():
+                obstore.put(self._store, _key(writer.sha256), writer.path)
+        except NotFound:
+            raise Unavailable(f"There is no bucket {self._bucket}. Make it, or set RAYFARM_BLOBS to another.") from None
+
+    def open(self, sha256: str) -> BinaryIO:
+        """See BlobStore."""
+        chunks = self.serve(sha256).chunks
+        file = tempfile.SpooledTemporaryFile(IN_MEMORY, "w+b", dir=str(self._temporary))  # noqa: SIM115 - the caller closes it
+        try:
+            for chunk in chunks:
+                file.write(chunk)
+            file.seek(0)
+        except BaseException:
+            file.close()
+            raise
+        return cast(BinaryIO, file)
+
+    def serve(self, sha256: str) -> ServedBlob:
+        """See BlobStore."""
+        with self._faults():
+            found = obstore.get(self._store, _key(sha256))
+            return ServedBlob(found.meta["size"], self._chunks(found))
+
+    def exists(self, sha256: str) -> bool:
+        """See BlobStore."""
+        try:
+            with self._faults():
+                obstore.head(self._store, _key(sha256))
+        except NotFound:
+            return False
+        return True
+
+    def delete(self, sha256: str) -> None:
+        """See BlobStore."""
+        with self._faults():
+            obstore.delete(self._store, _key(sha256))
+
+    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> int:
+        """See BlobStore."""
+        self._staging.sweep()
+        old = time.time() - older_than_s
+        with self._faults():
+            gone = [
+                item["path"]
+                for page in obstore.list(self._store)
+                for item in page
+                if is_sha256(name := item["path"].rpartition("/")[2]) and name not in keep
+                if item["last_modified"].timestamp() < old
+            ]
+            if gone:
+                obstore.delete(self._store, gone)
+        return len(gone)
+
+    def _chunks(self, found: obstore.GetResult) -> Iterator[bytes]:
+        with self._faults():
+            yield from (bytes(chunk) for chunk in found.stream(min_chunk_size=CHUNK))
+
+    @contextmanager
+    def _faults(self) -> Iterator[None]:
+        try:
+            yield
+        except FileNotFoundError:
+            raise no_blob() from None
+        except BaseError as error:
+            why = str(error).partition("\n")[0]
+            raise Unavailable(
+                f"The object store does not answer as it should ({why}). Try again; see RAYFARM_BLOBS and AWS_*."
+            ) from error
+
+
+def _key(sha256: str) -> str:
+    if not is_sha256(sha256):
+        raise ValueError(f"{sha256!r} is no SHA-256 in lower-case hexadecimal")
+    return f"{sha256[:2]}/{sha256}"

@@ -1,0 +1,38 @@
+"""Files that are written whole or not at all, whatever happens in between: also a power cut."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from pathlib import Path
+
+__all__ = ["PRIVATE", "PRIVATE_FOLDER", "move_whole", "write_whole"]
+
+PRIVATE = 0o600  # what the service keeps is its user's alone
+PRIVATE_FOLDER = 0o700
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a small file; another process sees the old content or the new one."""
+    temporary = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
+    try:
+        with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE), "wb") as file:
+            file.write(data)
+        move_whole(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def move_whole(temporary: Path, path: Path) -> None:
+    """Give a written file its name. First its bytes reach the disk, then the name does: a name never stands for less."""
+    _sync(temporary)
+    temporary.replace(path)
+    _sync(path.parent)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

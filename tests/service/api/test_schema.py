@@ -1,0 +1,156 @@
+"""Requests made of the API's own description, with ids of real scenes, jobs and workers in every state.
+
+Whatever comes in, the answer is one that the description names, in the form that it names, and no fault of the service.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import hypothesis
+import pytest
+import schemathesis
+from hypothesis import strategies as st
+from schemathesis.specs.openapi.checks import content_type_conformance, response_schema_conformance, status_code_conformance
+
+from service.main import create_app
+from service.settings import Settings
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, Service, until
+from tests.service.peer_worker import PeerWorker
+
+FAULTS_ALLOWED = {503, 507}  # what is away or full comes back; nothing else beyond 499 is a client's business
+ENDLESS = "/api/events"
+ENDLESS_SPP = 1 << 16
+FAILS = 13
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server.url, max_pixels=1 << 16, batch_deadline=600.0)
+    yield service
+    service.stop()
+
+
+class Alive:
+    """A service with scenes and jobs in every state there is."""
+
+    def __init__(self, service: Service, worker: PeerWorker) -> None:
+        self.service = service
+        self.done = threading.Event()
+        self.scenes = {"ready": service.ready_scene(), "failed": service.upload(b"broken", "broken.obj")}
+        until(lambda: service.scene(self.scenes["failed"])["status"] == "failed", "a scene fails")
+
+        def fail(batch: Any) -> None:
+            if batch.settings.seed == FAILS:
+                raise ValueError("this batch fails")
+
+        worker.on_batch = fail
+        self.jobs: dict[str, str] = {}
+        for state, request in {
+            "finished": {"spp": 2},
+            "failed": {"spp": 3, "seed": FAILS},
+            "cancelled": {"spp": ENDLESS_SPP, "priority": -50},
+            "paused": {"spp": ENDLESS_SPP, "priority": -50},
+            "running": {"spp": ENDLESS_SPP, "priority": 100},
+        }.items():
+            self.jobs[state] = service.submit(self.scenes["ready"], width=32, height=32, **request)
+            if state in ("cancelled", "paused"):
+                service.patch(self.jobs[state], state=state)
+            service.wait_for(self.jobs[state], state, timeout=60)
+        # The one slot is busy with this scene from now on; so jobs stay as they are.
+        worker.on_prepare = lambda scene: bool(self.done.wait(300)) and None
+        self.scenes["preparing"] = service.upload(OBJ + b"# another")
+        until(lambda: worker.prepared[-1] == self.scenes["preparing"], "the worker prepares")
+        self.jobs["queued"] = service.submit(self.scenes["ready"], width=32, height=32, spp=8, priority=-100)
+        self.check()
+
+    def check(self) -> None:
+        assert {state: self.service.job(id)["state"] for state, id in self.jobs.items()} == {s: s for s in self.jobs}
+        assert {status: self.service.scene(id)["status"] for status, id in self.scenes.items()} == {s: s for s in self.scenes}
+
+
+@pytest.fixture(scope="module")
+def alive(service: Service) -> Iterator[Alive]:
+    with service.worker(slots=1) as worker:
+        alive = Alive(service, worker)
+        yield alive
+        alive.check()
+        alive.done.set()
+
+
+@pytest.fixture(scope="module")
+def schema(alive: Alive) -> Any:
+    return schemathesis.openapi.from_url(f"{alive.service.url}/openapi.json")
+
+
+def ids(path: str, alive: Alive) -> list[str]:
+    known = list(alive.scenes.values()) if "/scenes/" in path else list(alive.jobs.values())
+    return [*known, "nothing", "%00", "ü", "a" * 300]
+
+
+def spare(path: str, alive: Alive) -> str:
+    """A scene or a job that may be changed and deleted: the others stay in their states."""
+    if "/scenes/" in path:
+        return alive.service.upload(OBJ + f"# {time.monotonic_ns()}".encode())
+    return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
+
+
+def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
+    """Call an operation many times; how often it answered with which status."""
+    seen: dict[int, int] = {}
+    operation = schema[path][method]
+    live = [known for known in ids(path, alive) if len(known) == 20]
+
+    @hypothesis.settings(
+        max_examples=examples,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(hypothesis.HealthCheck),
+        phases=[hypothesis.Phase.generate],
+    )
+    @hypothesis.given(st.data())
+    def attack(data: st.DataObject) -> None:
+        case = data.draw(operation.as_strategy(generation_mode=data.draw(st.sampled_from(list(schemathesis.GenerationMode)))))
+        for name in ("id", "job", "name"):
+            if name in (case.path_parameters or {}) and data.draw(st.integers(0, 9)) < 8:
+                pool = ["peer"] if "/workers/" in path else ["cornell-box"] if "/examples/" in path else ids(path, alive)
+                case.path_parameters[name] = data.draw(st.sampled_from(pool))
+        if isinstance(case.body, dict) and "scene" in case.body and data.draw(st.booleans()):
+            case.body["scene"] = alive.scenes["ready"]
+        if "/farm/" in path and data.draw(st.booleans()):
+            case.headers = {**(case.headers or {}), "Authorization": f"Bearer {alive.service.options['token']}"}
+        if method in ("DELETE", "PATCH") and (case.path_parameters or {}).get("id") in live:
+            case.path_parameters["id"] = spare(path, alive)
+        response = case.call(timeout=20)
+        seen[response.status_code] = seen.get(response.status_code, 0) + 1
+        judge(case, response)
+
+    attack()
+    return seen
+
+
+def judge(case: Any, response: Any) -> None:
+    status, kind = response.status_code, response.headers.get("content-type", [""])[0]
+    about = f"{case.method} {case.formatted_path} {case.query} {case.body!r:.300}: {status} {response.text[:300]}"
+    assert status < 500 or status in FAULTS_ALLOWED, about
+    if status >= 400:
+        assert kind == "application/problem+json", about
+        problem = response.json()
+        assert problem["status"] == status and problem["detail"].endswith("."), about
+        return
+    case.validate_response(response, checks=[content_type_conformance, response_schema_conformance, status_code_conformance])
+
+
+def operations() -> list[tuple[str, str]]:
+    paths = create_app(Settings()).openapi()["paths"]
+    return [(path, method.upper()) for path, methods in paths.items() for method in methods if path != ENDLESS]
+
+
+@pytest.mark.parametrize(("path", "method"), operations())
+def test_every_operation_answers_as_it_is_described(path: str, method: str, schema: Any, alive: Alive) -> None:
+    assert tried(path, method, schema, alive, 20)

@@ -1,0 +1,325 @@
+"""Films and databases with faults, one kind a test: the jobs that have nothing to do with it go on, and nothing is lost."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import event
+
+from service.errors import FilmWaits
+from service.scheduling import bulkhead
+from service.store.database import no_room
+from service.store.film_file import FilmFile
+from service.store.films import Film
+from service.store.records import Records
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.contract import RenderBatch
+
+
+def film_of(service: Service, job: str) -> Path:
+    path: Path = service.options["data"] / "films" / f"{job}.sqlite"
+    return path
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Another program writes into a database, and does not come to an end."""
+    other = sqlite3.connect(path, timeout=10, isolation_level=None)
+    try:
+        other.execute("BEGIN IMMEDIATE")
+        yield
+    finally:
+        other.close()
+
+
+def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
+    """A job that has some samples and gets more."""
+    job = service.submit(service.ready_scene(), **{"spp": 30, **request})
+    until(lambda: service.job(job)["samples"] > 0, "the job is under way")
+    return job
+
+
+def slow(batch: RenderBatch) -> None:
+    time.sleep(0.02)
+
+
+def rendered_once(worker: PeerWorker, job: str) -> bool:
+    return len({(b.tile, b.first) for b in worker.batches if b.job == job}) == sum(b.job == job for b in worker.batches)
+
+
+def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = slow
+    held = under_way(service, worker)
+    with locked(film_of(service, held)):
+        other = service.submit(service.ready_scene(), spp=30, seed=1)
+        until(lambda: "is locked" in (service.job(held)["message"] or ""), "the job says what it waits for")
+        service.wait_for(other, "finished")
+        assert service.job(held)["state"] == "running"
+        ready = service.http.get("/readyz")
+        assert ready.status_code == 503
+        assert "is locked" in ready.json()["detail"], "of all unfinished jobs none goes on"
+        time.sleep(2.5)  # longer than what is lost takes to be called lost
+    service.wait_for(held, "finished")
+    assert service.http.get("/readyz").status_code == 200
+    assert (service.digest(held), service.digest(other)) == (expected_digest(spp=30), expected_digest(spp=30, seed=1))
+    assert rendered_once(worker, held)
+    counts = service.farm.engine.snapshot.counts
+    assert (counts.get("dropped", 0), counts["lost"]) == (0, 0)
+
+
+def test_a_film_without_room_waits_until_there_is_some(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = slow
+    full = under_way(service, worker)
+    file = film_file(service, full)
+    file._database.execute(f"PRAGMA max_page_count={file._database.execute('PRAGMA page_count').fetchone()[0]}")
+    other = service.submit(service.ready_scene(), spp=30, seed=1)
+    until(lambda: "the disk is full" in (service.job(full)["message"] or ""), "the job says what it waits for")
+    service.wait_for(other, "finished")
+    file._database.execute("PRAGMA max_page_count=1000000")
+    service.wait_for(full, "finished")
+    assert service.digest(full) == expected_digest(spp=30)
+    assert rendered_once(worker, full)
+    assert service.farm.engine.snapshot.counts.get("dropped", 0) == 0
+
+
+def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = slow
+    job = under_way(service, worker)
+    service.stop()
+    with locked(film_of(service, job)):
+        service.start()
+        until(lambda: "is locked" in (service.job(job)["message"] or ""), "the job says what it waits for")
+        service.wait_for(service.submit(service.ready_scene(), spp=4, seed=1), "finished")
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+
+
+def film_file(service: Service, job: str) -> FilmFile:
+    film = service.farm.engine._scheduler.jobs[job].film
+    assert film._file is not None
+    return film._file
+
+
+def garbage(service: Service, job: str) -> None:
+    service.stop()
+    film_of(service, job).write_bytes(b"this is no film" * 4000)
+    service.start()
+
+
+def no_table(service: Service, job: str) -> None:
+    with sqlite3.connect(film_of(service, job), timeout=10) as other:
+        other.execute("DROP TABLE part")
+    other.close()
+
+
+@pytest.mark.parametrize("spoil", [garbage, no_table])
+def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to(
+    service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
+) -> None:
+    worker.on_batch = slow
+    lost = under_way(service, worker)
+    other = service.submit(service.ready_scene(), spp=30, seed=1)
+    spoil(service, lost)
+    failed = service.wait_for(lost, "failed")
+    assert "film" in failed["error"]
+    assert "Set the job to running, and it is rendered again." in failed["error"]
+    service.wait_for(other, "finished")
+    assert service.patch(lost, state="running")["state"] == "queued"
+    assert service.wait_for(lost, "finished")["error"] is None
+    assert service.digest(lost) == expected_digest(spp=30)
+
+
+def test_a_film_that_cannot_be_written_ends_its_own_job_and_keeps_what_it_has(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = slow
+    job = under_way(service, worker)
+    other = service.submit(service.ready_scene(), spp=30, seed=1)
+    database = film_file(service, job)._database
+    database.execute("PRAGMA query_only=ON")
+    failed = service.wait_for(job, "failed")
+    assert "cannot be written" in failed["error"]
+    service.wait_for(other, "finished")
+    has = service.job(job)["samples"]
+    database.execute("PRAGMA query_only=OFF")
+    before = len(worker.batches)
+    service.patch(job, state="running")
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+    again = sum(b.count * b.tile.w * b.tile.h for b in worker.batches[before:])
+    assert again == 64 * 48 * 30 - has, "what is in the film is not rendered again"
+
+
+@pytest.mark.parametrize("spoil", ["missing", "empty", "damaged"])
+def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
+    service: Service, worker: PeerWorker, spoil: str
+) -> None:
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    service.stop()
+    path = film_of(service, job)
+    if spoil == "missing":
+        path.unlink()
+    else:
+        path.write_bytes(b"" if spoil == "empty" else path.read_bytes()[:-40000] + b"\xee" * 40000)
+    service.start()
+    broken = service.http.get(f"/api/jobs/{job}/frames/0/digest")
+    assert broken.status_code == 409
+    assert "the job to running" in broken.json()["detail"]
+    service.patch(job, state="running")
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+    service.patch(job, state="running")
+    assert service.wait_for(job, "finished")["samples"] == 64 * 48 * 8, "where nothing is missing, nothing is rendered"
+
+
+def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
+    if service.options["database_url"]:
+        return  # PostgreSQL has no lock of the whole
+    worker.on_batch = slow
+    job = under_way(service, worker, spp=60)
+    with locked(service.options["data"] / "rayfarm.sqlite"):
+        assert service.job(job)["samples"] < 64 * 48 * 60
+        until(lambda: service.http.get("/readyz").status_code == 503, "the service says so", 10)
+        assert "database" in service.http.get("/readyz").json()["detail"]
+        until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on, up to the last sample")
+        assert service.job(job)["state"] == "running", "the database cannot say otherwise"
+    service.wait_for(job, "finished")
+    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready again")
+    assert service.digest(job) == expected_digest(spp=60)
+    assert rendered_once(worker, job)
+
+
+def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
+    if service.options["database_url"]:
+        return
+    worker.on_batch = slow
+    job = under_way(service, worker, spp=60)
+    is_read_only = threading.Event()
+
+    def obey(connection: Any, *_: Any) -> None:
+        connection.execute(f"PRAGMA query_only={'ON' if is_read_only.is_set() else 'OFF'}")
+
+    event.listen(service.farm.database, "checkout", obey)
+    is_read_only.set()
+    until(lambda: service.http.get("/readyz").status_code == 503, "the service says so")
+    assert "readonly" in service.http.get("/readyz").json()["detail"]
+    until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on")
+    is_read_only.clear()
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=60)
+
+
+def failing_at_first(method: Any, error: Callable[[], Exception], applies: Callable[..., bool], failed: Counter[str]) -> Any:
+    """The method, which fails at its first and third call."""
+    calls = Counter[str]()
+
+    def instead(self: Any, *arguments: Any, **named: Any) -> Any:
+        if applies(self, *arguments):
+            calls[method.__name__] += 1
+            if calls[method.__name__] in (1, 3):
+                failed[method.__name__] += 1
+                raise error()
+        return method(self, *arguments, **named)
+
+    return instead
+
+
+RECORDS = ("job", "scene", "resolve", "started", "progress", "finished", "prepared", "jobs_of", "all_jobs", "active_jobs")
+
+
+def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    service.stop()
+    monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
+    failed: Counter[str] = Counter()
+    for name in RECORDS:
+        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), no_room, lambda *_: True, failed))
+    service.start()
+    with service.worker() as worker:
+        scene = service.upload()
+        jobs = [service.submit(scene, seed=seed) for seed in range(2)]
+        for seed, job in enumerate(jobs):
+            assert service.wait_for(job, "finished", 60)["error"] is None
+            assert service.digest(job) == expected_digest(seed=seed)
+            assert rendered_once(worker, job)
+    assert set(failed) == set(RECORDS)
+
+
+FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_sums", "index_of")
+
+
+def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
+    failed: Counter[str] = Counter()
+    engine = service.farm.engine._thread
+
+    def is_meant(film: Film, *_: Any) -> bool:
+        return threading.current_thread() is engine and film._path.stem == meant
+
+    meant = ""
+    scene = service.ready_scene()
+    for name in FILM:
+        wait = lambda: FilmWaits("The film of this job cannot be written: the disk is full.")  # noqa: E731
+        monkeypatch.setattr(Film, name, failing_at_first(getattr(Film, name), wait, is_meant, failed))
+    service.patch(job := service.submit(scene, spp=256, noise=0.09, seed=1), state="paused")
+    meant = job
+    service.patch(job, state="running")
+    other = service.submit(scene, spp=256, noise=0.09, seed=1)
+    assert service.wait_for(job, "finished", 60)["error"] is None
+    service.wait_for(other, "finished", 60)
+    assert service.digest(job) == service.digest(other)
+    assert failed["merge"] == failed["tile_sums"] == 2
+
+
+def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker.on_batch = slow
+    one = under_way(service, worker)
+    other = service.submit(service.ready_scene(), spp=30, seed=1)
+    plan = service.farm.engine._scheduler.jobs[one].plan
+    monkeypatch.setattr(plan, "next", lambda *_: [][0])
+    failed = service.wait_for(one, "failed")
+    assert "IndexError" in failed["error"]
+    service.wait_for(other, "finished")
+    assert service.http.get("/readyz").status_code == 200
+    service.patch(one, state="running")
+    service.wait_for(one, "finished")
+    assert service.digest(one) == expected_digest(spp=30)
+
+
+@pytest.mark.parametrize("camera", ["²", "7" * 5000])
+def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
+    service: Service, worker: PeerWorker, camera: str
+) -> None:
+    go = threading.Event()
+    worker.on_prepare = lambda scene: (go.wait(10), None)[1]
+    scene = service.upload()
+    early, other = service.submit(scene, camera=camera), service.submit(scene)
+    go.set()
+    assert "camera is" in service.wait_for(early, "failed")["error"]
+    service.wait_for(other, "finished")
+    refused = service.http.post("/api/jobs", json={"scene": scene, "camera": camera})
+    assert refused.status_code == 422
+    assert "camera" in refused.json()["detail"]
+
+
+def test_settings_of_a_newer_release_end_their_job_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = slow
+    newer, other = under_way(service, worker), under_way(service, worker, seed=1)
+    service.stop()
+    with sqlite3.connect(service.options["data"] / "rayfarm.sqlite") as database:
+        database.execute("UPDATE jobs SET settings = json_set(settings, '$.wavelengths', 31) WHERE id = ?", (newer,))
+    database.close()
+    service.start()
+    assert "wavelengths" in service.wait_for(newer, "failed")["error"]
+    service.wait_for(other, "finished")

@@ -1,0 +1,67 @@
+"""What other threads see of the engine, and when they are told."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from service.scheduling import snapshot
+from service.scheduling.snapshot import Board, JobNumbers, Snapshot
+
+
+def job(samples: int, state: str = "running") -> Any:
+    plan = SimpleNamespace(samples=samples)
+    about = {"frame": 0, "state": state, "bad_samples": 0, "progress": 0.5, "active_s": 1.0, "eta_s": None, "samples_per_s": 0.0}
+    return SimpleNamespace(plan=plan, **about)
+
+
+def look(numbers: Any) -> Snapshot:
+    return Snapshot(fault=None, jobs=numbers)
+
+
+def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[tuple[str, str, int]] = []
+    board = Board(lambda what, id: told.append((what, id, board.latest.jobs[id].samples)))
+    board.change("job", "a")
+    board.publish({"a": job(1)}, look)
+    board.change("job", "a")
+    board.publish({"a": job(2)}, look)
+    assert told == [("job", "a", 1)], "numbers are renewed ten times a second"
+    monkeypatch.setattr(snapshot, "NUMBERS_EVERY_S", 0.0)
+    board.publish({"a": job(2)}, look)
+    board.publish({"a": job(3)}, look)
+    assert told == [("job", "a", 1), ("job", "a", 2)], "what did not change is not told"
+
+
+def test_another_state_is_told_at_once() -> None:
+    told: list[str] = []
+    board = Board(lambda what, id: told.append(board.latest.jobs[id].state))
+    for state in ("running", "paused"):
+        board.change("job", "a")
+        board.publish({"a": job(1, state)}, look)
+    assert told == ["running", "paused"]
+
+
+def numbers(state: str) -> JobNumbers:
+    return JobNumbers.of(job(1, state))
+
+
+@pytest.mark.parametrize(
+    ("view", "why"),
+    [
+        (Snapshot(fault=None), None),
+        (Snapshot(), "is starting"),
+        (Snapshot(fault="Redis does not answer."), "Redis"),
+        (Snapshot(fault=None, jobs={"a": numbers("running")}, waits={"a": "Waits: locked."}), "Nothing goes on. Waits: locked."),
+        (Snapshot(fault=None, jobs={"a": numbers("running"), "b": numbers("running")}, waits={"a": "Waits: locked."}), None),
+        (Snapshot(fault=None, jobs={"a": numbers("paused")}, waits={"a": "Waits: locked."}), None),
+        (Snapshot(fault=None, waits={"a job that cannot be taken up": "Waits: locked."}), "Waits: locked."),
+        (Snapshot(fault=None, made=time.monotonic() - 60.0), "busy with one thing for 6"),
+    ],
+)
+def test_ready_is_what_can_work(view: Snapshot, why: str | None) -> None:
+    assert (view.not_ready is None) == (why is None)
+    assert why is None or why in (view.not_ready or "")

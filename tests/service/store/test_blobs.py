@@ -1,0 +1,169 @@
+"""The stores of blobs, each against the same expectations: a folder, and an S3 server."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from moto.server import ThreadedMotoServer
+
+from service.errors import NotFound, Unavailable
+from service.settings import Settings
+from service.store.blobs import CHUNK, BlobFolder, BlobStore
+from service.store.s3 import S3Blobs
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, TOKEN, Service, until
+
+
+@pytest.fixture(scope="module")
+def s3_server() -> Iterator[str]:
+    server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def s3(s3_server: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The address of an empty bucket, with the environment that leads to it."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", s3_server)
+    monkeypatch.setenv("AWS_REGION", "us-east-1")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    httpx.post(f"{s3_server}/moto-api/reset").raise_for_status()
+    httpx.put(f"{s3_server}/farm").raise_for_status()
+    return "s3://farm/some/prefix"
+
+
+@pytest.fixture(params=["folder", "s3"])
+def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
+    if request.param == "folder":
+        return BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
+    return S3Blobs(request.getfixturevalue("s3"), tmp_path / "tmp")
+
+
+def put(blobs: BlobStore, *pieces: bytes) -> str:
+    writer = blobs.writer()
+    for piece in pieces:
+        writer.write(piece)
+    return writer.commit()
+
+
+def test_what_was_put_is_opened_and_served(blobs: BlobStore, tmp_path: Path) -> None:
+    pieces = (b"a" * (2 * CHUNK), b"the rest", os.urandom(6 * CHUNK))  # more than one part of a multipart upload
+    whole = b"".join(pieces)
+    sha256 = put(blobs, *pieces)
+    assert sha256 == hashlib.sha256(whole).hexdigest()
+    assert list((tmp_path / "tmp").iterdir()) == []
+    assert blobs.exists(sha256)
+    with blobs.open(sha256) as file:
+        assert file.read() == whole
+    served = blobs.serve(sha256)
+    assert served.size == len(whole)
+    assert b"".join(served.chunks) == whole
+    assert put(blobs, whole) == sha256, "again, it is the same"
+
+
+def test_what_is_deleted_or_was_never_there(blobs: BlobStore) -> None:
+    sha256 = put(blobs, b"here")
+    blobs.delete(sha256)
+    blobs.delete(sha256)
+    assert not blobs.exists(sha256)
+    for read in (blobs.open, blobs.serve):
+        with pytest.raises(NotFound):
+            read(sha256)
+
+
+def test_what_is_discarded_leaves_nothing(blobs: BlobStore, tmp_path: Path) -> None:
+    writer = blobs.writer()
+    writer.write(b"half")
+    writer.discard()
+    assert not blobs.exists(writer.sha256)
+    assert list((tmp_path / "tmp").iterdir()) == []
+
+
+def test_what_is_no_hash_is_no_name(blobs: BlobStore) -> None:
+    for use in (blobs.open, blobs.serve, blobs.exists, blobs.delete):
+        for name in ("../../etc/passwd", "A" * 64, "0" * 63, ""):
+            with pytest.raises(ValueError, match="no SHA-256"):
+                use(name)
+
+
+def test_the_sweep_takes_old_blobs_that_nobody_keeps(blobs: BlobStore, tmp_path: Path) -> None:
+    kept, gone = put(blobs, b"kept"), put(blobs, b"gone")
+    (tmp_path / "tmp" / "blob-half").write_bytes(b"half")
+    assert blobs.sweep({kept}) == 0, "it is young"
+    assert not (tmp_path / "tmp" / "blob-half").exists()
+    assert blobs.sweep({kept}, older_than_s=-60) == 1
+    assert (blobs.exists(kept), blobs.exists(gone)) == (True, False)
+
+
+def test_a_blob_that_a_power_cut_emptied_is_put_anew(tmp_path: Path) -> None:
+    blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
+    sha256 = put(blobs, b"content")
+    (tmp_path / "blobs" / sha256[:2] / sha256).write_bytes(b"")
+    put(blobs, b"content")
+    with blobs.open(sha256) as file:
+        assert file.read() == b"content"
+
+
+def test_an_object_store_that_is_away_or_has_no_bucket(s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(Unavailable, match="There is no bucket elsewhere"):
+        put(S3Blobs("s3://elsewhere", tmp_path / "tmp"), b"x")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setattr("service.store.s3.RETRIES", 0)
+    away = S3Blobs(s3, tmp_path / "tmp")
+    uses: list[Callable[[], object]] = [lambda: put(away, b"x"), lambda: away.exists("0" * 64), lambda: away.sweep(set())]
+    for use in uses:
+        with pytest.raises(Unavailable, match="object store does not answer"):
+            use()
+
+
+def test_a_bucket_is_chosen_by_its_address(tmp_path: Path) -> None:
+    assert Settings(data=tmp_path, blobs="s3://bucket/a/prefix").blobs == "s3://bucket/a/prefix"
+    for nonsense in ("bucket", "s3://", "http://bucket", "s3:///prefix"):
+        with pytest.raises(ValueError, match="s3://bucket/prefix"):
+            Settings(data=tmp_path, blobs=nonsense)
+
+
+def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: running_redis) -> None:
+    service = Service(tmp_path / "data", redis_server.url, blobs=s3)
+    try:
+        with service.worker():
+            scene = service.ready_scene()
+            job = service.submit(scene)
+            service.wait_for(job, "finished")
+            assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
+            thumbnail = service.http.get(f"/api/scenes/{scene}/thumbnail.png")
+            assert thumbnail.status_code in (200, 404)  # as the worker has made one
+        sha256 = service.scene(scene)["files"][0]["sha256"]
+        headers = {"Authorization": f"Bearer {TOKEN}"}
+        assert service.http.get(f"/api/farm/blobs/{sha256}", headers=headers).content == OBJ
+        assert service.http.get("/api/farm/join", headers=headers).json()["data_dir"] == "", "its files are not to be mapped"
+        assert [path for path in (tmp_path / "data").rglob("*") if path.name == sha256] == []
+        assert service.http.delete(f"/api/scenes/{scene}").status_code == 204
+        until(lambda: not service.farm.blobs.exists(sha256), "its object is gone")
+    finally:
+        service.stop()
+
+
+def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server: running_redis) -> None:
+    (tmp_path / "data").mkdir(mode=0o755)
+    service = Service(tmp_path / "data", redis_server.url)
+    try:
+        with service.worker():
+            service.wait_for(service.submit(service.ready_scene()), "finished")
+        open_to_all = {
+            str(path.relative_to(tmp_path)): oct(path.stat().st_mode)
+            for path in (tmp_path / "data").rglob("*")
+            if path.is_file() and path.stat().st_mode & 0o077 and path.name != "service.lock"
+        }
+        assert open_to_all == {}
+        assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
+    finally:
+        service.stop()

@@ -1,0 +1,130 @@
+"""With no byte free, uploads are refused with a sentence, deleting works, and with room everything goes on."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from sqlalchemy.orm import Session
+
+from service.errors import NoRoom
+from service.store.database import Sessions, no_room
+from service.store.reserve import SIZE, Reserve
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, Service, until
+
+DISK = 48 << 20
+
+
+@pytest.fixture(params=["a small disk", "a database without room"])
+def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path | None]:
+    """A disk of its own; or None, and `full` lets the database find no room."""
+    if request.param == "a database without room":
+        yield None
+        return
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK}", "tmpfs", str(folder)]
+    try:
+        mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
+    except FileNotFoundError:
+        mounted = False
+    if not mounted:
+        pytest.skip("this user may not mount a small disk; the other case tests the same without one")
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def fill(path: Path) -> None:
+    """Take every byte that is left."""
+    with path.open("wb", buffering=0) as file:
+        for size in (1 << 20, 4096, 1):
+            try:
+                while True:
+                    file.write(b"\1" * size)
+            except OSError as error:
+                assert error.errno == errno.ENOSPC
+
+
+@contextmanager
+def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A full disk; where it is none of its own, a database that finds no room until the reserve is given back."""
+    if disk is not None:
+        fill(disk / "filler")
+        yield
+        (disk / "filler").unlink()
+        return
+    begin, reserve = Sessions.begin, service.options["data"] / "reserve"
+
+    @contextmanager
+    def begin_where_there_is_room(self: Sessions) -> Iterator[Session]:
+        if reserve.exists():
+            raise no_room()
+        with begin(self) as session:
+            yield session
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Sessions, "begin", begin_where_there_is_room)
+        patch.setattr(Reserve, "fill", lambda self: None)
+        yield
+
+
+def test_deleting_works_with_no_byte_free(
+    small_disk: Path | None, tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = (small_disk or tmp_path) / "data"
+    service = Service(data, redis_server.url, min_free_bytes=0)
+    try:
+        with service.worker():
+            scenes = [service.upload(OBJ + b"# %d" % i * 40) for i in range(12)]
+            for scene in scenes:
+                until(lambda scene=scene: service.scene(scene)["status"] == "ready", "the scene is prepared")
+            jobs = [service.submit(scene) for scene in scenes[:2]]
+            for job in jobs:
+                service.wait_for(job, "finished")
+        with full(service, small_disk, monkeypatch):
+            refused = service.http.post("/api/scenes", files={"files": ("large.obj", OBJ * 100_000)})
+            assert refused.status_code == 507, refused.text
+            assert "Delete scenes or jobs" in refused.json()["detail"]
+            for path in [*(f"/api/scenes/{id}" for id in scenes[:6]), *(f"/api/jobs/{id}" for id in jobs)]:
+                answer = service.http.delete(path)
+                assert answer.status_code == 204, f"{path}: {answer.text}"
+                assert service.http.get(path).status_code == 404
+        assert service.scene(service.upload(OBJ + b"# again"))["name"] == "scene", "with room it goes on by itself"
+    finally:
+        service.stop()
+
+
+def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
+    reserve = Reserve(tmp_path / "reserve")
+    reserve.fill()
+    assert (tmp_path / "reserve").stat().st_size == SIZE
+    tries = []
+
+    def delete() -> str:
+        tries.append((tmp_path / "reserve").exists())
+        if tries[-1]:
+            raise no_room()
+        return "deleted"
+
+    assert reserve.spend_on(delete) == "deleted"
+    assert tries == [True, False]
+    assert (tmp_path / "reserve").stat().st_size == SIZE
+    assert (tmp_path / "reserve").stat().st_mode & 0o777 == 0o600
+    with pytest.raises(NoRoom):
+        reserve.spend_on(always_full)
+
+
+def always_full() -> None:
+    raise no_room()
+
+
+def test_what_is_half_filled_is_filled_anew(tmp_path: Path) -> None:
+    (tmp_path / "reserve").write_bytes(os.urandom(100))
+    Reserve(tmp_path / "reserve").fill()
+    assert (tmp_path / "reserve").stat().st_size == SIZE

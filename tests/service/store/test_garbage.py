@@ -1,0 +1,132 @@
+"""Nothing acknowledged is lost: uploads and deletions of the same files, at the same time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+from sqlalchemy.orm import Session
+
+from service.store.blobs import BlobFolder
+from service.store.database import connect
+from service.store.garbage import Garbage
+from service.store.models import Scene
+from tests.service.conftest import OBJ, Service
+
+ROUNDS = 25
+
+
+def stored(service: Service, scene: dict) -> bool:
+    data: Path = service.options["data"]
+    return all((data / "blobs" / ref["sha256"][:2] / ref["sha256"]).is_file() for ref in scene["files"])
+
+
+def at_once(*actions: Callable[[], None]) -> None:
+    start = threading.Barrier(len(actions))
+
+    def run(action: Callable[[], None]) -> None:
+        start.wait()
+        action()
+
+    threads = [threading.Thread(target=run, args=(action,)) for action in actions]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
+    """`shared`: another scene that has one of the files."""
+    codes: list[tuple[str, int]] = []
+    for turn in range(ROUNDS):
+        texture = ("files", ("wood.png", b"wood %d" % turn))
+        mine = [("files", ("scene.obj", OBJ + b"# %d" % turn)), texture]
+        other = [("files", ("other.obj", OBJ + b"# other %d" % turn)), texture] if shared else mine
+        scene = service.http.post("/api/scenes", files=mine).raise_for_status().json()
+        answers: list[httpx.Response] = []
+
+        def upload(files: list = other, answers: list[httpx.Response] = answers) -> None:
+            answers.append(httpx.post(f"{service.url}/api/scenes", files=files, timeout=20))
+
+        def delete(id: str = scene["id"], codes: list[tuple[str, int]] = codes) -> None:
+            codes.append(("delete", httpx.delete(f"{service.url}/api/scenes/{id}", timeout=20).status_code))
+
+        at_once(upload, upload, delete, delete)
+        codes += [("post", answer.status_code) for answer in answers]
+        for answer in answers:
+            found = service.http.get(f"/api/scenes/{answer.json()['id']}")
+            assert found.status_code in ({200} if shared else {200, 404}), "it may be deleted after it was acknowledged"
+            assert found.status_code == 404 or stored(service, found.json()), f"turn {turn}: acknowledged, and its files are gone"
+    assert set(codes) <= {("post", 201), ("delete", 204), ("delete", 404)}, codes
+
+
+@pytest.fixture
+def garbage(tmp_path: Path) -> tuple[Garbage, BlobFolder]:
+    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
+    return Garbage(sessions, blobs, patience_s=60.0), blobs
+
+
+def put(blobs: BlobFolder, content: bytes) -> str:
+    writer = blobs.writer()
+    writer.write(content)
+    return writer.commit()
+
+
+def scene_of(*hashes: str) -> Callable[[Session], set[str]]:
+    def write(session: Session) -> set[str]:
+        files = [{"path": sha256[:8], "sha256": sha256, "size": 1} for sha256 in hashes]
+        session.add(
+            Scene(id=hashes[0][:20], name="", status="ready", created=0.0, main="", files=files, bytes=1, notes=[], compiled={})
+        )
+        return set()
+
+    return write
+
+
+def test_a_pinned_blob_stays_and_goes_when_no_scene_came_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
+    collector, blobs = garbage
+    with pytest.raises(RuntimeError, match="refused"), collector.pinned([put(blobs, b"content")] * 2) as _:
+        sha256 = put(blobs, b"content")
+        collector.collect(lambda session: {sha256})
+        assert blobs.exists(sha256)
+        raise RuntimeError("refused")
+    assert not blobs.exists(sha256)
+
+
+def test_a_pinned_blob_of_which_a_scene_was_made_stays(garbage: tuple[Garbage, BlobFolder]) -> None:
+    collector, blobs = garbage
+    sha256 = put(blobs, b"content")
+    with collector.pinned([sha256]):
+        collector.collect(lambda session: {sha256})
+        collector.collect(scene_of(sha256))
+    collector.collect(lambda session: {sha256})
+    assert blobs.exists(sha256)
+
+
+def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
+    """Compiled for one scene while another, compiled to the same bytes, is deleted."""
+    collector, blobs = garbage
+    sha256 = put(blobs, b"compiled")
+    collector.promise(sha256)
+    collector.collect(lambda session: {sha256})
+    assert blobs.exists(sha256)
+    collector._promised[sha256] = 0.0  # the news did not come
+    collector.collect(lambda session: set())
+    assert not blobs.exists(sha256)
+
+
+def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobFolder]) -> None:
+    collector, blobs = garbage
+    sha256 = put(blobs, b"content")
+
+    def refuse(session: Session) -> set[str]:
+        raise ValueError("no")
+
+    with pytest.raises(ValueError, match="no"):
+        collector.collect(refuse)
+    assert blobs.exists(sha256)

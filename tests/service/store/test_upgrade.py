@@ -1,0 +1,126 @@
+"""A data folder of an older release opens; one of a newer release is refused with a sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import Engine, create_engine, inspect, text
+
+from service.farm import Farm
+from service.settings import Settings
+from service.store.database import connect
+from service.store.models import Base, Job
+from service.store.upgrade import NewerDatabaseError, upgrade
+
+# What release 0.1.0 made, word for word as its database said (SELECT sql FROM sqlite_master).
+RELEASE_0_1_0 = Path(__file__).with_name("release_0_1_0.sql").read_text()
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A data folder of release 0.1.0 with a scene and a finished job."""
+    for folder in ("blobs", "films", "tmp"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "token").write_text("token\n")
+    database = sqlite3.connect(tmp_path / "rayfarm.sqlite")
+    database.execute("PRAGMA journal_mode=WAL")
+    database.executescript(RELEASE_0_1_0)
+    ref = json.dumps([{"path": "scene.obj", "sha256": "0" * 64, "size": 3}])
+    database.execute(
+        "INSERT INTO scenes VALUES ('scene', 'A scene', 'ready', NULL, 1.0, 'scene.obj', NULL, ?, 3, '[]', NULL, '{}')", (ref,)
+    )
+    database.execute(
+        "INSERT INTO jobs (id, scene, name, state, priority, created, active_s, request) "
+        "VALUES ('job', 'scene', 'A job', 'finished', 0, 1.0, 2.5, '{}')"
+    )
+    database.execute("INSERT INTO frames VALUES ('job', 0, 8, 8, 0, 1.0)")
+    database.commit()
+    database.close()
+    return tmp_path
+
+
+def differences(engine: Engine) -> list[object]:
+    with engine.connect() as connection:
+        return list(compare_metadata(MigrationContext.configure(connection), Base.metadata))
+
+
+def test_a_data_folder_of_release_0_1_0_opens(old: Path) -> None:
+    farm = Farm(Settings(data=old))
+    try:
+        job = farm.records.job("job")
+        assert job is not None
+        assert (job.name, job.state, job.active_s) == ("A job", "finished", 2.5)
+        assert farm.records.blobs() == {"0" * 64}
+        assert farm.records.samples("job") == 8
+        assert differences(farm.database) == []
+    finally:
+        farm.stop()
+    Farm(Settings(data=old)).stop()  # and once more, now that it is of this release
+
+
+def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
+    farm = Farm(Settings(data=old))
+    farm.stop()
+    with sqlite3.connect(old / "rayfarm.sqlite") as database:
+        database.execute("UPDATE alembic_version SET version_num = '9999'")
+    database.close()
+    with pytest.raises(NewerDatabaseError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
+        Farm(Settings(data=old))
+    with sqlite3.connect(old / "rayfarm.sqlite") as database:
+        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
+    database.close()
+
+
+def test_the_steps_make_what_the_models_say(tmp_path: Path) -> None:
+    engine, _ = connect(f"sqlite:///{tmp_path / 'new.sqlite'}")
+    assert differences(engine) == []
+    engine.dispose()
+
+
+def test_a_step_that_fails_leaves_the_database_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("in the middle")
+
+    monkeypatch.setattr("alembic.op.create_index", fail)
+    engine = create_engine(f"sqlite:///{tmp_path / 'new.sqlite'}")
+    with pytest.raises(RuntimeError, match="in the middle"):
+        connect(f"sqlite:///{tmp_path / 'new.sqlite'}")
+    assert inspect(engine).get_table_names() == []
+    engine.dispose()
+
+
+@pytest.fixture
+def postgres() -> Iterator[Engine]:
+    url = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")
+    if not url.startswith("postgresql"):
+        pytest.skip("needs a PostgreSQL that may be emptied: RAYFARM_TEST_DATABASE_URL=postgresql+psycopg://...")
+    engine = create_engine(url)
+    yield engine
+    engine.dispose()
+
+
+@pytest.mark.parametrize("is_old", [False, True])
+def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
+    Base.metadata.drop_all(postgres)
+    with postgres.begin() as connection:
+        connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
+    if is_old:
+        Base.metadata.create_all(postgres)  # as release 0.1.0 did; where the models go on, they are no longer its tables
+        with postgres.begin() as connection:
+            connection.execute(
+                Base.metadata.tables["jobs"].insert(),
+                {"id": "job", "scene": "s", "name": "", "state": "finished", "created": 0.0, "request": {}},
+            )
+    engine, sessions = connect(postgres.url.render_as_string(hide_password=False))
+    assert differences(engine) == []
+    with sessions() as session:
+        assert (session.get(Job, "job") is not None) == is_old
+    upgrade(engine)
+    engine.dispose()

@@ -1,0 +1,140 @@
+"""Workers of another release at this service: what release 0.1.0 sent is frozen in tests/data, recorded from that release.
+
+A job is finished by the kind of worker that began it and by no other; what cannot be read is left aside.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import time
+from typing import Any
+
+import pytest
+import redis
+
+from tests.helpers import ROOT
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
+
+OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
+ASKED = {key: OLD["job"]["settings"][key] for key in ("width", "height", "seed", "light_samples", "clamp_indirect")}
+ASKED |= {"spp": 2, "tile_size": 16, "environment": {"color": [0.5, 0.6, 0.7], "strength": 2.0, "rotation": 30.0}}
+
+
+class OldWorker(PeerWorker):
+    """Says what release 0.1.0 said, field by field: what this release would say besides is taken away."""
+
+    def report(self) -> None:
+        said = OLD["report"] | {"name": self.name, "kind": self.kind, "slots": self.slots, "started": time.time()}
+        doing = {key: self.current[key] for key in ("job", "frame", "tile", "first", "count") if key in self.current}
+        said["current"] = [doing, *[{}] * (self.slots - 1)]
+        self.redis.set(worker_key(self.name), json.dumps(said), ex=HEARTBEAT_TTL_S)
+
+    def send(self, event: dict[str, Any], sums: bytes | None = None) -> None:
+        frozen = OLD["events"][event["type"]]
+        super().send({key: event[key] for key in frozen}, sums)
+
+
+@pytest.fixture
+def store(service: Service) -> redis.Redis:
+    return redis.Redis.from_url(str(service.options["redis_url"]))
+
+
+def test_a_worker_of_the_last_release_renders_and_the_film_is_what_it_was_there(service: Service) -> None:
+    with OldWorker(str(service.options["redis_url"]), service.url, "the farm's token", kind=OLD["report"]["kind"]) as worker:
+        job = service.submit(service.ready_scene(), **ASKED)
+        assert service.wait_for(job, "finished")["kind"] == worker.kind
+        assert service.digest(job) == OLD["digest"]
+        assert service.http.get("/api/workers").json()[0]["name"] == worker.name
+
+
+def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> None:
+    old_kind = OLD["report"]["kind"]
+    address = str(service.options["redis_url"]), service.url, "the farm's token"
+    with OldWorker(*address, name="old", kind=old_kind) as old:
+        old.on_batch = lambda batch: time.sleep(0.05)
+        job = service.submit(service.ready_scene(), spp=64)
+        until(lambda: service.job(job)["samples"] > 0, "the old worker has begun")
+    with service.worker(name="new", kind="0.2.0-12345678-x86-64-v3") as new:
+        sentence = f"Waits for a worker of the kind {old_kind}"
+        until(lambda: sentence in (service.job(job)["message"] or ""), "it says what it waits for", 20, lambda: service.job(job))
+        other = service.submit(service.job(job)["scene"])
+        assert service.wait_for(other, "finished")["kind"] == new.kind, "others go on"
+        assert {batch.job for batch in new.batches} == {other}
+        with OldWorker(*address, name="old", kind=old_kind):
+            assert service.wait_for(job, "finished")["kind"] == old_kind
+    assert service.digest(job) == expected_digest(spp=64)
+
+
+def test_reports_that_cannot_be_read_hurt_nobody(service: Service, worker: PeerWorker, store: redis.Redis) -> None:
+    whole = json.loads(WorkerReport("newer", "host", 1, 2, "cpu", worker.kind, "starting", 0.0).to_bytes())
+    store.set(worker_key("newer"), json.dumps(whole | {"gpus": [1], "region": "attic"}))
+    for number, held in enumerate(
+        [b"", b"\xff", b"[]", b"{}", json.dumps(whole | {"slots": "many"}), json.dumps(whole | {"state": "asleep"}), b"[" * 9999]
+    ):
+        store.set(worker_key(f"odd-{number}"), held)
+    store.rpush(worker_key("a list"), b"1")
+    job = service.submit(service.ready_scene())
+    assert service.wait_for(job, "finished")
+    until(lambda: len(service.http.get("/api/workers").json()) == 2, "the newer one is shown")
+    assert {row["name"] for row in service.http.get("/api/workers").raise_for_status().json()} == {"newer", worker.name}
+
+
+def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, store: redis.Redis) -> None:
+    kind = OLD["report"]["kind"]
+    service.stop()
+    for event in OLD["events"].values():
+        store.xadd(RESULTS, Result(event, base64.b64decode(OLD["sums"]) if event["type"] == "batch" else None).to_fields())  # type: ignore[arg-type]
+    for fields in ({"event": "{"}, {"event": "[]"}, {"event": '{"type": 7}'}, {"event": '{"type": "batch"}'}, {"other": "1"}):
+        store.xadd(RESULTS, fields)  # type: ignore[arg-type]
+    for kind_of_event in ("batch-failed", "batch-returned", "prepare-returned", "prepared", "denoised", "of a newer release"):
+        store.xadd(RESULTS, {"event": json.dumps({"type": kind_of_event, "job": "gone", "scene": "gone"})})
+    for queue in (render_queue(kind), prepare_queue(kind)):
+        store.rpush(queue, json.dumps({"body": "e30=", "headers": {}, "properties": {}}))
+    service.start()
+    with OldWorker(str(service.options["redis_url"]), service.url, "the farm's token", kind=kind):
+        job = service.submit(service.ready_scene(), **ASKED)
+        service.wait_for(job, "finished")
+        assert service.digest(job) == OLD["digest"]
+    until(lambda: store.xlen(RESULTS) == 0, "the stream is empty")
+
+
+def test_what_a_worker_hands_back_is_rendered_again_and_nobody_is_blamed(service: Service, worker: PeerWorker) -> None:
+    """A lost connection is no fault of the scene: as often as it happens, the job goes on."""
+    returns: dict[tuple[Any, ...], int] = {}
+
+    def hand_back(batch: RenderBatch) -> bool | None:
+        about = worker._about(batch)
+        key = (batch.tile, batch.first, batch.count)
+        returns[key] = returns.get(key, 0) + 1
+        if returns[key] > 8:
+            return None
+        worker.send({"type": "batch-returned", **about, "error": "peer hands a batch back: no answer from the service"})
+        return False
+
+    worker.on_batch = hand_back
+    job = service.submit(service.ready_scene(), width=16, height=16, spp=1)
+    final = service.wait_for(job, "finished")
+    assert max(returns.values()) > 8
+    assert final["error"] is None
+    assert service.digest(job) == expected_digest(16, 16, 1)
+
+
+def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, worker: PeerWorker) -> None:
+    real = worker._prepare
+    left = [None] * 5
+
+    def hand_back(scene: str) -> None:
+        if left:
+            left.pop()
+            about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
+            worker.send({"type": "prepare-started", **about})
+            worker.send({"type": "prepare-returned", **about, "error": "peer hands the scene back: there is no room."})
+        else:
+            real(scene)
+
+    worker._prepare = hand_back  # type: ignore[method-assign]
+    service.ready_scene()
+    assert not left
