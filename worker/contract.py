@@ -143,13 +143,14 @@ class BlobRef:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A scene as uploaded: its files, which of them is the scene, and what lights it in place of its own environment:
-    an image among them, or a sky (renderer.scene.sky.parse_sky)."""
+    """A scene as uploaded: its files, which of them is the scene, what lights it in place of its own environment (an image
+    among them, or a sky: renderer.scene.sky.parse_sky), and the variant of a glTF file's materials that it shows."""
 
     scene: str
     main: str
     files: list[BlobRef]
     environment: str | None = None
+    variant: str | None = None
 
     @classmethod
     def from_json(cls, data: Any) -> Manifest:
@@ -174,6 +175,7 @@ class SceneInfo:
     warnings: list[str]
     defaults: dict[str, Any]  # settings that the scene file asks for
     seconds: float
+    variants: list[str] = field(default_factory=list)
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
 
     @classmethod

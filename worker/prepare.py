@@ -64,6 +64,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         counts=summary["counts"],
         bounds=summary["bounds"],
         animations=summary["animations"],
+        variants=summary["variants"],
         warnings=summary["warnings"],
         defaults=summary["defaults"],
         seconds=time.monotonic() - begun,
@@ -82,7 +83,7 @@ def _prepared(
     for file in manifest.files:
         _place(worker.cache.path(file.sha256, file.size), folder, file.path)
     summary = run_bounded(
-        lambda send: _work(folder, manifest.main, manifest.environment, out, send),
+        lambda send: _work(folder, manifest, out, send),
         lambda message: progress(message["step"], message["fraction"]),
         memory_bytes=memory_budget(),
         seconds=SECONDS,
@@ -103,14 +104,14 @@ def _stored(worker: WorkerContext, path: Path) -> BlobRef:
     return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
-def _work(folder: Path, main: str, environment: str | None, out: Path, send: Send) -> dict[str, Any]:
+def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, Any]:
     """In the bounded child: read, compile, save, and take a small picture."""
 
     def progress(step: str, fraction: float) -> None:
         send({"step": step, "fraction": fraction})
 
     progress("reading", 0.05)
-    description = read(folder, main, environment)
+    description = read(folder, manifest.main, manifest.environment, manifest.variant)
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction))
     summary = summarise(description, compiled)
     compiled_file.save(compiled, out / "compiled.safetensors")

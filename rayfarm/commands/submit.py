@@ -46,6 +46,7 @@ def submit(
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Wait, and write the picture: .png .exr or .jpg.")] = None,
     picture: Picture = Picture(),
+    variant: options.Variant = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
@@ -85,9 +86,12 @@ def submit(
             files, main=scene.name if inside and scene.is_file() else None, environment=inside, name=scene.name
         )
         ready = _prepared(farm, uploaded)
-        for warning in ready.warnings:
+        for warning in options.told(ready.warnings, picture.environment()):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
-        job = farm.submit(ready.id, priority=priority, **picture.request([asdict(camera) for camera in ready.cameras]))
+        asked = picture.request([asdict(camera) for camera in ready.cameras])
+        if variant is not None:
+            asked["variant"] = variant
+        job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
         if wait:
             _wait(farm, job.id, output, aov, denoise)

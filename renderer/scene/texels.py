@@ -22,6 +22,7 @@ _PATCHES = 32  # a side of the square over which a stack's mean is taken
 _LEAST_MEAN = 1e-4  # so that a bright spot between the points that are looked at does not go unsampled
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
+_MOST_TRANSFORMED = 1e30  # beyond, float32 ends; nobody can tell such textures from one another
 
 
 class Texels:
@@ -98,8 +99,8 @@ class Texels:
         rows = np.array([self._rows[r] for r in chain], np.int32)
         rows[:, 0] = [start[self._block_of_row[r]] for r in chain]
         rows[:, ABOVE] = [*range(1, len(chain)), -1]
-        transforms = np.array([self._transforms[r] for r in chain], np.float32)
-        return rows, transforms, np.concatenate([self._blocks[b] for b in blocks])
+        transforms = np.clip(np.array([self._transforms[r] for r in chain]), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
+        return rows, transforms.astype(np.float32), np.concatenate([self._blocks[b] for b in blocks])
 
     def _chain(self, row: int) -> Iterator[int]:
         while row >= 0:
@@ -110,7 +111,8 @@ class Texels:
         """The texture rows, their transforms, and the texels (N, 4) uint8, as in CompiledScene."""
         texel = np.concatenate(self._blocks) if self._blocks else np.zeros((0, 4), np.uint8)
         row = np.array(self._rows, np.int32).reshape(-1, TEXTURE_COLUMNS)
-        return row, np.array(self._transforms, np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
+        transform = np.clip(np.array(self._transforms, np.float64), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
+        return row, transform.astype(np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
 
     def _place(self, index: int, scaled: bool) -> tuple[int, int, float]:
         if (index, scaled) not in self._images:

@@ -84,6 +84,8 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         counts=info.get("counts", {}),
         bounds=info.get("bounds"),
         animations=info.get("animations", []),
+        variants=info.get("variants", []),
+        variant=scene.variant,
         warnings=[*scene.notes, *info.get("warnings", [])],
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,

@@ -47,7 +47,7 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
         raise NotFound("There is no such scene; it may have been deleted.")
     if not scene.files:
         raise Conflict(UNREADABLE.format(what="scene"))
-    return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment))
+    return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment, scene.variant))
 
 
 @router.get("/blobs/{sha256}", response_class=StreamingResponse)

@@ -19,7 +19,7 @@ from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.record import record
 from service.intake.resolve import resolve
-from service.intake.uploads import under_sky
+from service.intake.uploads import changed
 from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
 from service.store.models import Frame, Job, Scene
 
@@ -38,7 +38,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
-    scene_id = _under_its_sky(request, farm)
+    scene_id = _as_asked(request, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
         scene=scene_id,
@@ -147,12 +147,12 @@ def delete_job(id: str, farm: FarmDependency) -> None:
     farm.broadcast.tell("job", id)
 
 
-def _under_its_sky(request: JobIn, farm: Farm) -> str:
-    """The scene to render: under the sky that is asked for it is another one, which is made here."""
+def _as_asked(request: JobIn, farm: Farm) -> str:
+    """The scene to render: under another sky, or with other materials of its file, it is another one, which is made here."""
     sky = request.environment.sky if request.environment else None
-    if sky is None:
+    if sky is None and request.variant is None:
         return request.scene
-    stored = under_sky(_scene(request.scene, farm), sky.elevation, sky.azimuth)
+    stored = changed(_scene(request.scene, farm), (sky.elevation, sky.azimuth) if sky else None, request.variant)
     with farm.garbage.pinned(ref.sha256 for ref in stored.files):
         _scene(request.scene, farm)  # where it is deleted by now, its files may be
         return record(stored, farm).id

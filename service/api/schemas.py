@@ -100,6 +100,12 @@ class JobIn(Strict):
     frames: str | int = Field("0", description="only 0: a still")
     fps: float = Field(24.0, gt=0.0, le=1000.0)
     environment: EnvironmentIn | None = None
+    variant: str | None = Field(
+        None,
+        max_length=200,
+        description="of the scene's materials, by name or number; empty: the file's own. Prepares the scene anew: the job's "
+        "`scene` is then that one",
+    )
 
     @field_validator("camera", mode="before")
     @classmethod
@@ -168,6 +174,8 @@ class SceneOut(BaseModel):
     counts: dict[str, int]
     bounds: list[list[float]] | None
     animations: list[str]
+    variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
+    variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None

@@ -36,6 +36,7 @@ def _write(stored: Upload, farm: Farm) -> Scene:
                 created=time.time(),
                 main=stored.main,
                 environment=stored.environment,
+                variant=stored.variant,
                 files=[asdict(ref) for ref in stored.files],
                 bytes=stored.size,
                 notes=stored.notes,

@@ -28,7 +28,7 @@ from service.store.models import Scene
 from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "full_disk", "gathered", "keep", "receive", "under_sky"]
+__all__ = ["Upload", "changed", "full_disk", "gathered", "keep", "receive"]
 
 DISK_CHECK_EVERY = 16 << 20
 PIECE = 1 << 20
@@ -40,7 +40,7 @@ T = TypeVar("T")
 class Upload:
     """The stored files of a scene. `id` is a hash of all that follows but the name and the notes.
 
-    environment: an image among the files, or a sky as renderer.scene.sky writes it.
+    environment: an image among the files, or a sky as renderer.scene.sky writes it. variant: of a glTF file's materials.
     """
 
     id: str
@@ -49,6 +49,7 @@ class Upload:
     environment: str | None
     files: list[BlobRef]
     notes: list[str]
+    variant: str | None = None
 
     @property
     def size(self) -> int:
@@ -148,11 +149,32 @@ def keep(
             writer.discard()
 
 
-def under_sky(scene: Scene, elevation: float, azimuth: float) -> Upload:
-    """The scene's files under a clear sky with the sun there (degrees): another scene, without another upload."""
+def changed(scene: Scene, sky: tuple[float, float] | None = None, variant: str | None = None) -> Upload:
+    """The scene's files under a clear sky with the sun there (elevation and azimuth, degrees), or with other materials of the
+    file: another scene, without another upload. None leaves what the scene has; an empty variant is the file's own materials.
+
+    Raises Invalid where there is none such.
+    """
     files = [BlobRef(**ref) for ref in scene.files]
-    environment = sky_text(elevation, azimuth)
-    return Upload(_id(files, scene.main, environment), scene.name, scene.main, environment, files, scene.notes)
+    environment = scene.environment if sky is None else sky_text(*sky)
+    variant = scene.variant if variant is None else _variant_of(scene, variant)
+    id = _id(files, scene.main, environment, variant)
+    return Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
+
+
+def _variant_of(scene: Scene, asked: str) -> str | None:
+    """By its name, where that tells it from others: a scene is the same by whichever of its names it is asked for."""
+    if not asked or scene.info is None or "variants" not in scene.info:
+        return asked or None  # what is not known yet, preparing finds out
+    names: list[str] = scene.info["variants"]
+    if asked in names:
+        return asked
+    if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):
+        name = names[int(asked)]
+        return name if names.index(name) == int(asked) else asked
+    listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
+    sentence = f"its variants are {listed}" if names else "it has none, as most files have"
+    raise Invalid(f"variant: the scene has no variant {asked[:60]!r}; {sentence}.")
 
 
 def sky_text(elevation: float, azimuth: float) -> str:
@@ -170,9 +192,9 @@ def _sky_of(text: str) -> str:
     return sky_text(elevation, azimuth)
 
 
-def _id(files: list[BlobRef], main: str, environment: str | None) -> str:
-    content = json.dumps([[asdict(ref) for ref in files], main, environment], sort_keys=True)
-    return hashlib.sha256(content.encode()).hexdigest()[:20]
+def _id(files: list[BlobRef], main: str, environment: str | None, variant: str | None = None) -> str:
+    content = [[asdict(ref) for ref in files], main, environment, *([] if variant is None else [variant])]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:20]
 
 
 def _refuse_files_as_folders(names: Iterable[str]) -> None:

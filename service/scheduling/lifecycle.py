@@ -133,8 +133,9 @@ class Lifecycle:
             self._drop(job)  # first: it is over also while the database cannot say so
         reproduce = verdict.reproduce
         scene = self._records.scene(job.scene) if job is not None and reproduce else None
-        if reproduce and scene is not None and scene.environment:
-            reproduce += " " + shlex.join([f"--env={scene.environment}"])  # of the scene, so not among the settings
+        if reproduce and scene is not None:  # what is asked of the scene is not among the settings
+            asked = {"env": scene.environment, "variant": scene.variant}
+            reproduce = " ".join([reproduce, *(shlex.quote(f"--{name}={value}") for name, value in asked.items() if value)])
         if self._records.failed(id, verdict.error, reproduce) or job is not None:
             if job is not None:
                 self._records.progress(job)

@@ -29,6 +29,7 @@ class Scene(Base):
     created: Mapped[float] = mapped_column(Float, index=True)
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
+    variant: Mapped[str | None] = mapped_column(Text)
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # worker.contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
     notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself

@@ -16,6 +16,7 @@ import pytest
 from rayfarm.client import Client, ClientError
 from renderer.denoise import is_available
 from tests.helpers import ROOT, Farm, wait_until
+from tests.renderer.scene.builders import shoe
 
 pytestmark = pytest.mark.farm
 
@@ -88,6 +89,19 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
         clean = pixels(tmp_path / "farm-denoised.exr")
         assert clean.shape == (16, 24, 3)
         assert not np.array_equal(clean, pixels(tmp_path / "farm.exr"))
+
+
+def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "shoe.glb").write_bytes(shoe().glb())
+    shown = ["--size=16x16", "--spp=4", "--eye=0.3,0.3,2", "--target=0.3,0.3,0", "--aov=albedo"]
+    for variant in ([], ["--variant=night"], ["--variant=0"]):
+        code, _, err = run("submit", tmp_path / "shoe.glb", "--server", farm.url, "-o", tmp_path / "far.exr", *shown, *variant)
+        assert code == 0, err
+        assert run("render", tmp_path / "shoe.glb", "-o", tmp_path / "near.exr", *shown, *variant)[0] == 0
+        assert np.array_equal(pixels(tmp_path / "far.exr"), pixels(tmp_path / "near.exr"))
+    code, _, err = run("submit", tmp_path / "shoe.glb", "--server", farm.url, "--variant=winter")
+    assert code == 1
+    assert "no variant 'winter'; its variants are 0: beach, 1: night, 2: day" in err
 
 
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:

@@ -216,7 +216,8 @@ class PeerWorker:
             ref = BlobRef("", sha256, len(compiled))
             cameras = [{"name": "front", "view": view}, {"name": "overview", "view": {**view, "fov": 60.0}}]
             counts, bounds = {"triangles": 12}, [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]
-            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], [], {}, 0.01)
+            variants = ["beach", "night", "night"] if b"variants" in content else []
+            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], [], {}, 0.01, variants)
             self.send({"type": "prepared", **about, "info": asdict(info)})
         except ValueError as error:
             self.send({"type": "prepare-failed", **about, "error": str(error)})

@@ -9,6 +9,7 @@ import { qualityFields } from "./quality-fields.js";
 import { expectedSpeed } from "./render-presets.js";
 import { settingFields } from "./setting-fields.js";
 import { sizeFields } from "./size-fields.js";
+import { variantField } from "./variant-field.js";
 
 /** @typedef {import("./types.js").Scene} Scene */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
@@ -39,10 +40,12 @@ export function settingsForm(scene, submit, like = null) {
   const camera = cameraFields(scene, (projection) => size.suit(projection));
   const quality = qualityFields({ ...defaults, ...first }, () => update());
   const others = settingFields(defaults, first);
+  const variant = variantField(scene);
   if (like?.settings) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
   const request = () => ({
     scene: scene.id,
+    ...variant.get(),
     ...camera.get(),
     ...size.get(),
     spp: quality.get(),
@@ -66,6 +69,7 @@ export function settingsForm(scene, submit, like = null) {
     "form",
     { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
     camera.elements,
+    variant.elements,
     size.elements,
     quality.elements,
     others.basic,

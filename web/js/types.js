@@ -29,6 +29,8 @@
  * @property {Camera[]} cameras the last one frames the whole scene
  * @property {Record<string, number>} counts
  * @property {number[][] | null} bounds lower and upper corner
+ * @property {string[]} [variants] of a glTF file's materials
+ * @property {string | null} [variant] the one that is shown; null: the file's own
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
@@ -70,6 +72,7 @@
  *
  * @typedef {object} Asked
  * @property {string} scene
+ * @property {string} [variant] by number; empty: the file's own materials
  * @property {string} [camera]
  * @property {View} [view]
  * @property {string} [name]

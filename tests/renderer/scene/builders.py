@@ -89,6 +89,23 @@ def cup():
     return g.glb()
 
 
+VARIANTS = "KHR_materials_variants"
+
+
+def shoe(**more):
+    """A file of variants: the first of two parts is red, green as "beach" and "day", blue as "night"; the second is black."""
+    g = Gltf()
+    for color in ([1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 1]):
+        g.material(name=str(color[:3]), pbrMetallicRoughness={"baseColorFactor": color})
+    g.mesh(material=0)
+    g.mesh(material=3)
+    mappings = [{"material": 1, "variants": [0, 2]}, {"material": 2, "variants": [1]}]
+    g.root["meshes"][0]["primitives"][0]["extensions"] = {VARIANTS: {"mappings": mappings, **more}}
+    g.root["extensions"] = {VARIANTS: {"variants": [{"name": "beach"}, {"name": "night"}, {"name": "day"}]}}
+    g.root["extensionsUsed"] = g.root["extensionsRequired"] = [VARIANTS]
+    return g
+
+
 def full_gltf(png):
     """A file that has something of everything; `png` makes its texture."""
     g = Gltf()

@@ -288,3 +288,27 @@ def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, pn
         assert "could not be read as" not in str(error), "the backstop spoke: a reader let a value through unchecked"
         return
     compiled_or_told(description)
+
+
+def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
+    """Half of a surrogate pair, as JSON and YAML may write it, can neither be stored nor sent on."""
+    g = Gltf()
+    g.mesh()
+    g.root["nodes"][0] |= {"name": "half \ud800, whole \U0001f600", "camera": 0}
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]
+    g.root["extensionsUsed"] = ["EXT_\udfff"]
+    g.root["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "\udc00" * 500}]}}
+    description = scene("a.glb", g.glb())
+    assert description.cameras[0].name == "half \ufffd, whole \U0001f600"
+    assert description.variants == ["\ufffd" * 200]  # and a name is no book
+    json.dumps(summarise(description, compile_scene(description)), ensure_ascii=False).encode()
+    for text in ('shapes: [{type: quad, name: "\\ud800"}]', 'materials: {"\\udfff": {}}\nshapes: [{type: quad}]'):
+        with pytest.raises(SceneError, match=r"a\.yaml, line 1: is no YAML: found invalid Unicode"):
+            scene("a.yaml", text)
+
+
+def test_a_texture_moved_beyond_what_numbers_hold_is_shown_somehow(scene, png):
+    g = full_gltf(png)
+    places = {"scale": [1e300, -1e300], "offset": [1e300, 0], "rotation": 1e300}
+    g.root["materials"][0]["normalTexture"]["extensions"]["KHR_texture_transform"] = places
+    assert np.isfinite(compile_scene(scene("a.glb", g.glb())).texture_transform).all()

@@ -150,7 +150,7 @@ def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
     scene = compile_scene(description)
     np.testing.assert_array_equal(scene.material[0, 3:6], [8, 8, 8])
     base, emission = scene.texture[scene.material_texture[0, 0]], scene.texture[scene.material_texture[0, 1]]
-    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, 1, 0, -1, 0]
+    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, 1, 0, -1, 0, 0]
     assert scene.texel[base[0]].tolist() == [255, 255, 0, 255]
     assert scene.texel[emission[0]].tolist() == [255, 188, 0, 255]  # 0.5 in sRGB
 
@@ -162,7 +162,7 @@ def test_one_image_in_several_textures_is_packed_once():
     description.materials = [Material(base_color_texture=0), Material(base_color_texture=1)]
     scene = compile_scene(description)
     assert scene.texel.shape == (6, 4)
-    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1, 0, -1, 0], [0, 3, 2, 2, 2, 1, 0, -1, 0]]
+    assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1, 0, -1, 0, 0], [0, 3, 2, 2, 2, 1, 0, -1, 0, 0]]
 
 
 def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():

@@ -6,23 +6,7 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene, summarise
-from tests.renderer.scene.builders import Gltf
-
-EXTENSION = "KHR_materials_variants"
-
-
-def shoe(**more):
-    """Two parts: the first is red, green as "beach" and "day", blue as "night"; the second is black in all of them."""
-    g = Gltf()
-    for color in ([1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 1]):
-        g.material(name=str(color[:3]), pbrMetallicRoughness={"baseColorFactor": color})
-    g.mesh(material=0)
-    g.mesh(material=3)
-    mappings = [{"material": 1, "variants": [0, 2]}, {"material": 2, "variants": [1]}]
-    g.root["meshes"][0]["primitives"][0]["extensions"] = {EXTENSION: {"mappings": mappings, **more}}
-    g.root["extensions"] = {EXTENSION: {"variants": [{"name": "beach"}, {"name": "night"}, {"name": "day"}]}}
-    g.root["extensionsUsed"] = g.root["extensionsRequired"] = [EXTENSION]
-    return g
+from tests.renderer.scene.builders import VARIANTS, Gltf, shoe
 
 
 def colors(description):
@@ -59,7 +43,7 @@ def test_files_without_variants_say_so(scene):
 
 def test_a_variant_without_a_name_has_a_number(scene):
     g = shoe()
-    g.root["extensions"][EXTENSION]["variants"][1] = {}
+    g.root["extensions"][VARIANTS]["variants"][1] = {}
     description = scene("shoe.glb", g.glb(), variant="variant 1")
     assert description.variants == ["beach", "variant 1", "day"]
     assert colors(description)[0] == (0, 0, 1)

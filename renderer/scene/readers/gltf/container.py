@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from collections.abc import Sequence
 from typing import Any
@@ -11,6 +12,9 @@ from typing import Any
 from renderer.errors import SceneError
 
 __all__ = ["Json", "parse"]
+
+MAX_NAME = 200
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 MAX_JSON_BYTES = 256 << 20
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -95,7 +99,7 @@ class Json:
         value = self.value.get(key, default)
         if not isinstance(value, str):
             raise self.wrong(key, "is not a string")
-        return value
+        return value[:MAX_NAME] if key == "name" else value
 
     def extension(self, name: str) -> Json | None:
         """The object of an extension, if there."""
@@ -132,13 +136,24 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
     return _parse_json(json_chunk, file), binary
 
 
+def _whole(value: Any) -> Any:
+    """The value with U+FFFD for what is half a character: no text that is stored or sent on may hold such."""
+    if isinstance(value, str):
+        return value.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+    if isinstance(value, list):
+        return [_whole(each) for each in value]
+    return {_whole(k): _whole(v) for k, v in value.items()} if isinstance(value, dict) else value
+
+
 def _parse_json(data: bytes, file: str) -> Json:
     if len(data) > MAX_JSON_BYTES:
         raise SceneError(
             f"{file}: holds {len(data) >> 20} MiB of JSON; export it as .glb, or with its buffers in files of their own"
         )
     try:
-        root = Json(file, "", json.loads(data.decode("utf-8-sig")))
+        text = data.decode("utf-8-sig")
+        value = json.loads(text)
+        root = Json(file, "", _whole(value) if _SURROGATE.search(text) else value)
     except (ValueError, RecursionError) as error:
         raise SceneError(f"{file}: is no glTF: its JSON is damaged ({str(error)[:120]}); export it again") from error
     asset = root.object("asset")

@@ -1,0 +1,17 @@
+"""Which variant of its materials a scene shows."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0002"
+down_revision = "0001"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Scenes of before show their files' own materials."""
+    with op.batch_alter_table("scenes") as scenes:
+        scenes.add_column(sa.Column("variant", sa.Text()))
