@@ -84,7 +84,7 @@ class Batch(NamedTuple):
     x: int
     y: int
     first: int
-    count: int
+    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
 
 
 class Output(NamedTuple):
