@@ -186,7 +186,7 @@ def test_info_is_for_people_and_programs() -> None:
         (["render", str(CORNELL), "-o", "nowhere/out.png"], 1, "There is no folder nowhere"),
         (["render", str(CORNELL), "-o", "out.png", "--size", "big"], 1, "as --size 1920x1080"),
         (["render", str(CORNELL), "-o", "out.png", "--size", "0x10"], 1, "width is 0"),
-        (["render", str(CORNELL), "-o", "out.png", "--camera", "side"], 1, "no camera 'side'"),
+        (["render", str(CORNELL), "-o", "out.png", "--camera", "side"], 1, "--camera is 'side'"),
         (["render", str(CORNELL), "-o", "out.png", "--integrator", "magic"], 1, "integrator is 'magic'"),
         (["render", str(CORNELL), "-o", "out.png", "--aov", "albedo"], 1, "--aov needs an .exr"),
         (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "aov 'mood' is not known"),
