@@ -10,6 +10,7 @@ FarmError           a sentence that a person can act on
 ├── Unavailable     a part of the farm is away; the same may work later
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
+├── CannotStart     the service, on this data folder or with these settings
 ├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock
 └── FilmLost        a film cannot be written or read any more: damaged, read-only, of a newer release
 """
@@ -17,6 +18,7 @@ FarmError           a sentence that a person can act on
 from __future__ import annotations
 
 __all__ = [
+    "CannotStart",
     "Conflict",
     "Failed",
     "FarmError",
@@ -70,6 +72,10 @@ class Failed(FarmError):  # noqa: N818
 
 class TooLate(FarmError):  # noqa: N818
     """A worker did not answer in time."""
+
+
+class CannotStart(FarmError):  # noqa: N818
+    """The service cannot start on this data folder, or with these settings."""
 
 
 class FilmWaits(FarmError):  # noqa: N818

@@ -16,7 +16,7 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
-from service.errors import Conflict, FarmError
+from service.errors import CannotStart, Conflict, FarmError
 from service.scheduling.engine import Engine
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
@@ -102,7 +102,7 @@ def open_blobs(settings: Settings) -> BlobStore:
     try:
         from service.store.s3 import S3Blobs
     except ImportError as error:
-        raise RuntimeError("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
+        raise CannotStart("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
     return S3Blobs(settings.blobs, temporary)
 
 
@@ -117,7 +117,7 @@ def _own(folder: Path) -> IO[str]:
         except OSError:
             if time.monotonic() > deadline:
                 lock.close()
-                raise RuntimeError(
+                raise CannotStart(
                     f"Another service works on {folder}. Stop it, or set RAYFARM_DATA to a folder of its own."
                 ) from None
             time.sleep(0.1)

@@ -20,6 +20,7 @@ from starlette.types import Scope
 from renderer import __version__
 from service.api import problem, routes
 from service.api.security import Door
+from service.errors import CannotStart
 from service.farm import Farm
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
@@ -39,7 +40,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         give_back_large_blocks()
-        farm = app.state.farm = Farm(settings)
+        try:
+            farm = app.state.farm = Farm(settings)
+        except CannotStart as error:
+            app.state.refusal = str(error)
+            raise
         farm.start(asyncio.get_running_loop())
         with _streams_end_with_the_server(farm.broadcast):
             try:

@@ -24,6 +24,7 @@ __all__ = ["LocalFarm", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
 PATIENCE_S = 60.0
+REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
 
 
 class LocalFarm:
@@ -105,7 +106,8 @@ class LocalFarm:
         while not stopped():
             if ready():
                 return True
-            if part.failures >= 3 or time.monotonic() > deadline:
+            cannot_live = part.process is not None and part.process.poll() == REFUSES_TO_START
+            if cannot_live or part.failures >= 3 or time.monotonic() > deadline:
                 raise CommandError(f"{name} does not start. The end of its log ({part.log}):\n{part.last_words()}")
             self.tend()
             time.sleep(0.05)

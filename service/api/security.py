@@ -50,7 +50,7 @@ class Door:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Judge a request and pass it on, or answer it here."""
         if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, _with_refusal(scope, send))
             return
         refusal = self._judge(scope)
         if refusal is not None:
@@ -102,6 +102,18 @@ def _head_as_get(scope: Scope) -> Scope:
     if scope["method"] == "HEAD" and scope["path"] != "/api/events":
         return {**scope, "method": "GET"}
     return scope
+
+
+def _with_refusal(scope: Scope, send: Send) -> Send:
+    """Let the server's log say in a sentence, and not by a traceback, why the service does not start."""
+
+    async def wrapped(message: Message) -> None:
+        refusal = getattr(scope["app"].state, "refusal", None)
+        if message["type"] == "lifespan.startup.failed" and refusal is not None:
+            message = {**message, "message": refusal}
+        await send(message)
+
+    return wrapped
 
 
 def _with_headers(send: Send) -> Send:

@@ -10,19 +10,16 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, inspect
 
+from service.errors import CannotStart
 from service.store.models import Scene
 
-__all__ = ["FIRST", "NewerDatabaseError", "upgrade"]
+__all__ = ["FIRST", "upgrade"]
 
 FIRST = "0001"  # the tables of release 0.1.0, which wrote no revision down
 
 
-class NewerDatabaseError(RuntimeError):
-    """The database was written by a newer release."""
-
-
 def upgrade(engine: Engine) -> None:
-    """Make or migrate the tables in one transaction. Raises NewerDatabaseError."""
+    """Make or migrate the tables in one transaction. Raises CannotStart for one of a newer release."""
     config = _config()
     scripts = ScriptDirectory.from_config(config)
     with engine.connect() as connection:
@@ -31,7 +28,7 @@ def upgrade(engine: Engine) -> None:
         return
     known = {script.revision for script in scripts.walk_revisions()}
     if current is not None and current not in known:
-        raise NewerDatabaseError(
+        raise CannotStart(
             f"The database {engine.url.render_as_string()} is of a newer release of Rayfarm (revision {current}; this release "
             f"knows up to {scripts.get_current_head()}). Start the newer release, or set RAYFARM_DATA to another folder."
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -165,3 +166,15 @@ def test_a_farm_that_is_not_there_is_a_sentence() -> None:
         client.jobs()
     with Client("http://exa mple") as client, pytest.raises(ClientError):
         client.jobs()
+
+
+def test_a_data_folder_of_a_newer_release_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    data.mkdir()
+    with sqlite3.connect(data / "rayfarm.sqlite") as database:
+        database.execute("CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL)")
+        database.execute("INSERT INTO alembic_version VALUES ('9999')")
+    code, _, err = run("up", "--port=0", "--workers=0", f"--data={data}", "--no-browser")
+    assert code == 1
+    assert "is of a newer release of Rayfarm (revision 9999" in err
+    assert "Traceback" not in err

@@ -13,11 +13,12 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import Engine, create_engine, inspect, text
 
+from service.errors import CannotStart
 from service.farm import Farm
 from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Base, Job
-from service.store.upgrade import NewerDatabaseError, upgrade
+from service.store.upgrade import upgrade
 from tests.service.store.postgres import find_postgres, running_postgres
 
 # What release 0.1.0 made, word for word as its database said (SELECT sql FROM sqlite_master).
@@ -72,7 +73,7 @@ def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
     with sqlite3.connect(old / "rayfarm.sqlite") as database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     database.close()
-    with pytest.raises(NewerDatabaseError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
+    with pytest.raises(CannotStart, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
         Farm(Settings(data=old))
     with sqlite3.connect(old / "rayfarm.sqlite") as database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
