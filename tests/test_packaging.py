@@ -92,10 +92,10 @@ def everything_works(farm: Farm) -> None:
     assert (module.status_code, module.headers["content-type"].partition(";")[0]) == (200, "text/javascript")
     assert {"cornell-box", "christmas"} <= {example["name"] for example in httpx.get(f"{farm.url}/api/examples").json()}
     with farm.client() as client:
-        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"])["id"])
-        job = client.wait(client.submit(scene["id"], width=32, height=32, spp=4)["id"], timeout_s=120)
-        assert job["state"] == "finished", farm.logs()
-        assert client.image(job["id"]).startswith(b"\x89PNG")
+        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
+        job = client.wait(client.submit(scene.id, width=32, height=32, spp=4).id, timeout_s=120)
+        assert job.state == "finished", farm.logs()
+        assert client.image(job.id).startswith(b"\x89PNG")
 
 
 def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
