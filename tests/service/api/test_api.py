@@ -21,7 +21,7 @@ from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
 from service.store.models import Scene
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service
+from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import expected_sums
 
 
