@@ -34,5 +34,7 @@ RUN pip install --constraint constraints.txt --requirement worker/requirements.t
 COPY renderer renderer
 COPY worker worker
 USER rayfarm
-VOLUME /home/rayfarm/.cache/rayfarm
+# The kernels are compiled here, so that no container compiles them; the volume holds fetched scenes alone.
+RUN python3 -c "from renderer.render import warm_up; warm_up()" && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
+VOLUME /home/rayfarm/.cache/rayfarm/blobs
 CMD ["python3", "-m", "worker", "--service", "http://service:8000"]

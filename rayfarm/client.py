@@ -63,9 +63,9 @@ class Client:
 
     def __init__(self, url: str, timeout_s: float = 60.0) -> None:
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
-        if not is_address(self.url):
-            raise ClientError(f"{url!r} is no address of a farm; give one as http://host:8000")
-        self._http = httpx.Client(base_url=self.url, timeout=httpx.Timeout(timeout_s, connect=5.0))
+        self._http = httpx.Client(
+            base_url=self.url if is_address(self.url) else "", timeout=httpx.Timeout(timeout_s, connect=5.0)
+        )
 
     def __enter__(self) -> Client:
         return self
@@ -229,6 +229,8 @@ class Client:
 
     def _send(self, method: str, path: str, limit: int = MAX_ANSWER, **kwargs: Any) -> _Answer:
         """The answer, where it is a success and has at most `limit` bytes: what answers may be anything."""
+        if not is_address(self.url):
+            raise ClientError(f"{self.url} is no address of a farm; give one as http://host:8000")
         try:
             with self._http.stream(method, path, **kwargs) as response:
                 body = self._body(response, limit)

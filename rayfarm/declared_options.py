@@ -15,7 +15,7 @@ from renderer.described import LARGE, sentences
 
 __all__ = ["parameter", "typed"]
 
-_METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fraction": "P", "radiance": "RADIANCE"}
+_METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fraction": "FRACTION", "radiance": "RADIANCE"}
 
 
 def parameter(each: Declared) -> inspect.Parameter:

@@ -19,30 +19,38 @@ def check_writable(output: Path) -> None:
             raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
         if output.is_dir():
             raise CommandError(f"{output} is a folder. Name a file in it.")
-        if output.exists() and not os.access(output, os.W_OK):
-            raise PermissionError(13, "it may not be changed")
-        with tempfile.NamedTemporaryFile(dir=output.resolve().parent, prefix=f".{output.name[:100]}."):
-            pass
+        if output.exists():
+            with output.open("ab"):
+                pass
+        else:
+            with tempfile.NamedTemporaryFile(dir=output.resolve().parent, prefix=f".{output.name[:100]}."):
+                pass
     except OSError as error:
         raise CommandError(f"{output} cannot be written ({error.strerror}). Name another file or folder with -o.") from error
 
 
 def write(output: Path, data: bytes) -> None:
     """Write a file, whole or not at all. Raises CommandError."""
-    target = output.resolve()
-    part: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")
-        part = Path(name)
+        try:
+            _replace(output.resolve(), data)
+        except PermissionError:
+            output.write_bytes(data)  # a file that may be changed, in a folder that may not
+    except OSError as error:
+        raise CommandError(f"{output} cannot be written ({error.strerror}, {len(data):,} bytes).") from error
+
+
+def _replace(target: Path, data: bytes) -> None:
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")
+    part = Path(name)
+    try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         part.chmod(target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask())
         part.replace(target)
-    except OSError as error:
-        if part is not None:
-            with contextlib.suppress(OSError):
-                part.unlink(missing_ok=True)
-        raise CommandError(f"{output} cannot be written ({error.strerror}, {len(data):,} bytes).") from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def _umask() -> int:

@@ -129,7 +129,7 @@ class RenderSettings:
         Setting(1, MAX_DEPTH),
         Shown(
             "Max depth",
-            "Path segments, the camera's included: 1 shows only what the camera sees emit.",
+            "Path segments, the camera's included: 1 shows only what emits.",
             integrators=("path", "whitted"),
             phrase="depth {}",
         ),
@@ -161,7 +161,7 @@ class RenderSettings:
         Setting(1, MAX_LIGHT_SAMPLES),
         Shown(
             "Light samples",
-            "Shadow rays where the camera looks; of whitted the points of a light, 1 being a sharp shadow.",
+            "Shadow rays where the camera looks; of whitted, 1 is a sharp shadow.",
             integrators=_lit,
         ),
     ] = 1
@@ -170,7 +170,7 @@ class RenderSettings:
         Setting(0.05, 1.0, off=0.0),
         Shown(
             "Roulette",
-            "The chance with which a path goes on at each bounce; else as much as it still carries, after three.",
+            "The chance with which a path goes on at each bounce; else as much as it still carries.",
             integrators=_estimating,
             off="by throughput",
         ),
@@ -191,7 +191,7 @@ class RenderSettings:
         Setting(0.0, MAX_RADIANCE, off=0.0),
         Shown(
             "Indirect clamp",
-            "The most that bounced light adds to a channel at each vertex: cuts fireflies, and some light with them.",
+            "The most that bounced light adds at each vertex: cuts fireflies, and some light with them.",
             integrators=("path",),
             off="off",
             option="clamp",
@@ -215,7 +215,7 @@ class RenderSettings:
         Setting(0.0, MAX_RADIANCE),
         Shown(
             "Ambient light",
-            "A constant that whitted adds to all that is diffuse, in place of light from wall to wall.",
+            "A constant in place of all light from wall to wall.",
             unit="radiance",
             integrators=("whitted",),
             phrase="ambient {}",
@@ -256,7 +256,7 @@ class RenderSettings:
             "A factor on the light from all around.",
             section="Environment",
             option="env-strength",
-            phrase="environment × {}",
+            phrase="light around × {}",
         ),
     ] = 1.0
     environment_rotation: Annotated[
@@ -264,11 +264,11 @@ class RenderSettings:
         Setting(-360.0, 360.0, of="environment"),
         Shown(
             "Rotation",
-            "Degrees by which it is turned about +Y, counter-clockwise seen from above.",
+            "Of the light from all around, about +Y: counter-clockwise seen from above.",
             unit="°",
             section="Environment",
             option="env-rotation",
-            phrase="environment turned {}°",
+            phrase="turned {}°",
         ),
     ] = 0.0
     film_exponent: Annotated[int, Setting(0, MAX_FILM_EXPONENT, of=""), Shown("Film exponent", "Of the film's quantum.")] = 24

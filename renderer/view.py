@@ -53,7 +53,7 @@ class View:
         Setting(0.01, 179.0),
         Shown(
             "Field of view",
-            "Vertical, in degrees: from the picture's lower edge to its upper.",
+            "Vertical: from the picture's lower edge to its upper.",
             unit="°",
             section="View",
             projections=_lens,
@@ -79,7 +79,7 @@ class View:
         Setting(MIN_DISTANCE, MAX_DISTANCE),
         Shown(
             "Focus distance",
-            "What lies this far away along the line of sight is sharp; the target unless told.",
+            "What lies this far away is sharp; the target unless told.",
             unit="scene units",
             section="View",
             projections=_lens,
@@ -105,7 +105,7 @@ class View:
         Setting(0.0, MAX_DISTANCE),
         Shown(
             "Near plane",
-            "Rays start at this distance along the line of sight: what stands before is cut away.",
+            "What stands before this distance along the line of sight is cut away.",
             unit="scene units",
             section="View",
             projections=("perspective", "orthographic"),

@@ -22,10 +22,10 @@ class Work:
     ] = None
     noise: Annotated[
         float | None,
-        Setting(1e-06, 10.0),
+        Setting(1e-6, 10.0),
         Shown(
             "At noise",
-            "Each tile ends where its relative error is this small, as 0.02.",
+            "Each tile ends where its relative error is this small.",
             "fraction",
             section="Size and quality",
             phrase="noise {}",
@@ -33,10 +33,10 @@ class Work:
     ] = None
     seconds: Annotated[
         float | None,
-        Setting(0.001, 10000000.0),
+        Setting(1e-3, 1e7),
         Shown(
-            "After seconds",
-            "Wall-clock time after which it ends.",
+            "Time limit",
+            "Wall-clock time after which it ends as it is.",
             "s",
             section="Size and quality",
             option="time-limit",

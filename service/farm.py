@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import fcntl
 import logging
+import os
 import time
 from pathlib import Path
 from typing import IO, Annotated
@@ -27,6 +28,7 @@ from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job
 from service.store.records import Records
 from service.store.reserve import Reserve
+from service.store.whole import PRIVATE
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
 
@@ -106,7 +108,7 @@ def open_blobs(settings: Settings) -> BlobStore:
 
 def _own(folder: Path) -> IO[str]:
     """Hold the folder for this process, until it ends in whatever way: two engines on the same films would undo each other."""
-    lock = (folder / "service.lock").open("w")
+    lock = os.fdopen(os.open(folder / "service.lock", os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "w")
     deadline = time.monotonic() + OWN_PATIENCE_S
     while True:
         try:

@@ -92,10 +92,10 @@ def everything_works(farm: Farm) -> None:
     assert (module.status_code, module.headers["content-type"].partition(";")[0]) == (200, "text/javascript")
     assert {"cornell-box", "christmas"} <= {example["name"] for example in httpx.get(f"{farm.url}/api/examples").json()}
     with farm.client() as client:
-        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"])["id"])
-        job = client.wait(client.submit(scene["id"], width=32, height=32, spp=4)["id"], timeout_s=120)
-        assert job["state"] == "finished", farm.logs()
-        assert client.image(job["id"]).startswith(b"\x89PNG")
+        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
+        job = client.wait(client.submit(scene.id, width=32, height=32, spp=4).id, timeout_s=120)
+        assert job.state == "finished", farm.logs()
+        assert client.image(job.id).startswith(b"\x89PNG")
 
 
 def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str]) -> None:
     lines = (ROOT / image / "requirements.txt").read_text().splitlines()
     wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
-    extras = PROJECT["optional-dependencies"]["postgres"]
+    extras = [each for name in ("postgres", "s3") for each in PROJECT["optional-dependencies"][name]]
     known = {normal(Requirement(line).name) for line in PROJECT["dependencies"] + extras}
     assert {normal(each.name) for each in wanted} <= known, "the image wants what a whole farm does not have"
 

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from urllib.parse import urlsplit
 
 import httpx
-from redis.connection import parse_url
+from redis.connection import ConnectionPool
 
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from worker.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
@@ -223,8 +223,8 @@ class Link:
 def check_redis_url(url: str) -> None:
     """Raises ValueError, with words that do not have the password, where this is no address of a Redis."""
     try:
-        parse_url(url)
-    except ValueError:
+        ConnectionPool.from_url(url).make_connection()
+    except (ValueError, TypeError):  # TypeError: a parameter behind the question mark that is none
         raise ValueError("an address is redis://host:6379/0, rediss://... or unix://...") from None
 
 

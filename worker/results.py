@@ -31,13 +31,15 @@ class ResultStream:
             redis_url, socket_timeout=10, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
         )
 
-    def send(self, result: Result) -> bool:
+    def send(self, result: Result, patience_s: float | None = None) -> bool:
         """Append a result; False where neither Redis nor the service made room for it within `patience_s`.
 
+        patience_s: the stream's own unless told; 0 for news that nobody misses.
         A retry after a lost answer may append a result twice; the film's merge takes it once.
         """
         fields = result.to_fields()
-        deadline = time.monotonic() + self.patience_s
+        patience_s = self.patience_s if patience_s is None else patience_s
+        deadline = time.monotonic() + patience_s
         pause = 0.05
         waits = False
         while True:
@@ -50,11 +52,12 @@ class ResultStream:
                 why = f"{self.max_entries} results wait for the service"
             except (redis.RedisError, OSError) as error:
                 why = f"Redis: {error}"
+            if time.monotonic() >= deadline:
+                if patience_s:
+                    log.warning("a result is dropped after %.0f s (%s); it will be rendered again", patience_s, why)
+                return False
             if not waits:
                 waits = True
                 log.warning("a result waits (%s)", why)
-            if time.monotonic() > deadline:
-                log.warning("a result is dropped after %.0f s (%s); it will be rendered again", self.patience_s, why)
-                return False
             time.sleep(pause)
             pause = min(pause * 2, 1.0)

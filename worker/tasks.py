@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from dataclasses import asdict
 from typing import Any
@@ -45,10 +46,14 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
     doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
     worker.board.write(_slot(), doing)
     try:
-        if _deaths(task, worker, work.batch) >= DEATHS_ALLOWED:
+        deaths = _deaths(task, worker, work.batch)
+        if deaths >= DEATHS_ALLOWED:
             sentence = f"the worker process died {DEATHS_ALLOWED} times while it rendered this batch"
             worker.results.send(failure(worker, work, sentence))
             return
+        if deaths:
+            with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
+                worker.cache.discard_damaged(work.compiled)
         result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
         worker.results.send(result)
         speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
@@ -66,16 +71,16 @@ def _prepare(task: Any, scene: str) -> None:
     def send(kind: str, **more: Any) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
 
+    def progress(step: str, fraction: float) -> None:
+        worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
+
     try:
         if _deaths(task, worker, scene) >= DEATHS_ALLOWED:
             send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
             return
         send("prepare-started")
         manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
-        info = patiently(
-            lambda: prepare_scene(worker, manifest, lambda step, part: send("prepare-progress", step=step, fraction=part)),
-            LINK_PATIENCE_S,
-        )
+        info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
         send("prepared", info=asdict(info))
     except WorkError as error:
         send("prepare-failed", error=str(error))

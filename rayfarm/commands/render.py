@@ -102,7 +102,9 @@ def render(
     planes = _aovs(aov, output)
     rectangle = options.parse_tile(tile) if tile else None
     environment = picture.environment()
-    check_writable(output)
+    for path in (output, options.denoised_name(output) if denoise else None, stats):
+        if path is not None and str(path) != "-":
+            check_writable(path)
     if denoise and not is_available():
         raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
 

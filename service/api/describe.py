@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import asdict
 from typing import Any, cast
 
 from sqlalchemy import select
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.api.schemas import BadSampleOut, FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
 from service.errors import FarmError
@@ -18,13 +21,50 @@ from service.store.models import ACTIVE, Frame, Job, Scene
 from worker.contract import WorkerReport
 from worker.reproduce import sample_command
 
-__all__ = ["job_out", "scene_out", "snapshot", "worker_out"]
+__all__ = ["UNREADABLE", "job_out", "scene_out", "snapshot", "worker_out"]
+
+log = logging.getLogger(__name__)
 
 BAD_SHOWN = 16
+UNREADABLE = (
+    "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
+    "Delete it, or go back to that release."
+)
 
 
 def scene_out(scene: Scene, engine: Engine) -> SceneOut:
-    """A scene."""
+    """A scene. One whose row says what this release does not understand is given as far as it is known."""
+    try:
+        return _scene_out(scene, engine)
+    except Exception as error:
+        log.warning("scene %s cannot be described: %r", scene.id, error)
+        plain = Scene(
+            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes")},
+            status="failed",
+            error=UNREADABLE.format(what="scene"),
+            files=[],
+            notes=[],
+        )
+        return _scene_out(plain, engine)
+
+
+def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
+    """A job, with the engine's latest numbers where it is being rendered. One whose row says what this release does not
+    understand is given as far as it is known."""
+    try:
+        return _job_out(job, session, engine)
+    except SQLAlchemyError:
+        raise
+    except Exception as error:
+        log.warning("job %s cannot be described: %r", job.id, error)
+        known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s")
+        plain = Job(
+            **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
+        )
+        return _job_out(plain, session, engine)
+
+
+def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     info: dict[str, Any] = scene.info or {}
     waits = scene.status == "preparing"
     view = engine.snapshot
@@ -52,8 +92,7 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
-    """A job, with the engine's latest numbers where it is being rendered."""
+def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
     live = engine.snapshot.jobs.get(job.id) if job.state in ACTIVE else None
     frames = [
         FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
@@ -89,11 +128,11 @@ def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
 def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
     if not frame.bad_samples or job.settings is None or job.tile_size is None:
         return []
-    settings = RenderSettings.from_json(job.settings)
     try:
+        settings = RenderSettings.from_json(job.settings)
         bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame.number)[1]
-    except FarmError:
-        return []  # the job is being deleted, or its film is broken: the job's error says so
+    except (FarmError, SettingsError):
+        return []  # the job is being deleted, its film is broken or of another release: the job's error says so
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 
 

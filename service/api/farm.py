@@ -8,15 +8,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import anyio
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
 from renderer import film as film_math
-from service.api.jobs import find_job
-from service.api.problem import Problem
+from service.api.describe import UNREADABLE
+from service.api.lookup import find_job
 from service.api.token import check_token
+from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
 from service.intake.uploads import disk_checker, gathered
 from service.store.blobs import is_sha256, no_blob
@@ -42,7 +44,9 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
     with farm.sessions() as session:
         scene = session.get(Scene, id)
     if scene is None:
-        raise Problem(404, "There is no such scene; it may have been deleted.")
+        raise NotFound("There is no such scene; it may have been deleted.")
+    if not scene.files:
+        raise Conflict(UNREADABLE.format(what="scene"))
     return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment, scene.variant))
 
 
@@ -61,7 +65,7 @@ def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or frame != 0:
-        raise Problem(404, "The job has no such picture yet.")
+        raise NotFound("The job has no such picture yet.")
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
@@ -83,19 +87,20 @@ def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
     """Store a file; its bytes must have the hash it is stored under."""
     if not is_sha256(sha256):
-        raise Problem(422, "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
+        raise Invalid("A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
-    writer = farm.blobs.writer()
+    writer = await run_in_threadpool(farm.blobs.writer)
     try:
         async for chunk in gathered(request.stream()):
             check_disk(len(chunk))
             await run_in_threadpool(writer.write, chunk)
             if writer.size > farm.settings.max_blob_bytes:
-                raise Problem(413, f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
+                raise TooLarge(f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
         if writer.sha256 != sha256:
-            raise Problem(422, "The bytes do not have the hash that they are to be stored under. Send them again.")
+            raise Invalid("The bytes do not have the hash that they are to be stored under. Send them again.")
         farm.garbage.promise(sha256)
         await run_in_threadpool(writer.commit)
     finally:
-        writer.discard()
+        with anyio.CancelScope(shield=True):
+            await run_in_threadpool(writer.discard)
     return Response(status_code=204)

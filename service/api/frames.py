@@ -17,8 +17,8 @@ from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
 from renderer.image import tonemap
-from service.api.jobs import find_job
-from service.api.problem import Problem
+from service.api.lookup import find_job
+from service.errors import Conflict, Invalid, NotFound
 from service.farm import Farm, FarmDependency
 from service.scheduling.denoising import Denoised
 from service.store.films import Film
@@ -79,10 +79,10 @@ async def image(
     The header X-Samples has the number of samples, of all pixels together, that it was made of.
     """
     if tonemap_curve not in tonemap.CURVES:
-        raise Problem(422, f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
     planes, in_layers = _planes(aov)
     if denoise and planes:
-        raise Problem(422, "denoise: only colour is denoised; leave aov out.")
+        raise Invalid("denoise: only colour is denoised; leave aov out.")
     PictureWish(extension, planes, in_layers).check()
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
     denoised = await _denoised(id, n, film, samples, farm) if denoise else None
@@ -91,7 +91,8 @@ async def image(
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
-    if headers["ETag"] in request.headers.get("if-none-match", ""):
+    known = request.headers.get("if-none-match", "")
+    if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
@@ -106,7 +107,7 @@ def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int
     """The exact values of a pixel, counted from the upper left, and how many samples it has."""
     film = _film(id, n, farm)
     if x >= film.width or y >= film.height:
-        raise Problem(422, f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
+        raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     sums = film.tile_sums(n, at)
     sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
@@ -131,7 +132,7 @@ async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
 async def _denoised(id: str, n: int, film: Film, samples: int, farm: Farm) -> Denoised:
     """Waits without a thread of its own: many readers may wait at a time."""
     if not samples:
-        raise Problem(409, "The picture has no samples yet. Try again when its first tiles are there.")
+        raise Conflict("The picture has no samples yet. Try again when its first tiles are there.")
     made = await run_in_threadpool(farm.engine.denoise, id, n, film)
     # Shielded: a reader that leaves must not take the picture from those who wait for the same.
     return await asyncio.shield(asyncio.wrap_future(made))
@@ -143,7 +144,7 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     try:
         names = aovs.known(name for name in asked if name not in ("color", ""))
     except SettingsError as error:
-        raise Problem(422, f"{error}.") from None
+        raise Invalid(f"{error}.") from None
     return tuple(dict.fromkeys(names)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 
@@ -156,10 +157,10 @@ def _state(id: str, n: int, farm: Farm) -> tuple[Film, str, int]:
 def _film(id: str, n: int, farm: Farm) -> Film:
     job = find_job(id, farm)
     if n != 0:
-        raise Problem(404, f"The job has no frame {n}; it has frame 0.")
+        raise NotFound(f"The job has no frame {n}; it has frame 0.")
     film = farm.film(job)
     if film is None:
-        raise Problem(409, f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
     return film
 
 

@@ -12,20 +12,24 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from service.api.describe import job_out
+from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
-from service.api.scenes import record
 from service.api.schemas import JobIn, JobOut, JobPatch
+from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
+from service.intake.record import record
 from service.intake.resolve import resolve
 from service.intake.uploads import changed
 from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
 from service.store.models import Frame, Job, Scene
 
-__all__ = ["find_job", "router"]
+__all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 
-Key = Annotated[str | None, Header(max_length=255, description="A repeated POST with the same key makes one job.")]
+Key = Annotated[
+    str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
+]
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -109,7 +113,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
-            raise _unknown(id)
+            raise no_job(id)
         if change.priority is not None:
             job.priority = change.priority
         if change.spp is not None or change.more is not None:
@@ -132,7 +136,7 @@ def delete_job(id: str, farm: FarmDependency) -> None:
         with farm.sessions.begin() as session:
             job = session.get(Job, id)
             if job is None:
-                raise _unknown(id)
+                raise no_job(id)
             for frame in session.scalars(select(Frame).where(Frame.job == id)):
                 session.delete(frame)
             session.flush()
@@ -141,15 +145,6 @@ def delete_job(id: str, farm: FarmDependency) -> None:
     farm.reserve.spend_on(forget)
     farm.engine.changed("job", id)  # which removes the film, once it is out of its hands
     farm.broadcast.tell("job", id)
-
-
-def find_job(id: str, farm: Farm) -> Job:
-    """The job's row. Raises Problem 404."""
-    with farm.sessions() as session:
-        job = session.get(Job, id)
-    if job is None:
-        raise _unknown(id)
-    return job
 
 
 def _as_asked(request: JobIn, farm: Farm) -> str:
@@ -171,8 +166,8 @@ def _scene(id: str, farm: Farm) -> Scene:
     return scene
 
 
-def _no_scene(id: str) -> Problem:
-    return Problem(404, f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
+def _no_scene(id: str) -> NotFound:
+    return NotFound(f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
 
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
@@ -180,7 +175,7 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     if scene is None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
-        raise Problem(409, f"The scene cannot be rendered: {scene.error}")
+        raise Conflict(f"The scene cannot be rendered: {scene.error}")
     job.name = job.name or scene.name
     width, height = job.request["width"], job.request["height"]
     if width and height and width * height > farm.settings.max_pixels:
@@ -203,12 +198,8 @@ def _earlier(key: str, farm: Farm) -> Job | None:
 
 def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response) -> JobOut:
     if earlier.request != asked:
-        raise Problem(409, "This Idempotency-Key was used for another request. Take a new key for a new job.")
+        raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
     response.headers["Idempotent-Replayed"] = "true"
     response.headers["Location"] = f"/api/jobs/{earlier.id}"
     with farm.sessions() as session:
         return job_out(earlier, session, farm.engine)
-
-
-def _unknown(id: str) -> Problem:
-    return Problem(404, f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")

@@ -31,6 +31,7 @@ class _Collector:
         speeds = {r.name: r.samples_per_s * r.slots for r in reports}
         yield _gauge("rayfarm_worker_samples_per_second", "Speed by worker, all slots", "worker", speeds)
         yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", view.batches_out)
+        yield GaugeMetricFamily("rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.asked)
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
         yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples left out as NaN or infinite", float(bad or 0))
         for name, text in (

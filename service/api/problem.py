@@ -47,10 +47,12 @@ STATUS: dict[type[FarmError], int] = {
     FilmLost: 409,
 }
 RETRY_AFTER_S = 2
+MOST_ERRORS = 50  # of a body; what is beyond them is a program's nonsense, and would be echoed to it
+MOST_TEXT = 300  # of what is echoed
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 SENTENCES = {
     404: "There is nothing at {path}. The API is described at /docs.",
-    400: "The body cannot be read. Send JSON in UTF-8.",
+    400: "The body cannot be read. Send JSON in UTF-8, nested a few levels deep, with numbers of a few digits.",
     405: "{method} is not possible at {path}. The API is described at /docs.",
 }
 
@@ -135,7 +137,8 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
         errors = [
-            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)} for e in error.errors()
+            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)}
+            for e in error.errors()[:MOST_ERRORS]
         ]
         detail = "; ".join(f"{e['field']}: {e['message']}" if e["field"] else e["message"] for e in errors[:5])
         return response(422, f"{detail}.", errors=errors)
@@ -158,7 +161,7 @@ def _field(location: Sequence[Any]) -> str:
     text = ""
     for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
+    return _short(text)
 
 
 def _message(error: Mapping[str, Any]) -> str:
@@ -169,4 +172,8 @@ def _message(error: Mapping[str, Any]) -> str:
     if error["type"] == "model_attributes_type" or (error["type"] == "missing" and tuple(error["loc"]) == ("body",)):
         return JSON_OBJECT if tuple(error["loc"]) == ("body",) else "input should be an object"
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
-    return message[:1].lower() + message[1:]
+    return _short(message[:1].lower() + message[1:])
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT // 2]} ... {text[-MOST_TEXT // 2 :]}"

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import asdict
-
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy import func, select
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from service.api.describe import scene_out
+from service.api.lookup import find_scene, no_scene
 from service.api.problem import Problem
 from service.api.schemas import SceneOut
-from service.farm import Farm, FarmDependency
-from service.intake.uploads import Upload, check_length, receive
+from service.api.security import is_beyond
+from service.errors import Conflict, NotFound
+from service.farm import FarmDependency
+from service.intake.record import record
+from service.intake.uploads import receive
 from service.store.models import ACTIVE, Job, Scene
 from service.store.records import blobs_of
 
-__all__ = ["record", "router"]
+__all__ = ["router"]
 
 router = APIRouter(prefix="/api/scenes", tags=["scenes"])
 
@@ -50,13 +50,16 @@ UPLOAD_FORM = {
 @router.post("", status_code=201, response_model=SceneOut, openapi_extra=UPLOAD_FORM)
 async def upload(request: Request, farm: FarmDependency, response: Response) -> SceneOut:
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
-    check_length(request.headers.get("content-length"), farm.settings.max_upload_bytes)
+    limit = farm.settings.max_upload_bytes
+    if is_beyond(request.headers.get("content-length", ""), limit):
+        sentence = f"The upload is larger than the {limit} bytes that are taken. Leave files out, or ask who runs the farm."
+        raise Problem(413, sentence, headers={"Connection": "close"})
     content_type = request.headers.get("content-type", "")
     scene = await receive(
         content_type, request.stream(), farm.blobs, farm.garbage, farm.settings, lambda stored: record(stored, farm)
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
-    return scene
+    return scene_out(scene, farm.engine)
 
 
 @router.get("", response_model=list[SceneOut])
@@ -73,16 +76,16 @@ def list_scenes(
 @router.get("/{id}", response_model=SceneOut)
 def get_scene(id: str, farm: FarmDependency) -> SceneOut:
     """One scene: whether it is ready, its cameras, counts, bounds and warnings."""
-    return scene_out(_find(id, farm), farm.engine)
+    return scene_out(find_scene(id, farm), farm.engine)
 
 
 @router.get("/{id}/thumbnail.png", response_class=StreamingResponse)
 def thumbnail(id: str, farm: FarmDependency) -> StreamingResponse:
     """A small picture of the scene, made when it was prepared."""
-    scene = _find(id, farm)
+    scene = find_scene(id, farm)
     ref = (scene.info or {}).get("thumbnail")
     if not ref:
-        raise Problem(404, "This scene has no thumbnail yet.")
+        raise NotFound("This scene has no thumbnail yet.")
     blob = farm.blobs.serve(ref["sha256"])
     headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"', "Content-Length": str(blob.size)}
     return StreamingResponse(blob.chunks, media_type="image/png", headers=headers)
@@ -95,59 +98,13 @@ def delete_scene(id: str, farm: FarmDependency) -> None:
     def forget(session: Session) -> set[str]:
         scene = session.get(Scene, id, with_for_update=True)
         if scene is None:
-            raise _unknown(id)
+            raise no_scene(id)
         needed = session.scalar(select(func.count()).where(Job.scene == id, Job.state.in_(ACTIVE)))
         if needed:
-            raise Problem(409, f"{needed} unfinished job(s) need this scene. Cancel them first.")
+            raise Conflict(f"{needed} unfinished job(s) need this scene. Cancel them first.")
         session.delete(scene)
         return blobs_of(scene)
 
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
     farm.engine.changed("scene", id)
     farm.broadcast.tell("scene", id)
-
-
-def record(stored: Upload, farm: Farm) -> SceneOut:
-    """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is."""
-    try:
-        scene = _write(stored, farm)
-    except IntegrityError:  # another wrote the same scene down in the same moment
-        scene = _write(stored, farm)
-    farm.engine.changed("scene", scene.id)
-    farm.broadcast.tell("scene", scene.id)
-    return scene_out(scene, farm.engine)
-
-
-def _write(stored: Upload, farm: Farm) -> Scene:
-    with farm.sessions.begin() as session:
-        scene = session.get(Scene, stored.id)
-        if scene is None:
-            scene = Scene(
-                id=stored.id,
-                name=stored.name,
-                status="preparing",
-                created=time.time(),
-                main=stored.main,
-                environment=stored.environment,
-                variant=stored.variant,
-                files=[asdict(ref) for ref in stored.files],
-                bytes=stored.size,
-                notes=stored.notes,
-                compiled={},
-            )
-            session.add(scene)
-        elif scene.status == "failed":
-            scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
-        return scene
-
-
-def _find(id: str, farm: Farm) -> Scene:
-    with farm.sessions() as session:
-        scene = session.get(Scene, id)
-    if scene is None:
-        raise _unknown(id)
-    return scene
-
-
-def _unknown(id: str) -> Problem:
-    return Problem(404, f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")

@@ -17,7 +17,7 @@ from service.api.hosts import Hosts, name_of
 from service.api.problem import Problem, response
 from service.settings import Settings
 
-__all__ = ["Door"]
+__all__ = ["Door", "is_beyond"]
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -76,7 +76,7 @@ class Door:
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
             return Problem(403, "The request comes from a page of another origin. Use the service's own page, or a program.")
         length = headers.get("content-length", "")
-        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and _is_beyond(length, MAX_BODY):
+        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and is_beyond(length, MAX_BODY):
             return _too_large()
         return None
 
@@ -89,7 +89,7 @@ def _host_of(origin: str) -> str | None:
         return None
 
 
-def _is_beyond(length: str, limit: int) -> bool:
+def is_beyond(length: str, limit: int) -> bool:
     """Whether a Content-Length is larger; one that is no number is left to the server, which refuses it."""
     return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 

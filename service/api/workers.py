@@ -6,8 +6,8 @@ import redis
 from fastapi import APIRouter
 
 from service.api.describe import worker_out
-from service.api.problem import Problem
 from service.api.schemas import WorkerOut, WorkerPatch
+from service.errors import NotFound, Unavailable
 from service.farm import FarmDependency
 
 __all__ = ["router"]
@@ -27,10 +27,10 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
     """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside."""
     report = farm.engine.snapshot.roster.reports.get(name)
     if report is None:
-        raise Problem(404, f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")
+        raise NotFound(f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")
     why = None if change.state == "running" else "Paused by a person."
     try:
         farm.engine.order(name, why)
     except redis.RedisError as error:
-        raise Problem(503, f"Redis does not answer ({error}). Try again when it does.") from None
+        raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
     return worker_out(report, why)

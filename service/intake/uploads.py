@@ -16,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
-from service.api.problem import Problem
+from service.errors import Invalid
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
@@ -28,7 +28,7 @@ from service.store.models import Scene
 from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "changed", "check_length", "full_disk", "gathered", "keep", "receive"]
+__all__ = ["Upload", "changed", "full_disk", "gathered", "keep", "receive"]
 
 DISK_CHECK_EVERY = 16 << 20
 PIECE = 1 << 20
@@ -55,16 +55,6 @@ class Upload:
     def size(self) -> int:
         """Bytes of all files together."""
         return sum(file.size for file in self.files)
-
-
-def check_length(length: str | None, limit: int) -> None:
-    """Refuse by the Content-Length header, before the body is read."""
-    if length is not None and length.isdigit() and int(length) > limit:
-        raise Problem(
-            413,
-            f"The upload has {int(length)} bytes; at most {limit} are taken. Leave files out, or ask who runs the farm.",
-            headers={"Connection": "close"},
-        )
 
 
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
@@ -104,7 +94,7 @@ async def receive(
     settings: Settings,
     record: Callable[[Upload], T],
 ) -> T:
-    """Read, expand, check and store an upload, and write it down. Raises Problem or FarmError; then nothing of it is left."""
+    """Read, expand, check and store an upload, and write it down. Raises FarmError; then nothing of it is left."""
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
     with full_disk():
@@ -133,7 +123,7 @@ def keep(
 ) -> T:
     """Expand, check and store what was sent, and write it down by `record`, before which nobody can delete its blobs.
 
-    Raises Problem or FarmError; then nothing of it is left.
+    Raises FarmError; then nothing of it is left.
     """
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
@@ -142,7 +132,7 @@ def keep(
         for name, writer in _expanded(form, store, settings, check_disk):
             if name in files:
                 writer.discard()
-                raise Problem(422, f"The file {name} is there twice. Send it once.")
+                raise Invalid(f"The file {name} is there twice. Send it once.")
             files[name] = writer
         _refuse_files_as_folders(files)
         main, environment = _choose(form, files, notes)
@@ -163,7 +153,7 @@ def changed(scene: Scene, sky: tuple[float, float] | None = None, variant: str |
     """The scene's files under a clear sky with the sun there (elevation and azimuth, degrees), or with other materials of the
     file: another scene, without another upload. None leaves what the scene has; an empty variant is the file's own materials.
 
-    Raises Problem where there is none such.
+    Raises Invalid where there is none such.
     """
     files = [BlobRef(**ref) for ref in scene.files]
     environment = scene.environment if sky is None else sky_text(*sky)
@@ -184,13 +174,13 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
         return name if names.index(name) == int(asked) else asked
     listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
     sentence = f"its variants are {listed}" if names else "it has none, as most files have"
-    raise Problem(422, f"variant: the scene has no variant {asked[:60]!r}; {sentence}.")
+    raise Invalid(f"variant: the scene has no variant {asked[:60]!r}; {sentence}.")
 
 
 def sky_text(elevation: float, azimuth: float) -> str:
-    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Problem where there is none such."""
+    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Invalid where there is none such."""
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
-        raise Problem(422, "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
+        raise Invalid("environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
 
 
@@ -198,7 +188,7 @@ def _sky_of(text: str) -> str:
     try:
         elevation, azimuth = (float(part) for part in (text.removeprefix(SKY) + ",0").split(",")[:2])
     except ValueError:
-        raise Problem(422, f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
+        raise Invalid(f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
     return sky_text(elevation, azimuth)
 
 
@@ -213,7 +203,7 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
     for name in known:
         for folder in PurePosixPath(name).parents:
             if str(folder) in known:
-                raise Problem(422, f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
+                raise Invalid(f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
 
 
 def _expanded(
@@ -247,18 +237,18 @@ def _expanded(
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
     """The scene file, and the environment: an image among the files, or a sky."""
     if not files or all(writer.size == 0 for writer in files.values()):
-        raise Problem(422, "The upload is empty. Choose a scene file, and the textures that it needs.")
+        raise Invalid("The upload is empty. Choose a scene file, and the textures that it needs.")
     main = form.fields.get("main", "").strip()
     if main:
         main = safe_name(main)
         if main not in files:
-            raise Problem(422, f"main: there is no file {main} in the upload.")
+            raise Invalid(f"main: there is no file {main} in the upload.")
     try:
         picked, warnings = pick_main([main] if main else list(files))
     except SceneError as error:
-        raise Problem(422, str(error)) from None
+        raise Invalid(str(error)) from None
     if files[picked].size == 0:
-        raise Problem(422, f"The scene file {picked} is empty.")
+        raise Invalid(f"The scene file {picked} is empty.")
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
@@ -266,7 +256,7 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     elif environment is not None:
         environment = safe_name(environment)
         if environment not in files:
-            raise Problem(422, f"environment: there is no file {environment} in the upload.")
+            raise Invalid(f"environment: there is no file {environment} in the upload.")
     return picked, environment
 
 

@@ -6,6 +6,7 @@ next request asks for a new one. Pictures are blobs that no database names: afte
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -93,7 +94,7 @@ class Denoising:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
         if key is None:
             return  # too late, or of an earlier life of the service
-        if made is None or not is_sha256(made.sha256) or not self._blobs.exists(made.sha256):
+        if made is None or not is_sha256(made.sha256) or not self._is_there(made.sha256):
             self._fail(key, Failed(f"The picture could not be denoised: {(error or 'its file is missing').rstrip('.')}."))
             return
         with self._lock:
@@ -101,7 +102,7 @@ class Denoising:
             old = self._made.get(key)
             self._made[key] = made
         if old is not None and old.sha256 != made.sha256:
-            self._blobs.delete(old.sha256)
+            self._delete(old.sha256)
         if wanted is not None:
             wanted.answer.set_result(made)
 
@@ -118,9 +119,19 @@ class Denoising:
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
             waiting = [key for key in self._wanted if key[0] == job]
         for made in gone:
-            self._blobs.delete(made.sha256)
+            self._delete(made.sha256)
         for key in waiting:
             self._fail(key, NotFound("The job was deleted while its picture was denoised."))
+
+    def _is_there(self, sha256: str) -> bool:
+        try:
+            return self._blobs.exists(sha256)
+        except FarmError:
+            return False  # the store is away: as good as missing
+
+    def _delete(self, sha256: str) -> None:
+        with contextlib.suppress(FarmError):  # the next start sweeps what no scene refers to
+            self._blobs.delete(sha256)
 
     def _waiting(self) -> list[tuple[Key, _Wanted]]:
         with self._lock:

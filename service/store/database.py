@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -56,13 +57,26 @@ class Sessions:
 def connect(url: str) -> tuple[Engine, Sessions]:
     """The engine, its tables made or brought up to date, and the maker of sessions."""
     is_sqlite = url.startswith("sqlite")
-    engine = create_engine(url, pool_pre_ping=not is_sqlite, connect_args={"timeout": LOCK_PATIENCE_S} if is_sqlite else {})
+    engine = create_engine(
+        url,
+        pool_pre_ping=not is_sqlite,
+        connect_args={"timeout": LOCK_PATIENCE_S} if is_sqlite else {},
+        json_deserializer=_json_or_nothing,
+    )
     if is_sqlite:
         _make_private(make_url(url).database)
         event.listen(engine, "connect", _tune_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
     upgrade(engine)
     return engine, Sessions(engine)
+
+
+def _json_or_nothing(text: str | bytes) -> Any:
+    """A column's value; None for one that is damaged: it must not keep all other rows from being read."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return None
 
 
 def no_room() -> NoRoom:

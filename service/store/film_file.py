@@ -13,7 +13,7 @@ from pathlib import Path
 
 from service.errors import FarmError
 from service.store.film_faults import film_faults
-from service.store.film_version import FilmShape, bring_up_to_date
+from service.store.film_version import FilmShape, bring_up_to_date, is_up_to_date
 
 __all__ = ["FilmFile", "Row"]
 
@@ -40,8 +40,9 @@ class FilmFile:
                 # again. Large pages and rare checkpoints, since rows are large: three times less work a row (measured).
                 for pragma in ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000"):
                     self._database.execute(f"PRAGMA {pragma}").close()
-                with self._transaction():
-                    bring_up_to_date(self._database, shape)
+                if not is_up_to_date(self._database, shape):
+                    with self._transaction():
+                        bring_up_to_date(self._database, shape)
             except BaseException:
                 self.close()
                 raise

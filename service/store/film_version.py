@@ -12,7 +12,7 @@ from dataclasses import astuple, dataclass
 from service.errors import FilmLost
 from service.store.film_faults import damaged
 
-__all__ = ["VERSION", "FilmShape", "bring_up_to_date"]
+__all__ = ["VERSION", "FilmShape", "bring_up_to_date", "is_up_to_date"]
 
 VERSION = 1
 
@@ -36,19 +36,24 @@ class FilmShape:
     film_exponent: int
 
 
-def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
-    """Make or migrate the tables, within the caller's transaction. Raises FilmLost for a film that this release cannot read."""
+def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
+    """Whether the film is of this version; writes nothing. Raises FilmLost for one that this release cannot read."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
         raise FilmLost(
             f"The film of this job is of version {version}, and this release of Rayfarm reads films up to version {VERSION}. "
             "Start the newer release again, or make a new job."
         )
-    if version == VERSION:
-        found = database.execute("SELECT width, height, tile_size, film_exponent FROM shape").fetchall()
-        if found != [astuple(shape)]:
-            raise damaged(f"it is of another picture: {found}, not {astuple(shape)}")
-        return
+    if version < VERSION:
+        return False
+    found = database.execute("SELECT width, height, tile_size, film_exponent FROM shape").fetchall()
+    if found != [astuple(shape)]:
+        raise damaged(f"it is of another picture: {found}, not {astuple(shape)}")
+    return True
+
+
+def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
+    """Make or migrate the tables of a film of an older version, within the caller's transaction."""
     for statement in (*SCHEMA, SHAPE):
         database.execute(statement)
     database.execute("INSERT INTO shape VALUES (?, ?, ?, ?)", astuple(shape))

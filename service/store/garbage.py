@@ -8,6 +8,7 @@ blob and then finds or puts it, has it.
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections import Counter
@@ -24,6 +25,8 @@ from service.store.models import Scene
 from service.store.records import blobs_of
 
 __all__ = ["Garbage"]
+
+log = logging.getLogger(__name__)
 
 
 class Garbage:
@@ -63,6 +66,7 @@ class Garbage:
     def promise(self, sha256: str) -> None:
         """A worker stores a blob, and will say for which scene."""
         with self._lock:
+            self._forget_promises()
             self._promised[sha256] = time.monotonic() + self._patience_s
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
@@ -73,8 +77,15 @@ class Garbage:
                 session.flush()
                 for scene in session.scalars(select(Scene)) if gone else ():
                     gone -= blobs_of(scene)
-            now = time.monotonic()
-            self._promised = {sha256: until for sha256, until in self._promised.items() if until > now}
+            self._forget_promises()
             self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
             for sha256 in gone - self._left:
-                self._blobs.delete(sha256)
+                try:
+                    self._blobs.delete(sha256)
+                except (FarmError, OSError) as error:  # what was written down stands; the next one to collect takes it along
+                    log.warning("the blob %s stays for now: %s", sha256, error)
+                    self._left.add(sha256)
+
+    def _forget_promises(self) -> None:
+        now = time.monotonic()
+        self._promised = {sha256: until for sha256, until in self._promised.items() if until > now}

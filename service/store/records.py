@@ -143,7 +143,7 @@ class Records:
 
 def blobs_of(scene: Scene) -> set[str]:
     """The hashes of the blobs that a scene refers to: its files, what it was compiled to, its thumbnail."""
-    refs: list[dict[str, Any]] = [*scene.files, *scene.compiled.values()]
+    refs: list[dict[str, Any]] = [*(scene.files or []), *(scene.compiled or {}).values()]
     if scene.info and scene.info.get("thumbnail"):
         refs.append(scene.info["thumbnail"])
     return {ref["sha256"] for ref in refs}

@@ -32,12 +32,17 @@ class Pool:
         self._most = threads + in_line
         self._made: dict[Hashable, asyncio.Task[Any]] = {}
 
+    @property
+    def asked(self) -> int:
+        """How many different things are asked for and not made yet."""
+        return len(self._made)
+
     async def make(self, key: Hashable, function: Callable[..., T], *arguments: Any) -> T:
         """function(*arguments), in a thread when its turn comes. Raises Unavailable where the line is too long."""
         task: asyncio.Task[T] | None = self._made.get(key)
         if task is None:
-            if len(self._made) >= self._most:
-                raise Unavailable(f"{len(self._made)} other pictures are asked for and not made yet. Try again in a moment.")
+            if self.asked >= self._most:
+                raise Unavailable(f"{self.asked} other pictures are asked for and not made yet. Try again in a moment.")
             task = self._made[key] = asyncio.create_task(self._run(function, *arguments))
             task.add_done_callback(lambda task: self._done(key, task))
         return await asyncio.shield(task)  # a reader that leaves must not take the picture from those who wait for the same

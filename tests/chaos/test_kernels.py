@@ -43,4 +43,4 @@ def test_a_machine_that_joins_compiles_nothing(farm: Farm, tmp_path: Path) -> No
 
 
 def _is_ready(client: Client) -> bool:
-    return any(worker["name"] == "another-machine" and worker["state"] == "ready" for worker in client.workers())
+    return any(worker.name == "another-machine" and worker.state == "ready" for worker in client.workers())

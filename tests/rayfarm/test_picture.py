@@ -67,6 +67,8 @@ def test_an_impossible_view_says_why() -> None:
         parsed(["--eye=0,1,0"]).view(CAMERAS)
     with pytest.raises(CommandError, match="known are perspective"):
         parsed(["--projection=fish"]).view(CAMERAS)
+    with pytest.raises(CommandError, match="0: front, 1: top"):
+        parsed(["--camera=²"]).view(CAMERAS)
 
 
 def test_the_scene_file_is_asked_where_the_person_says_nothing() -> None:

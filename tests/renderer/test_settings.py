@@ -157,3 +157,35 @@ def test_settings_of_an_older_release_are_read():
     assert RenderSettings.from_json(stored) == RenderSettings(8, 8, VIEW)
     with pytest.raises(SettingsError, match="another release"):
         RenderSettings.from_json(stored | {"of the next release": 1})
+    with pytest.raises(SettingsError, match="another release"):
+        RenderSettings.from_json(stored | {"view": {**stored["view"], "tilt": 1}})
+    with pytest.raises(SettingsError, match="another release"):
+        RenderSettings.from_json({"width": 8, "height": 8})
+
+
+def test_numbers_are_of_their_fields_own_type():
+    """A kernel is compiled for types: 8.0 in a scene file must not make it another one."""
+    made = RenderSettings(np.int64(8), 8.0, View([0, 1, 5], (np.float32(0.5), 1, 0)), max_depth=5.0, clamp_indirect=1)
+    assert (type(made.width), type(made.height), type(made.max_depth), type(made.clamp_indirect)) == (int, int, int, float)
+    assert made.view.target == (0.5, 1.0, 0.0)
+    assert {type(part) for part in (*made.view.eye, *made.view.target)} == {float}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("max_depth", 2.5),
+        ("max_depth", True),
+        ("seed", "7"),
+        ("ambient", (1, 2)),
+        ("ambient", 1),
+        ("clamp_indirect", "much"),
+        ("integrator", 3),
+        pytest.param("max_depth", 10**5000, id="5001 digits"),
+        ("seed", None),
+    ],
+)
+def test_what_is_no_number_is_named(name, value):
+    with pytest.raises(SettingsError, match=f"^{name} is .*; ") as caught:
+        RenderSettings(8, 8, VIEW, **{name: value})
+    assert len(str(caught.value)) < 200

@@ -29,6 +29,15 @@ def test_words_for_people_leave_no_trace(tmp_path: Path) -> None:
     assert not changed(tmp_path, before, after)
 
 
+def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
+    """But its range does, and so does a choice that is new."""
+    before = 'a: Annotated[int, Setting(1, 9), Shown("A", "What it does.", group="lab")] = 3\nB = Choices({"x": Shown("X")})\n'
+    assert not changed(tmp_path, before, before.replace("What it does", "What it is for").replace("lab", "advanced"))
+    assert not changed(tmp_path, before, before.replace('Shown("X")', 'Shown("The letter", "It is the letter.")'))
+    for old, new in (("9", "8"), ("= 3", "= 4"), ('"x": Shown("X")', '"x": Shown("X"), "y": Shown("Y")')):
+        assert changed(tmp_path, before, before.replace(old, new)), new
+
+
 def test_what_is_done_leaves_one(tmp_path: Path) -> None:
     before = "A = 'a'\n\ndef f(x):\n    return x + 1\n"
     for old, new in (("+", "-"), ("1", "1.0"), ("x", "y"), ("'a'", "'b'"), ("f(", "g(")):

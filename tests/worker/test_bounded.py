@@ -57,6 +57,11 @@ def missing(send):
 def crowded(send):
     raise AssertionError("never started")
 
+def chatty(send):
+    for _ in range(3):
+        send({"step": "reading", "fraction": 0.5})
+    return {"triangles": 12}
+
 def last_signal(send):
     os.kill(os.getpid(), signal.SIGRTMAX)
 
@@ -65,8 +70,12 @@ if sys.argv[1] == "crowded":
         raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
     os.fork = fork
 said = []
+def hear(message):
+    if sys.argv[1] == "chatty":
+        time.sleep(1.0)
+    said.append(message)
 try:
-    answer = run_bounded(globals()[sys.argv[1]], said.append, 256 << 20, 2.0, (SceneError,), "truck.glb")
+    answer = run_bounded(globals()[sys.argv[1]], hear, 256 << 20, 2.0, (SceneError,), "truck.glb")
 except MachineError as error:
     print(json.dumps({"machine": str(error), "said": said}))
 except WorkError as error:
@@ -140,3 +149,8 @@ def test_the_machines_own_trouble_is_not_the_files() -> None:
 
 def test_any_signal_has_a_name() -> None:
     assert "crash" in run("last_signal")["error"]
+
+
+def test_who_hears_of_the_progress_may_be_slow() -> None:
+    """A Redis that is away while the child works: three seconds of waiting for it are none of the child's two."""
+    assert run("chatty")["answer"] == {"triangles": 12}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -13,7 +14,8 @@ import pytest
 import redis
 
 from tests.foreign_server import HTML, foreign_server
-from tests.helpers import ROOT, running_redis, wait_until
+from tests.helpers import running_redis, wait_until
+from worker import __main__ as program
 from worker.contract import WorkerReport, worker_key
 from worker.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.joining import Joining, check_redis, free_name
@@ -147,18 +149,10 @@ def test_an_http_server_is_no_redis() -> None:
         check_redis(f"redis://127.0.0.1:{port}/0")
 
 
-def test_the_worker_ends_with_a_sentence_where_no_farm_is() -> None:
-    def run(*arguments: str, **env: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "worker", *arguments]
-        return subprocess.run(command, cwd=ROOT, env={**os.environ, **env}, capture_output=True, text=True, timeout=60)
-
-    with foreign_server(HTML) as port:
-        done = run(f"--service=http://127.0.0.1:{port}", "--token=t", "--slots=1")
-    assert done.returncode == 3
-    assert "not a Rayfarm service: it sends an HTML page" in done.stderr.splitlines()[-1]
-    done = run("--service=http://127.0.0.1:9", "--token=t", "--slots=1", "--redis=nonsense")
-    assert done.returncode == 3
-    assert "RAYFARM_REDIS_URL" in done.stderr.splitlines()[-1]
-    done = run("--service=http://127.0.0.1:9", "--token=t", "--slots=1", RAYFARM_PREPARE_MEMORY_MB="much")
-    assert done.returncode == 3
-    assert "RAYFARM_PREPARE_MEMORY_MB" in done.stderr.splitlines()[-1]
+def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(RefusedError, match="RAYFARM_REDIS_URL"):
+        program._check(argparse.Namespace(redis="nonsense"))
+    program._check(argparse.Namespace(redis=None))
+    monkeypatch.setenv("RAYFARM_PREPARE_MEMORY_MB", "much")
+    with pytest.raises(RefusedError, match="RAYFARM_PREPARE_MEMORY_MB"):
+        program._check(argparse.Namespace(redis="redis://127.0.0.1/0"))

@@ -43,7 +43,9 @@ def test_redis_on_the_services_own_machine_is_reached_by_the_services_name(servi
     assert link(answer, service).join().redis_url == used
 
 
-@pytest.mark.parametrize("told", [None, 7, "", "nonsense", "http://127.0.0.1:6379", "redis://[", "redis://host:port/0"])
+@pytest.mark.parametrize(
+    "told", [None, 7, "", "nonsense", "http://127.0.0.1:6379", "redis://[", "redis://host:port/0", "redis://host/0?colour=red"]
+)
 def test_a_redis_url_that_is_none_is_a_sentence_without_the_password(told: Any) -> None:
     answer = httpx.Response(200, json={"redis_url": told, "instance": "i", "data_dir": ""})
     with pytest.raises(NotAFarmError, match="redis_url that it tells workers is none"):

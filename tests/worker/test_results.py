@@ -79,3 +79,9 @@ def test_a_redis_that_refuses_is_waited_for_and_said_once(tmp_path: Path, troubl
     finally:
         server.stop()
     assert sum("a result waits" in line for line in caplog.messages) == 1
+
+
+def test_news_that_nobody_misses_are_not_waited_for() -> None:
+    begun = time.monotonic()
+    assert not ResultStream("redis://127.0.0.1:9/0").send(Result({"type": "prepare-progress"}), patience_s=0.0)
+    assert time.monotonic() - begun < 60

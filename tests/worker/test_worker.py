@@ -23,8 +23,10 @@ import redis
 from celery import Celery
 
 from renderer.denoise import denoise, is_available
+from renderer.scene import compiled as compiled_file
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
+from tests.renderer.builders import emitter, scene, square
 from worker.contract import (
     DENOISE,
     PREPARE,
@@ -66,10 +68,13 @@ class FakeService(BaseHTTPRequestHandler):
     manifests: dict[str, Manifest]
     films: dict[str, bytes]
     redis_url: str
+    away = False
 
     def do_GET(self) -> None:
         if self.headers["Authorization"] != "Bearer token":
             self._answer(401, b"{}")
+        elif self.away:
+            self._answer(503, b"<html>a proxy before a service that starts anew")
         elif self.path == "/api/farm/join":
             self._answer(200, json.dumps({"redis_url": self.redis_url, "instance": "i", "data_dir": ""}).encode())
         elif self.path.startswith("/api/farm/films/"):
@@ -260,6 +265,22 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
     assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --size=")
 
 
+def test_a_service_that_is_away_is_no_fault_of_the_scene(bench: Bench, info: SceneInfo, tmp_path: Path) -> None:
+    made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
+    compiled_file.save(made, tmp_path / "compiled")
+    data = (tmp_path / "compiled").read_bytes()
+    sha256 = hashlib.sha256(data).hexdigest()
+    bench.service.blobs[sha256] = data
+    bench.service.away = True
+    bench.render(RenderBatch(**{**batch_of(info, "patient", 0, 1).__dict__, "compiled": sha256}))
+    wait_until(lambda: busy_with(bench, 1), 30, "a slot has the batch in hand")
+    time.sleep(2.0)
+    assert bench.store.xlen(RESULTS) == 0
+    bench.service.away = False
+    event = bench.next("batch", "batch-failed", "batch-returned").event
+    assert (event["type"], event["batch"]) == ("batch", "patient"), event
+
+
 def denoised(bench: Bench, work: DenoiseFrame) -> dict[str, Any]:
     kind = bench.report().kind  # type: ignore[union-attr]
     bench.celery.send_task(DENOISE, kwargs={"frame": asdict(work)}, queue=denoise_queue(kind))
@@ -310,7 +331,7 @@ def test_a_worker_that_is_told_to_pause_takes_nothing_until_it_may(bench: Bench,
 
 def busy_with(bench: Bench, count: int) -> bool:
     report = bench.report()
-    return report is not None and any(doing.get("count") == count for doing in report.current)
+    return report is not None and any(doing.get("count") == count and "batch" in doing for doing in report.current)
 
 
 def kill_the_slot_with(bench: Bench, count: int) -> None:

@@ -55,7 +55,7 @@ export function settingFields(defaults, first = {}) {
         group("Environment", environment.elements),
       ]),
       fold("Lab", [
-        h("p", { class: "hint" }, "To compare what renderers do. Left alone, each is at its best."),
+        h("p", { class: "quiet small" }, "To compare what renderers do. Left alone, each is at its best."),
         h("div", { class: "pairs" }, elements("lab")),
       ]),
     ],

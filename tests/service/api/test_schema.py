@@ -153,4 +153,10 @@ def operations() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("path", "method"), operations())
 def test_every_operation_answers_as_it_is_described(path: str, method: str, schema: Any, alive: Alive) -> None:
-    assert tried(path, method, schema, alive, 20)
+    assert tried(path, method, schema, alive, 15)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("path", "method"), operations())
+def test_every_operation_answers_as_it_is_described_many_times(path: str, method: str, schema: Any, alive: Alive) -> None:
+    assert tried(path, method, schema, alive, 250)

@@ -161,7 +161,7 @@ def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server:
         open_to_all = {
             str(path.relative_to(tmp_path)): oct(path.stat().st_mode)
             for path in (tmp_path / "data").rglob("*")
-            if path.is_file() and path.stat().st_mode & 0o077 and path.name != "service.lock"
+            if path.is_file() and path.stat().st_mode & 0o077
         }
         assert open_to_all == {}
         assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700

@@ -76,6 +76,16 @@ def test_a_film_that_is_locked_when_it_is_opened_waits(film: Film, tmp_path: Pat
     again.close()
 
 
+def test_a_film_whose_writing_is_locked_can_be_opened_and_read(film: Film, tmp_path: Path) -> None:
+    film.close()
+    other = sqlite3.connect(tmp_path / "job.sqlite", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    again = make(tmp_path / "job.sqlite")
+    np.testing.assert_array_equal(again.tile_sums(0, 0), expected_sums(again.tiles[0], 0, 2, 0))
+    other.close()
+    again.close()
+
+
 def overwritten(path: Path) -> None:
     with path.open("r+b") as file:
         file.seek(200)

@@ -10,6 +10,7 @@ import httpx
 import pytest
 from sqlalchemy.orm import Session
 
+from service.errors import Unavailable
 from service.store.blobs import BlobFolder
 from service.store.database import connect
 from service.store.garbage import Garbage
@@ -50,10 +51,10 @@ def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared:
         answers: list[httpx.Response] = []
 
         def upload(files: list = other, answers: list[httpx.Response] = answers) -> None:
-            answers.append(httpx.post(f"{service.url}/api/scenes", files=files, timeout=20))
+            answers.append(service.http.post("/api/scenes", files=files))
 
         def delete(id: str = scene["id"], codes: list[tuple[str, int]] = codes) -> None:
-            codes.append(("delete", httpx.delete(f"{service.url}/api/scenes/{id}", timeout=20).status_code))
+            codes.append(("delete", service.http.delete(f"/api/scenes/{id}").status_code))
 
         at_once(upload, upload, delete, delete)
         codes += [("post", answer.status_code) for answer in answers]
@@ -118,6 +119,22 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
     collector._promised[sha256] = 0.0  # the news did not come
     collector.collect(lambda session: set())
     assert not blobs.exists(sha256)
+
+
+def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A store that does not answer makes no deletion fail that was written down."""
+    collector, blobs = garbage
+    one, two = put(blobs, b"one"), put(blobs, b"two")
+
+    def away(self: BlobFolder, sha256: str) -> None:
+        raise Unavailable("The object store does not answer.")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BlobFolder, "delete", away)
+        collector.collect(lambda session: {one, two})
+    assert blobs.exists(one)
+    collector.collect(lambda session: set())
+    assert (blobs.exists(one), blobs.exists(two)) == (False, False)
 
 
 def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobFolder]) -> None:

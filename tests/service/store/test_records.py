@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 import service.farm
+from service.errors import NoRoom, Unavailable
 from service.farm import Farm
 from service.settings import Settings
 from service.store.database import connect
@@ -69,6 +71,34 @@ def test_writers_wait_for_each_other(records: Records) -> None:
     row = records.job("job")
     assert row is not None
     assert row.priority == 100
+
+
+def test_a_database_that_another_program_holds_is_said_to_be_away(
+    records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.store.database.LOCK_PATIENCE_S", 0.1)
+    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    other = sqlite3.connect(tmp_path / "test.sqlite", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with pytest.raises(Unavailable, match="database is locked"), sessions.begin() as session:
+        session.get(Job, "job")
+    with sessions() as session:
+        assert session.get(Job, "job") is not None, "reading goes on"
+    other.execute("ROLLBACK")
+    other.close()
+    with sessions.begin() as session:
+        assert session.get(Job, "job") is not None
+
+
+def test_a_database_on_a_full_disk_says_so(records: Records) -> None:
+    with records._sessions() as session:
+        session.connection().exec_driver_sql("PRAGMA max_page_count=1")
+    with pytest.raises(NoRoom, match="disk is full"), records._sessions.begin() as session:
+        for i in range(2000):
+            session.add(Job(id=f"job{i}", scene="scene", name="x" * 200, state="queued", created=0.0, request={}))
+    with records._sessions() as session:
+        session.connection().exec_driver_sql("PRAGMA max_page_count=1000000")
+    assert records.all_jobs() == {"job"}
 
 
 def test_two_services_do_not_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Base, Job
 from service.store.upgrade import NewerDatabaseError, upgrade
+from tests.service.store.postgres import find_postgres, running_postgres
 
 # What release 0.1.0 made, word for word as its database said (SELECT sql FROM sqlite_master).
 RELEASE_0_1_0 = Path(__file__).with_name("release_0_1_0.sql").read_text()
@@ -96,14 +97,22 @@ def test_a_step_that_fails_leaves_the_database_as_it_was(tmp_path: Path, monkeyp
     engine.dispose()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def postgres() -> Iterator[Engine]:
+    """The PostgreSQL of RAYFARM_TEST_DATABASE_URL, which is emptied; else one of this machine's, started for these tests."""
     url = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")
+    server = None
     if not url.startswith("postgresql"):
-        pytest.skip("needs a PostgreSQL that may be emptied: RAYFARM_TEST_DATABASE_URL=postgresql+psycopg://...")
+        binaries = find_postgres()
+        if binaries is None:
+            pytest.skip("no PostgreSQL here: install one, or set RAYFARM_TEST_DATABASE_URL to one that may be emptied")
+        server = running_postgres(binaries)
+        url = server.start()
     engine = create_engine(url)
     yield engine
     engine.dispose()
+    if server is not None:
+        server.stop()
 
 
 @pytest.mark.parametrize("is_old", [False, True])

@@ -1,5 +1,6 @@
 """Every material: samples follow their density, weights are eval over density, light is neither made nor directed."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -228,21 +229,23 @@ def test_white_in_a_white_furnace(what, least, roughness, degrees):
     assert least - limit(160) * error <= albedo <= 1.005 + limit(160) * error
 
 
-@pytest.mark.parametrize("turn", [0, 45, 90])
-@pytest.mark.parametrize("degrees", [0, 60, 80, 86])
-@pytest.mark.parametrize("roughness", [0.15, 0.35, 0.7])
-@pytest.mark.parametrize("anisotropy", [0.5, 0.8, 1.0])
-@pytest.mark.parametrize(
-    "what",
-    [
-        {},
-        {"metallic": 0.5},
-        {"metallic": 1.0},
-        {"diffuse_transmission": 0.5},
-        {"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)},
-    ],
-    ids=str,
-)
+BRUSHED = [
+    {},
+    {"metallic": 0.5},
+    {"metallic": 1.0},
+    {"diffuse_transmission": 0.5},
+    {"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)},
+]
+
+
+def grid():
+    """What is brushed, how, and whence it is seen: the corners always, what lies between them with --long."""
+    for what, *place in itertools.product(BRUSHED, (0.5, 0.8, 1.0), (0.15, 0.35, 0.7), (0, 60, 80, 86), (0, 45, 90)):
+        between = any(at in inner for at, inner in zip(place, ((0.8,), (0.35,), (60, 86), (45,)), strict=True))
+        yield pytest.param(what, *place, marks=pytest.mark.long if between else (), id=str((what, *place)))
+
+
+@pytest.mark.parametrize(("what", "anisotropy", "roughness", "degrees", "turn"), list(grid()))
 def test_white_and_brushed_in_a_white_furnace(what, anisotropy, roughness, degrees, turn):
     """Seen along the grooves, across them and between, where they lose the least light to themselves and the most."""
     n = 40_000

@@ -1,0 +1,37 @@
+"""Rows by the ids that are in paths."""
+
+from __future__ import annotations
+
+from service.errors import NotFound
+from service.farm import Farm
+from service.store.models import Job, Scene
+
+__all__ = ["find_job", "find_scene", "no_job", "no_scene"]
+
+
+def find_job(id: str, farm: Farm) -> Job:
+    """The job's row. Raises NotFound."""
+    with farm.sessions() as session:
+        job = session.get(Job, id)
+    if job is None:
+        raise no_job(id)
+    return job
+
+
+def find_scene(id: str, farm: Farm) -> Scene:
+    """The scene's row. Raises NotFound."""
+    with farm.sessions() as session:
+        scene = session.get(Scene, id)
+    if scene is None:
+        raise no_scene(id)
+    return scene
+
+
+def no_job(id: str) -> NotFound:
+    """There is no such job."""
+    return NotFound(f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")
+
+
+def no_scene(id: str) -> NotFound:
+    """There is no such scene."""
+    return NotFound(f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")

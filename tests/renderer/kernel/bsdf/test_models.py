@@ -1,0 +1,37 @@
+"""That a model is whole: docs/architecture.md, "To add X, touch Y", as a test."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import get_args
+
+import renderer.kernel.bsdf
+from renderer.arrays import rows
+from renderer.scene.description import MaterialKind
+from tests.renderer.kernel.bsdf.test_bsdf import MODELS
+
+# What scatters into single directions has no density, and what is unlit does not scatter.
+DELTA = ("sample_mirror", "sample_glass", "sample_smooth_conductor")
+JUDGED_ELSEWHERE = {"mirror", "unlit"}
+
+
+def test_every_lobe_that_is_sampled_is_evaluated_and_has_a_density():
+    folder = Path(renderer.kernel.bsdf.__file__).parent
+    lobes = 0
+    for path in folder.glob("*.py"):
+        module = import_module(f"renderer.kernel.bsdf.{path.stem}")
+        public = set(getattr(module, "__all__", ()))
+        for name in public:
+            if not name.startswith("sample_") or name in DELTA or name == "sample_visible_normal":
+                continue
+            lobe = name.removeprefix("sample_")
+            assert public >= {f"eval_and_pdf_{lobe}"} or public >= {f"eval_{lobe}", f"pdf_{lobe}"}, f"{path.name}: {name}"
+            lobes += 1
+    assert lobes >= 8
+
+
+def test_every_kind_of_material_has_a_number_and_is_judged_by_chi_squared():
+    for kind in get_args(MaterialKind):
+        assert isinstance(getattr(rows, kind.upper()), int), kind
+    assert {m.kind for m in MODELS.values()} | JUDGED_ELSEWHERE == set(get_args(MaterialKind))

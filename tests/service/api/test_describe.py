@@ -1,0 +1,65 @@
+"""Rows that this release cannot describe: each is one line of the list, and the list is there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, Service, until
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("describe") / "data", redis_server.url)
+    with service.worker():
+        yield service
+    service.stop()
+
+
+def write(service: Service, table: str, id: str, column: str, value: Any) -> None:
+    with service.farm.sessions.begin() as session:
+        session.execute(text(f"UPDATE {table} SET {column} = :value WHERE id = :id"), {"value": value, "id": id})
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("request", "[1, 2]"),
+        ("request", "{broken"),
+        ("settings", '"a text"'),
+        ("settings", "{broken"),
+        ("state", "resting"),
+        ("spp", "many"),
+    ],
+)
+def test_a_job_of_another_release_does_not_hide_the_others(service: Service, column: str, value: str) -> None:
+    scene = service.ready_scene()
+    good, bad = service.submit(scene), service.submit(scene)
+    for job in (good, bad):
+        service.wait_for(job, "finished")
+    write(service, "jobs", bad, column, value)
+    listed = {job["id"]: job for job in service.http.get("/api/jobs").raise_for_status().json()}
+    assert listed[good]["state"] == "finished" and listed[good]["error"] is None
+    assert listed[bad] == service.job(bad)
+    if value not in ("[1, 2]", "{broken"):  # what is asked for and what came of it stand for each other
+        assert "another release" in listed[bad]["error"]
+        assert listed[bad]["samples"] == listed[good]["samples"]
+    assert service.http.delete(f"/api/jobs/{bad}").status_code == 204
+    assert service.http.get("/metrics").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("column", "value"), [("info", '{"counts": 7}'), ("info", "[]"), ("files", "{broken"), ("notes", "7"), ("status", "resting")]
+)
+def test_a_scene_of_another_release_does_not_hide_the_others(service: Service, column: str, value: str) -> None:
+    good, bad = service.ready_scene(), service.upload(OBJ + f"# {column} {len(value)}".encode())
+    until(lambda: service.scene(bad)["status"] == "ready", "the scene is prepared")
+    write(service, "scenes", bad, column, value)
+    listed = {scene["id"]: scene for scene in service.http.get("/api/scenes").raise_for_status().json()}
+    assert listed[good]["status"] == "ready"
+    if value != "[]":  # as good as nothing
+        assert "another release" in listed[bad]["error"]

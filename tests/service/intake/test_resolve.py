@@ -1,0 +1,47 @@
+"""From what was asked, and what the scene has, to settings that fix every sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from renderer.errors import SettingsError
+from renderer.settings import RenderSettings
+from service.intake.resolve import resolve
+from service.store.models import Job, Scene
+
+EYES = {"front": [0, 1, 5], "7": [0, 9, 1]}
+INFO = {
+    "cameras": [{"name": name, "view": {"eye": eye, "target": [0, 1, 0], "focus": None}} for name, eye in EYES.items()],
+    "defaults": {"width": 100, "height": 50, "max_depth": 3, "ambient": [0.1, 0.2, 0.3]},
+}
+
+
+def resolved(**request: Any) -> RenderSettings:
+    job = Job(request=request)
+    resolve(job, Scene(info=INFO), 1 << 20)
+    assert job.settings is not None
+    return RenderSettings.from_json(job.settings)
+
+
+def test_the_scene_says_what_the_request_leaves_out() -> None:
+    made = resolved(max_depth=5, height=25)
+    assert (made.width, made.height, made.max_depth, made.ambient) == (50, 25, 5, (0.1, 0.2, 0.3))
+    made = resolved(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
+    assert (made.environment, made.environment_strength, made.environment_rotation) == ((1.0, 2.0, 3.0), 0.5, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("camera", "name"), [(None, "front"), ("front", "front"), ("0", "front"), (1, "7"), ("1", "7"), ("7", "7")]
+)
+def test_a_camera_is_meant_by_its_name_or_its_number(camera: str | int | None, name: str) -> None:
+    assert resolved(camera=camera).view.eye == tuple(EYES[name])
+
+
+@pytest.mark.parametrize("camera", ["²", "9" * 5000, "1234567", "-1", " 1", "side", "", 2, "2", 10**30])
+def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | int) -> None:
+    """The engine asks this again for what waits: any other error would stop all jobs."""
+    with pytest.raises(SettingsError, match=r"^camera is .*(0: front, 1: 7|the scene has 2)") as caught:
+        resolved(camera=camera)
+    assert len(str(caught.value)) < 200

@@ -1,0 +1,42 @@
+"""Written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from service.store.whole import move_whole, write_whole
+
+
+def test_bytes_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    temporary, target = tmp_path / "temporary", tmp_path / "target"
+    temporary.write_bytes(b"content")
+    synced = []
+    fsync = os.fsync
+
+    def see(handle: int) -> None:
+        path = Path(f"/proc/self/fd/{handle}").readlink() if Path("/proc/self/fd").is_dir() else None
+        synced.append((path, target.exists()))
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", see)
+    move_whole(temporary, target)
+    assert synced in ([(temporary, False), (tmp_path, True)], [(None, False), (None, True)])
+    assert target.read_bytes() == b"content"
+
+
+def test_a_write_that_fails_leaves_the_old_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "file"
+    write_whole(path, b"old")
+
+    def full(handle: int) -> None:
+        raise OSError("no room")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="no room"):
+        write_whole(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [each.name for each in tmp_path.iterdir()] == ["file"]
+    assert path.stat().st_mode & 0o777 == 0o600

@@ -1,0 +1,134 @@
+"""A setting is declared once: one more field, and the command, the API, scene files and the page know it."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import pytest
+import typer
+from pydantic import ValidationError
+from typer.testing import CliRunner
+
+from rayfarm import picture
+from renderer.declared import Choices, Declared, Setting, Shown, table
+from renderer.described import described
+from renderer.errors import SettingsError
+from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, schema
+from renderer.settings import OPTIONAL, RenderSettings, View
+from service.api.declared_fields import with_fields
+from service.api.schemas import JobIn
+from tests.helpers import ROOT
+from worker import reproduce
+from worker.reproduce import sample_command
+
+VIEW = View((0, 1, 5), (0, 1, 0))
+SHAPES = Choices({"star": Shown("Star", "Six points."), "dot": Shown("Dot")})
+
+
+@dataclass(frozen=True)
+class Snowy(RenderSettings):
+    """The settings of a renderer that has two more."""
+
+    glitter: Annotated[
+        float,
+        Setting(0.1, 2.0, off=0.0),
+        Shown("Glitter", "How much the snow sparkles.", integrators=("path",), off="dull", option="sparkle"),
+    ] = 0.0
+    flake: Annotated[str, Setting(choices=SHAPES), Shown("Flake", "Its shape.", group="lab", section="Samples")] = "star"
+
+
+ALL = table(Snowy)
+MORE: dict[str, Declared] = {name: ALL[name] for name in ("glitter", "flake")}
+
+
+def test_the_renderer_checks_it() -> None:
+    assert Snowy(8, 8, VIEW, glitter=1).glitter == 1.0
+    assert Snowy.from_json(json.loads(json.dumps(Snowy(8, 8, VIEW, flake="dot").to_json()))) == Snowy(8, 8, VIEW, flake="dot")
+    with pytest.raises(SettingsError, match=r"^glitter is 0.05; it lies between 0.1 and 2, or is 0: dull$"):
+        Snowy(8, 8, VIEW, glitter=0.05)
+    with pytest.raises(SettingsError, match=r"^flake is 'ball'; known are star, dot$"):
+        Snowy(8, 8, VIEW, flake="ball")
+
+
+def test_the_command_has_an_option_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(picture, "ASKED", {**picture.ASKED, **MORE})
+    found: list[picture.Picture] = []
+    app = typer.Typer()
+
+    @app.command()
+    @picture.takes_picture
+    def command(picture: picture.Picture = picture.Picture()) -> None:
+        found.append(picture)
+
+    done = CliRunner().invoke(app, ["--sparkle=0.5", "--flake=dot"])
+    assert done.exit_code == 0, done.output
+    assert (found[0].asked()["glitter"], found[0].asked()["flake"]) == (0.5, "dot")
+    assert found[0].request([{"name": "c", "view": {}}])["glitter"] == 0.5
+    said = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output.split())
+    assert "How much the snow sparkles. 0.1 to 2; 0: dull." in said
+    assert "Its shape: star, dot." in said
+
+
+def test_the_api_takes_it() -> None:
+    model: Any = with_fields(MORE, of_scene=True)(JobIn)
+    assert model(scene="s", glitter=0.5, flake="dot").model_dump()["glitter"] == 0.5
+    assert model(scene="s").glitter is None, "the scene file is asked first"
+    for wrong in ({"glitter": 0.05}, {"glitter": 3}, {"flake": "ball"}, {"glitter": "much"}):
+        with pytest.raises(ValidationError):
+            model(scene="s", **wrong)
+    shown = model.model_json_schema()["properties"]
+    assert {"type": "number", "minimum": 0.0, "maximum": 2.0} in shown["glitter"]["anyOf"]
+    assert shown["glitter"]["description"].startswith("How much the snow sparkles.")
+    assert shown["flake"]["enum"] == ["star", "dot", None]
+
+
+def test_scene_files_and_their_guide_have_it() -> None:
+    settings = filled_in(schema(), {**SCENE_SETTINGS, **MORE})["properties"]["settings"]["properties"]
+    assert settings["glitter"] == {
+        "description": "How much the snow sparkles.",
+        "type": "number",
+        "minimum": 0,
+        "maximum": 2,
+    }
+    made = runpy.run_path(str(ROOT / "docs" / "settings_table.py"))
+    text = made["schema_text"]((ROOT / "renderer" / "scene" / "schema.json").read_text(), {**SCENE_SETTINGS, **MORE})
+    assert json.loads(text)["properties"]["settings"]["properties"] == settings
+    guide = made["guide_text"]((ROOT / "docs" / "scene-format.md").read_text(), {**SCENE_SETTINGS, **MORE})
+    assert "| `glitter` | `0` | 0.1 to 2; 0: dull | How much the snow sparkles. Of `path`. |" in guide
+
+
+def test_the_page_is_told_of_it() -> None:
+    """And makes a field of it: tests/e2e/test_settings_form.py."""
+    told = {each["name"]: each for each in json.loads(json.dumps(described(ALL)))["settings"]}
+    assert told["glitter"]["off"] == {"value": 0, "label": "dull"}
+    assert told["glitter"]["integrators"] == ["path"]
+    assert told["glitter"]["option"] == "--sparkle"
+    assert told["flake"]["choices"] == [
+        {"name": "star", "label": "Star", "help": "Six points."},
+        {"name": "dot", "label": "Dot", "help": ""},
+    ]
+
+
+def test_a_failing_batchs_command_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reproduce, "SETTINGS", ALL)
+    monkeypatch.setattr(reproduce, "OPTIONAL", (*OPTIONAL, *MORE))
+    assert "--sparkle=0.25 --flake=dot" in sample_command(Snowy(8, 8, VIEW, glitter=0.25, flake="dot"), 1, 2, 3)
+
+
+def test_every_setting_is_described() -> None:
+    """In sentences; and an integrator or a projection that looks at it is one that there is."""
+    told = described()
+    integrators = {choice["name"] for choice in next(s for s in told["settings"] if s["name"] == "integrator")["choices"]}
+    projections = {choice["name"] for choice in next(s for s in told["view"] if s["name"] == "projection")["choices"]}
+    for each in [*told["settings"], *told["view"], *told["work"]]:
+        assert each["label"], each
+        assert each["help"].endswith("."), each
+        assert set(each["integrators"] or ()) <= integrators, each
+        assert set(each["projections"] or ()) <= projections, each
+        assert each["phrase"].count("{}") == 1, each
+        assert all(choice["label"] and choice["help"].endswith(".") for choice in each["choices"] or ()), each
+    names = [each["option"] for part in told.values() for each in part if each["name"] not in ("width", "height", "environment")]
+    assert len(names) == len(set(names)), "two settings have one option"
