@@ -96,13 +96,10 @@ export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: ch
 /** @param {string} id @returns {Promise<void>} */
 export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
 
-/** @returns {Promise<Info>} */
-export const getInfo = () => call("GET", "/info");
-
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");
 
-/** @returns {Promise<import("./types.js").SettingsTable>} and more that the page does not read */
+/** @returns {Promise<Info>} */
 export const getInfo = () => call("GET", "/info");
 
 /** @returns {Promise<Example[]>} */

@@ -34,8 +34,7 @@
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
- * @typedef {object} Info what this farm is and takes
- * @property {string[]} formats the suffixes of what may be uploaded, archives among them
+ * @typedef {SettingsTable & {formats: string[]}} Info what this farm takes; formats: suffixes of what may be uploaded
  *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *

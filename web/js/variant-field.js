@@ -11,8 +11,8 @@ export function variantField({ variants = [], variant = null }) {
   // By number: names may be alike. The scene's own comes by its name, or by its number where another has that name too.
   const own = variant === null ? "" : String(variants.includes(variant) ? variants.indexOf(variant) : Number(variant));
   const choices = [
-    { name: "", label: "The file's own", hint: "As it was saved." },
-    ...variants.map((label, i) => ({ name: String(i), label, hint: "" })),
+    { name: "", label: "The file's own", help: "As it was saved." },
+    ...variants.map((label, i) => ({ name: String(i), label, help: "" })),
   ];
   const field = choiceField("Materials", choices, own);
   return { elements: [field.element], get: () => (field.get() === own ? {} : { variant: field.get() }) };

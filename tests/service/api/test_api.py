@@ -20,7 +20,7 @@ from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
 from service.store.models import Scene
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, TOKEN, Service, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import expected_sums
 
 
@@ -121,45 +121,6 @@ def test_what_is_wrong_in_a_request_is_named(service: Service, scene: str, chang
     found = problem(service.http.post("/api/jobs", content=body, headers={"content-type": "application/json"}), 422)
     assert field in [error["field"] for error in found["errors"]]
     assert says in found["detail"]
-
-
-def test_a_variant_makes_the_scene_another_one(service: Service) -> None:
-    """By its name or its number, from the scene itself or from another of its variants; and under a sky as well."""
-    scene = service.upload(OBJ + b"# variants\n")
-    until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
-    assert (service.scene(scene)["variants"], service.scene(scene)["variant"]) == (["beach", "night", "night"], None)
-
-    def scene_of(of: str, variant: str, **more: Any) -> str:
-        return str(service.job(service.submit(of, variant=variant, **more))["scene"])
-
-    shown = {"Authorization": f"Bearer {TOKEN}"}
-    night = scene_of(scene, "night")
-    assert night != scene
-    assert service.scene(night)["variant"] == "night"
-    assert service.scene(night)["files"] == service.scene(scene)["files"]
-    assert service.http.get(f"/api/farm/scenes/{night}/manifest", headers=shown).json()["variant"] == "night"
-    until(lambda: service.scene(night)["status"] == "ready", "the variant is prepared")
-    assert scene_of(scene, "1") == scene_of(night, "night") == night, "the same variant is the same scene"
-    assert service.scene(scene_of(scene, "2"))["variant"] == "2", "names may be alike"
-    assert scene_of(night, "") == scene, "and back to the file's own materials"
-    assert service.job(service.submit(night))["scene"] == night
-    both = service.scene(scene_of(night, "0", environment={"sky": {"elevation": 30}}))
-    assert both["variant"] == "beach"
-    lit = service.job(service.submit(night, environment={"sky": {"elevation": 30}}))["scene"]
-    assert service.scene(lit)["variant"] == "night", "a sky leaves the materials as they are"
-    with service.farm.sessions() as session:
-        assert {session.get(Scene, id).environment for id in (both["id"], lit)} == {"sky:30,0"}
-
-
-def test_an_unknown_variant_is_told_which_there_are(service: Service, scene: str) -> None:
-    with_variants = service.upload(OBJ + b"# variants\n")
-    until(lambda: service.scene(with_variants)["status"] == "ready", "the scene is prepared")
-    for variant in ("day", "3", "²", "-1"):
-        answer = service.http.post("/api/jobs", json={"scene": with_variants, "variant": variant})
-        assert "its variants are 0: beach, 1: night, 2: night" in problem(answer, 422)["detail"]
-    assert "it has none" in problem(service.http.post("/api/jobs", json={"scene": scene, "variant": "day"}), 422)["detail"]
-    problem(service.http.post("/api/jobs", json={"scene": "none", "variant": "day"}), 404)
-    problem(service.http.post("/api/jobs", json={"scene": scene, "variant": 1}), 422)
 
 
 def test_a_sky_makes_the_scene_another_one(service: Service, scene: str) -> None:

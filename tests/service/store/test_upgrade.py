@@ -11,12 +11,14 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
+from alembic.operations import Operations
 from sqlalchemy import Engine, create_engine, inspect, text
 
 from service.errors import CannotStart
 from service.farm import Farm
 from service.settings import Settings
 from service.store.database import connect
+from service.store.migrations.versions import r0001_release_0_1_0
 from service.store.models import Base, Job
 from service.store.upgrade import upgrade
 from tests.service.store.postgres import find_postgres, running_postgres
@@ -122,8 +124,10 @@ def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
     with postgres.begin() as connection:
         connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
     if is_old:
-        Base.metadata.create_all(postgres)  # as release 0.1.0 did; where the models go on, they are no longer its tables
         with postgres.begin() as connection:
+            operations = Operations(MigrationContext.configure(connection))
+            with Operations.context(operations.migration_context):
+                r0001_release_0_1_0.upgrade()  # its tables, and like it no revision written down
             connection.execute(
                 Base.metadata.tables["jobs"].insert(),
                 {"id": "job", "scene": "s", "name": "", "state": "finished", "created": 0.0, "request": {}},
