@@ -125,13 +125,14 @@ def keep(
 
     Raises FarmError; then nothing of it is left.
     """
+    sent: list[tuple[str, BlobWriter]] = []
     files: dict[str, BlobWriter] = {}
     notes: list[str] = []
     try:
         title = plain_title(form.fields.get("name", ""))
-        for name, writer in _expanded(form, store, settings, check_disk):
+        sent = _expanded(form, store, settings, check_disk)
+        for name, writer in sent:
             if name in files:
-                writer.discard()
                 raise Invalid(f"The file {name} is there twice. Send it once.")
             files[name] = writer
         _refuse_files_as_folders(files)
@@ -145,7 +146,7 @@ def keep(
             return record(Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes))
     finally:
         form.discard()
-        for writer in files.values():
+        for _, writer in sent:
             writer.discard()
 
 
