@@ -6,7 +6,7 @@
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks; more arguments go to pytest
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
-    python3 farm.py bench [...]            the benchmarks
+    python3 farm.py bench [...]            the benchmarks; `bench peers` holds us against Mitsuba, Embree and Cycles
 
 Needs Python 3.11 or 3.12 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
 so that a wrong version gets a sentence and not a traceback.
@@ -24,9 +24,12 @@ ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
 FOR_TESTS = ("test",)
+FOR_BENCHMARKS = ("docs", "test")
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
+EMBREE = ROOT / ".venv-embree"
+EMBREEX = "embreex>=4.4,<5"
 
 
 def main():
@@ -45,7 +48,7 @@ def main():
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
-        return run_benchmarks(install(FOR_TESTS), rest)
+        return run_benchmarks(install(FOR_BENCHMARKS), rest)
     install()
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
@@ -90,7 +93,7 @@ def install(extras=()):
     if not usable(python):
         make_environment()
         known = []
-    extras = sorted(set(extras) | (set(known[1:]) & set(FOR_TESTS)))
+    extras = sorted(set(extras) | (set(known[1:]) & set(FOR_BENCHMARKS)))
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
     target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
@@ -200,17 +203,35 @@ def run_peers(python, arguments):
 
 def install_blender():
     """A Python with Blender as a module, in an environment of its own: it wants another numpy than Rayfarm."""
-    python = CYCLES / "bin" / "python"
-    works = python.exists() and subprocess.call([str(python), "-c", "import bpy"], stdout=subprocess.DEVNULL) == 0
-    if works:
-        return python
+    if imports(CYCLES, "bpy"):
+        return CYCLES / "bin" / "python"
     maker = shutil.which("python3.11")
     if maker is None:
         fail("Blender's module needs Python 3.11 beside this one. On Debian: apt install python3.11 python3.11-venv")
     say("installing Blender as a Python module into .venv-cycles (once; 370 MB are fetched) ...")
-    shutil.rmtree(str(CYCLES), ignore_errors=True)
-    subprocess.check_call([maker, "-m", "venv", str(CYCLES)])
-    pip(python, ["install", BLENDER])
+    return install_apart(CYCLES, maker, BLENDER)
+
+
+def install_embree():
+    """A Python with Embree, in an environment of its own: beside Rayfarm, trimesh would make use of it."""
+    if imports(EMBREE, "embreex"):
+        return EMBREE / "bin" / "python"
+    say("installing Embree into .venv-embree (once; 20 MB are fetched) ...")
+    return install_apart(EMBREE, sys.executable, EMBREEX)
+
+
+def imports(folder, module):
+    """Whether the environment in this folder works, and has this module."""
+    python = folder / "bin" / "python"
+    return python.exists() and subprocess.call([str(python), "-c", "import " + module], stdout=subprocess.DEVNULL) == 0
+
+
+def install_apart(folder, maker, package):
+    """An environment of its own, made by that Python, with one package and what it needs."""
+    python = folder / "bin" / "python"
+    shutil.rmtree(str(folder), ignore_errors=True)
+    subprocess.check_call([maker, "-m", "venv", str(folder)])
+    pip(python, ["install", package])
     return python
 
 

@@ -45,6 +45,14 @@ def as_gltf_says(material: bpy.types.Material) -> None:
 
 def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: list[float]) -> None:
     """One picture."""
+    prepare(glb, size, max_depth, sky)
+    bpy.context.scene.render.filepath = exr
+    bpy.context.scene.cycles.samples = samples
+    bpy.ops.render.render(write_still=True)
+
+
+def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
+    """The file is Blender's scene, seen by its camera, with Cycles' settings those that we have too."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=glb)
     for material in bpy.data.materials:
@@ -61,10 +69,8 @@ def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: lis
     scene.render.film_transparent = False
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
-    scene.render.filepath = exr
     cycles = scene.cycles
     cycles.device = "CPU"
-    cycles.samples = samples
     cycles.use_adaptive_sampling = False
     cycles.use_denoising = False
     cycles.pixel_filter_type = "BOX"
@@ -78,7 +84,6 @@ def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: lis
     cycles.blur_glossy = 0.0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.light_sampling_threshold = 0.0
-    bpy.ops.render.render(write_still=True)
 
 
 if __name__ == "__main__":

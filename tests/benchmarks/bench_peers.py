@@ -1,0 +1,122 @@
+"""Held against Mitsuba, Embree and Cycles, each at its best, in turn; and against what is asked of us where there is no peer.
+
+    python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--out FOLDER]
+
+Prints medians, spread and ratios beside what is to be reached, and which lines fall short; writes peers.json, peers.txt and
+a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Hours without --quick; the machine has to be quiet.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from renderer.render import warm_up
+from tests.benchmarks.peers.cold import cold_lines
+from tests.benchmarks.peers.cycles import cycles_lines
+from tests.benchmarks.peers.errors import error_lines
+from tests.benchmarks.peers.measure import Line
+from tests.benchmarks.peers.pictures import sample_lines
+from tests.benchmarks.peers.rays import build_lines, ray_lines
+from tests.benchmarks.peers.ready import ready_lines
+from tests.benchmarks.peers.report import Report
+from tests.benchmarks.peers.scaling import scaling_lines
+from tests.benchmarks.peers.sizes import FULL, QUICK, Sizes
+from tests.benchmarks.peers.surroundings import MissingPeerError
+from tests.benchmarks.peers.threads import thread_lines
+from tests.helpers import ROOT
+
+ROWS: dict[str, Callable[[Sizes, Path], Iterator[Line]]] = {
+    "samples": sample_lines,
+    "error": error_lines,
+    "cycles": cycles_lines,
+    "rays": ray_lines,
+    "build": build_lines,
+    "ready": ready_lines,
+    "threads": thread_lines,
+    "cold": cold_lines,
+    "scaling": scaling_lines,
+}
+LONG_FILE = 10_000_000  # triangles
+BUSY = 0.3  # of a core, that others use
+
+
+def main() -> int:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="small scenes and one round: whether every row works")
+    parser.add_argument("--long", action="store_true", help=f"also a file of {LONG_FILE:,} triangles")
+    parser.add_argument("--rows", type=_rows, default=list(ROWS), metavar="NAME,...", help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench-peers", help="where the results go (%(default)s)")
+    options = parser.parse_args()
+    sizes = QUICK if options.quick else FULL
+    if options.long:
+        sizes = replace(sizes, ready=(*sizes.ready, LONG_FILE))
+    report = Report(_machine(), options.quick)
+    warm_up()
+    for row in options.rows:
+        _measure(row, sizes, report)
+        report.write(options.out)
+    print("\n" + report.text())
+    print(f"Written to {options.out}")
+    return 1 if report.missing else 0
+
+
+def _measure(row: str, sizes: Sizes, report: Report) -> None:
+    """A row's lines into the report; one that fails does not keep the others from being measured."""
+    begun = time.perf_counter()
+    print(f"{row} ...", flush=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix="rayfarm-peers-") as folder:
+            for line in ROWS[row](sizes, Path(folder)):
+                report.lines.append(line)
+                print(f"  {line.name}: {line.value:.3g} after {time.perf_counter() - begun:.0f} s", flush=True)
+    except MissingPeerError as error:
+        report.missing[row] = str(error)
+    except (Exception, pytest.fail.Exception) as error:
+        traceback.print_exc()
+        report.missing[row] = f"{type(error).__name__}: {error}"
+
+
+def _rows(text: str) -> list[str]:
+    names = text.split(",")
+    unknown = [name for name in names if name not in ROWS]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"there is no row {', '.join(unknown)}; known are {', '.join(ROWS)}")
+    return names
+
+
+def _machine() -> dict[str, Any]:
+    """What the figures hold for; whether others used it at the time."""
+    cores = len(os.sched_getaffinity(0))
+    load = os.getloadavg()[0]
+    if load > BUSY:
+        print(
+            f"This machine is not quiet (load {load:.1f} on {cores} cores): do not take its figures for facts.", file=sys.stderr
+        )
+    known = Path("/proc/cpuinfo")
+    models = [line.split(":", 1)[1].strip() for line in known.read_text().splitlines() if line.startswith("model name")]
+    return {
+        "processor": models[0] if models else platform.processor(),
+        "cores": cores,
+        "load": round(load, 2),
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numba", "numpy", "mitsuba")},
+    }
+
+
+if __name__ == "__main__":
+    os.chdir(ROOT)
+    sys.exit(main())

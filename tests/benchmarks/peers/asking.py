@@ -1,0 +1,58 @@
+"""A peer that runs in a Python of its own, asked line by line."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from tests.helpers import ROOT
+
+__all__ = ["Peer"]
+
+
+class Peer:
+    """A program of this folder under another Python, for the length of a `with` block."""
+
+    def __init__(self, python: Path, program: str) -> None:
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block
+        self._process = subprocess.Popen(
+            [str(python), str(Path(__file__).with_name(program))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+
+    def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
+        """What it answers. Raises RuntimeError with its last words where it cannot."""
+        assert self._process.stdin and self._process.stdout
+        try:
+            self._process.stdin.write(json.dumps({"do": do, **arguments}) + "\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        answer: dict[str, Any] = json.loads(line) if line else {"error": f"it ended with {self._process.wait()}"}
+        if "error" in answer:
+            self._log.seek(0)
+            raise RuntimeError(f"{answer['error']}\n{self._log.read()[-2000:]}".strip())
+        return answer
+
+    def __enter__(self) -> Peer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe:
+                pipe.close()
+        try:
+            self._process.wait(30)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._log.close()

@@ -1,0 +1,86 @@
+"""Row `cold`: how long one waits where no kernel is compiled yet: alone, and as a worker of a farm that has compiled. No peer.
+
+The first is from the start of a farm to the first tile of a job. The second is from the start of `rayfarm worker --join` until
+the farm has it as ready; it has an empty cache, and fetches the kernels.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from renderer.artefact import is_name
+from tests.benchmarks.bench_farm import first_tile
+from tests.benchmarks.peers.measure import Line
+from tests.benchmarks.peers.sizes import Sizes
+from tests.helpers import ROOT, Farm, start_farm, stop_farm
+
+__all__ = ["cold_lines"]
+
+_PATIENCE_S = 240.0
+_NAME = "joins"
+
+
+def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """Two lines; compiling takes too long for many rounds of the first."""
+    first = []
+    for number in range(min(sizes.rounds, 2)):
+        cache = folder / f"cache-{number}"
+        first.append(first_tile(folder / f"cold-{number}", 2, RAYFARM_CACHE=str(cache))[0])
+    yield _line("empty cache to the first tile", first)
+
+    farm = start_farm(folder / "compiled", 1, RAYFARM_CACHE=str(cache))
+    try:
+        _until_handed_in(farm)
+        yield _line(
+            "a worker joins a farm that has compiled", [_join(farm, folder / f"joining-{i}") for i in range(sizes.rounds)]
+        )
+    finally:
+        stop_farm(farm)
+
+
+def _line(name: str, seconds: list[float]) -> Line:
+    return Line("cold", name, statistics.median(seconds), (min(seconds), max(seconds)), "s", tuple(seconds))
+
+
+def _until_handed_in(farm: Farm) -> None:
+    """The farm's first worker gives its kernels to the service beside its work."""
+    deadline = time.monotonic() + _PATIENCE_S
+    while not any(is_name(path.name) for path in (farm.data / "kernels").glob("*")):
+        if time.monotonic() > deadline:
+            raise RuntimeError(f"no kernels were handed in to the farm\n{farm.logs()}")
+        time.sleep(0.1)
+
+
+def _join(farm: Farm, cache: Path) -> float:
+    """Seconds until a worker with an empty cache is ready; then it leaves."""
+    command = [sys.executable, "-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--name", _NAME]
+    environment = {**os.environ, "RAYFARM_TOKEN": farm.token, "RAYFARM_CACHE": str(cache)}
+    begun = time.perf_counter()
+    worker = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        with farm.client() as client:
+            while not any(w.name == _NAME and w.state == "ready" for w in client.workers()):
+                if time.perf_counter() - begun > _PATIENCE_S or worker.poll() is not None:
+                    raise RuntimeError(f"the worker that joins is not ready\n{farm.logs()}")
+                time.sleep(0.02)
+            seconds = time.perf_counter() - begun
+            worker.terminate()
+            worker.wait(30)
+            while any(w.name == _NAME for w in client.workers()):
+                if time.perf_counter() - begun > _PATIENCE_S:
+                    raise RuntimeError("the worker that left stays in the farm's list")
+                time.sleep(0.1)
+        return seconds
+    finally:
+        worker.kill()
+        worker.wait()
+        shutil.rmtree(cache, ignore_errors=True)

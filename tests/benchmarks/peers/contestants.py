@@ -1,0 +1,74 @@
+"""We and Mitsuba, each with a scene made ready: both give a picture for a number of samples and a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.film import mean
+from renderer.render import RenderStats, render_frame
+from renderer.scene.compile import compile_scene
+from tests.benchmarks.peers.scenes import DEPTH, Case
+from tests.benchmarks.peers.surroundings import mitsuba_with_llvm
+from tests.peers.mitsuba_scene import mitsuba_dict
+
+__all__ = ["Mitsuba", "Rayfarm", "converged"]
+
+_AT_ONCE = 256  # samples a pixel of a part of a reference
+
+
+class Rayfarm:
+    """Ours, with its own sampler: Owen-scrambled Sobol' points."""
+
+    def __init__(self, case: Case, pixels: int, **more: Any) -> None:
+        self.scene = compile_scene(case.description)
+        self.settings = case.settings(pixels, **more)
+        self.stats = RenderStats()
+
+    def picture(self, spp: int, seed: int, threads: int | None = None) -> np.ndarray:
+        """(h, w, 3)."""
+        settings = replace(self.settings, seed=seed)
+        return mean(render_frame(self.scene, settings, spp, threads, stats=self.stats), settings.film_exponent)
+
+
+class Mitsuba:
+    """Mitsuba at its best: vectorised by LLVM, on all cores, its own Russian roulette, one-sided surfaces, shared materials."""
+
+    def __init__(self, case: Case, pixels: int, sampler: str, folder: Path) -> None:
+        self.mi = mitsuba_with_llvm()
+        made = mitsuba_dict(self.mi, case.description, case.settings(pixels, sampler="independent"), folder)
+        made["integrator"] = {"type": "path", "max_depth": DEPTH}
+        made["sensor"]["sampler"] = {"type": sampler}
+        made = _shared(made)
+        if case.theirs is not None:
+            case.theirs(self.mi, made)
+        self.scene = self.mi.load_dict(made)
+
+    def picture(self, spp: int, seed: int) -> np.ndarray:
+        """(h, w, 3)."""
+        return np.array(self.mi.render(self.scene, spp=spp, seed=seed))
+
+
+def converged(picture: Callable[[int, int], np.ndarray], spp: int) -> np.ndarray:
+    """The mean of pictures of seeds that nothing else uses, of so many samples together."""
+    parts = max(1, spp // _AT_ONCE)
+    return np.mean([picture(min(spp, _AT_ONCE), 1000 + part) for part in range(parts)], axis=0)
+
+
+def _shared(made: dict[str, Any]) -> dict[str, Any]:
+    """The same scene with each material once, and without the backs of surfaces, which no view of ours sees."""
+    names: dict[int, str] = {}
+    scene: dict[str, Any] = {}
+    for key, part in made.items():
+        if isinstance(part, dict) and isinstance(part.get("bsdf"), dict):
+            material = part["bsdf"]
+            if id(material) not in names:
+                names[id(material)] = f"bsdf{len(names)}"
+                scene[names[id(material)]] = material["bsdf"] if material["type"] == "twosided" else material
+            part["bsdf"] = {"type": "ref", "id": names[id(material)]}
+        scene[key] = part
+    return scene

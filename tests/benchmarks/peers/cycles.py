@@ -1,0 +1,62 @@
+"""Row `cycles`: a GLB file of textured objects in a white world, as Blender's Cycles and as we render it.
+
+What Cycles needs to get ready is not counted: its scene is kept from picture to picture, and the time of one sample is taken off.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from renderer.image.read import read as read_image
+from renderer.scene.load import read
+from tests.benchmarks.peers.asking import Peer
+from tests.benchmarks.peers.contestants import Rayfarm, converged
+from tests.benchmarks.peers.files import textured_objects
+from tests.benchmarks.peers.measure import Line, Taken, error_line, race, ratio_line, relative_error, taken
+from tests.benchmarks.peers.scenes import DEPTH, Case
+from tests.benchmarks.peers.sizes import Sizes
+from tests.benchmarks.peers.surroundings import python_with_bpy
+
+__all__ = ["cycles_lines"]
+
+_WHITE = (1.0, 1.0, 1.0)
+
+
+def cycles_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """Samples a second, and the error in the same time."""
+    glb = textured_objects(folder / "objects.glb", sizes.small_mesh // 8, sizes.texture)
+    description = read(folder, glb.name)
+    ours = Rayfarm(Case("textured objects", description, description.cameras[0].view), sizes.picture, environment=_WHITE)
+    spp = sizes.spp
+    with Peer(python_with_bpy(), "cycles_peer.py") as cycles:
+        version = cycles.ask("load", glb=str(glb), size=sizes.picture, max_depth=DEPTH, sky=_WHITE)["version"]
+
+        def picture(count: int, seed: int) -> np.ndarray:
+            path = folder / "cycles.exr"
+            cycles.ask("render", samples=count, seed=seed, exr=str(path))
+            return read_image(path.read_bytes(), path.name)[..., :3]
+
+        def they(seed: int) -> Taken:
+            """For spp samples, by what spp more take than one."""
+            few, many = (cycles.ask("render", samples=count, seed=seed) for count in (1, 1 + spp))
+            return Taken(many["wall"] - few["wall"], many["cpu"] - few["cpu"])
+
+        ours.picture(1, 0)
+        picture(1, 0)
+        run = race(lambda number: taken(lambda: ours.picture(spp, 1 + number)), they, sizes.rounds)
+        total = sizes.picture**2 * spp / 1e6
+        rates = [[total / seconds for seconds in side] for side in run.walls]
+        notes = {"cpu_ratio": run.cpu_ratio, "version": version}
+        yield ratio_line("cycles", "samples a second", run.ratios, "M samples/s", *rates, **notes)
+
+        in_time = max(1, round(spp * statistics.median(run.ratios)))
+        seeds = range(1, 1 + sizes.rounds)
+        truth = converged(picture, sizes.reference_spp)
+        peers = [relative_error(picture(spp, seed), truth) for seed in seeds]
+    truth = converged(ours.picture, sizes.reference_spp)
+    errors = [relative_error(ours.picture(in_time, seed), truth) for seed in seeds]
+    yield error_line("cycles", "error in the same time", errors, peers, our_samples=in_time, peer_samples=spp)

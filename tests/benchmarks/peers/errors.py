@@ -1,0 +1,46 @@
+"""Rows `error-time` and `error-samples`: the noise of pictures against Mitsuba's best sampler, multijitter.
+
+Each side is held against a converged picture of its own, so that what the two mean differently by a material plays no part. For
+the same time, ours takes as many samples as it renders in the time that Mitsuba takes for its number, which is a square.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.benchmarks.peers.contestants import Mitsuba, Rayfarm, converged
+from tests.benchmarks.peers.measure import Line, error_line, race, relative_error, taken
+from tests.benchmarks.peers.scenes import CASES, Case
+from tests.benchmarks.peers.sizes import Sizes
+
+__all__ = ["error_lines"]
+
+_NOT_ASKED = ("large mesh, rough plastic",)  # its noise is the diffuse one's
+
+
+def error_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """Two lines a scene."""
+    for name, make in CASES.items():
+        if name not in _NOT_ASKED:
+            yield from _lines(name, make(sizes), sizes, folder)
+
+
+def _lines(name: str, case: Case, sizes: Sizes, folder: Path) -> Iterator[Line]:
+    ours, theirs = Rayfarm(case, sizes.error_picture), Mitsuba(case, sizes.error_picture, "multijitter", folder)
+    spp = sizes.error_spp
+    ours.picture(1, 0)
+    theirs.picture(spp, 0)
+    run = race(
+        lambda number: taken(lambda: ours.picture(spp, 1 + number)),
+        lambda number: taken(lambda: theirs.picture(spp, 1 + number)),
+        sizes.rounds,
+    )
+    in_time = max(1, round(spp * statistics.median(run.ratios)))
+    seeds = range(1, 1 + sizes.rounds)
+    their_truth, our_truth = (converged(side.picture, sizes.reference_spp) for side in (theirs, ours))
+    peers = [relative_error(theirs.picture(spp, seed), their_truth) for seed in seeds]
+    for row, count in (("error-time", in_time), ("error-samples", spp)):
+        errors = [relative_error(ours.picture(count, seed), our_truth) for seed in seeds]
+        yield error_line(row, name, errors, peers, our_samples=count, peer_samples=spp)

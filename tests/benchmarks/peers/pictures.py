@@ -1,0 +1,36 @@
+"""Row `samples`: samples a second against Mitsuba. Mitsuba draws independent samples, its quickest; ours are Sobol' points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.benchmarks.peers.contestants import Mitsuba, Rayfarm
+from tests.benchmarks.peers.measure import Line, race, ratio_line, taken
+from tests.benchmarks.peers.scenes import CASES, Case
+from tests.benchmarks.peers.sizes import Sizes
+
+__all__ = ["sample_lines"]
+
+
+def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """One line a scene."""
+    for name, make in CASES.items():
+        yield _line(name, make(sizes), sizes, folder)
+
+
+def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
+    """Both have rendered the same picture before the clock starts."""
+    ours, theirs = Rayfarm(case, sizes.picture), Mitsuba(case, sizes.picture, "independent", folder)
+    spp = sizes.spp
+    ours.picture(1, 0)
+    theirs.picture(spp, 0)
+    run = race(
+        lambda number: taken(lambda: ours.picture(spp, 1 + number)),
+        lambda number: taken(lambda: theirs.picture(spp, 1 + number)),
+        sizes.rounds,
+    )
+    total = sizes.picture**2 * spp / 1e6
+    rates = [[total / seconds for seconds in side] for side in run.walls]
+    rays = ours.stats.rays / ours.stats.samples
+    return ratio_line("samples", name, run.ratios, "M samples/s", *rates, cpu_ratio=run.cpu_ratio, rays_a_sample=rays)

@@ -1,0 +1,60 @@
+"""A row as bars beside what is asked of them, and the curves of cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+
+from tests.benchmarks.peers.measure import Line
+from tests.benchmarks.peers.targets import TABLE
+
+matplotlib.use("Agg")
+
+from matplotlib import pyplot
+
+__all__ = ["plot_curves", "plot_row"]
+
+_OURS, _ASKED = "#3b6ea5", "#c0392b"
+
+
+def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
+    """A bar a line with the rounds' spread; a mark where its goal is, a dotted line where the geometric mean's is."""
+    target = TABLE[row]
+    figure, axes = pyplot.subplots(figsize=(8, 1.2 + 0.42 * len(lines)), layout="constrained")
+    for y, line in enumerate(lines):
+        low, high = line.value - line.spread[0], line.spread[1] - line.value
+        axes.barh(y, line.value, color=_OURS, xerr=[[max(low, 0)], [max(high, 0)]], ecolor="black", capsize=3, height=0.6)
+        if (goal := target.goal_of(line.name)) is not None:
+            axes.plot([goal.bound] * 2, [y - 0.4, y + 0.4], color=_ASKED, linewidth=2.5)
+    if target.mean is not None:
+        axes.axvline(target.mean.bound, color=_ASKED, linestyle=":", label=f"geometric mean: {target.mean}")
+        axes.legend()
+    axes.set_yticks(range(len(lines)), [line.name for line in lines])
+    axes.invert_yaxis()
+    if max(line.value for line in lines) > 20 * max(min(line.value for line in lines), 1e-9):
+        axes.set_xscale("log")
+    axes.set_xlabel(target.unit)
+    axes.set_title(target.title)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
+    """Seconds against each count, beside the growth that is allowed."""
+    figure, axes = pyplot.subplots(1, len(lines), figsize=(3.4 * len(lines), 3.4), layout="constrained", squeeze=False)
+    for plot, line in zip(axes[0], lines, strict=True):
+        notes = line.notes or {}
+        plot.plot(notes["places"], notes["seconds"], "o-", color=_OURS, label="measured")
+        plot.plot(notes["places"], notes["allowed_seconds"], "--", color=_ASKED, label="allowed")
+        plot.set_xscale("log")
+        if line.name not in ("triangles", "lights"):
+            plot.set_yscale("log")
+        plot.set_ylim(bottom=None if plot.get_yscale() == "log" else 0)
+        plot.set_title(line.name)
+        plot.set_ylabel("seconds")
+        plot.legend()
+    figure.suptitle(TABLE[row].title)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)

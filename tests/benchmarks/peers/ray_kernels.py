@@ -1,0 +1,28 @@
+"""Many rays through a BVH on one thread, as Embree's loop goes: read a ray, trace it, note what it met."""
+
+from __future__ import annotations
+
+from renderer.bvh.traverse import any_hit, closest_hit
+from renderer.jit import entry
+
+__all__ = ["trace_any", "trace_closest"]
+
+
+@entry
+def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
+    """Fills in how far each ray goes, in lengths of its direction, and which primitive it meets (-1: none)."""
+    for i in range(len(origin)):
+        o = (origin[i, 0], origin[i, 1], origin[i, 2])
+        d = (direction[i, 0], direction[i, 1], direction[i, 2])
+        hit = closest_hit(bvh, stack, o, d, reach)
+        distance[i] = hit[0]
+        primitive[i] = hit[1]
+
+
+@entry
+def trace_any(bvh, stack, origin, direction, reach, met):
+    """Fills in 0 for each ray that meets anything, -1 for the others."""
+    for i in range(len(origin)):
+        o = (origin[i, 0], origin[i, 1], origin[i, 2])
+        d = (direction[i, 0], direction[i, 1], direction[i, 2])
+        met[i] = 0 if any_hit(bvh, stack, o, d, reach) else -1

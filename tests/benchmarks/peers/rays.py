@@ -1,0 +1,132 @@
+"""Row `rays`: closest and any hit on one thread against Embree; row `build`: the BVH on all cores.
+
+embreex offers no packets and no streams: its loop, in C, calls rtcIntersect1 or rtcOccluded1 once a ray, as ours calls its own
+traversal; each side reads the rays from an array and writes what it met to another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.bvh.build import build
+from renderer.bvh.layout import Bvh
+from renderer.bvh.traverse import NO_PRIMITIVE, new_stack
+from tests.benchmarks.peers.asking import Peer
+from tests.benchmarks.peers.measure import Line, Taken, race, ratio_line, taken
+from tests.benchmarks.peers.meshes import displaced_sphere
+from tests.benchmarks.peers.ray_kernels import trace_any, trace_closest
+from tests.benchmarks.peers.sizes import Sizes
+from tests.benchmarks.peers.surroundings import python_with_embree
+
+__all__ = ["build_lines", "ray_lines"]
+
+_FAR = np.float32(1e30)
+_WHOLE = np.float32(1.0)
+_ALIKE = 1e-3  # of the rays may meet something on one side alone: those that graze an edge
+_NO_SPHERES = np.zeros((0, 4), np.float32)
+
+Rays = tuple[np.ndarray, np.ndarray]
+
+
+def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """Ten lines: two meshes; camera, random and bounced rays for the closest hit, random and bounced ones for any."""
+    with Peer(python_with_embree(), "embree_peer.py") as embree:
+        for name, triangles in (("small mesh", sizes.small_mesh), ("large mesh", sizes.large_mesh)):
+            mesh, path = _mesh(triangles, folder)
+            bvh = build(mesh.positions, mesh.triangles, _NO_SPHERES)
+            embree.ask("build", mesh=str(path))
+            kinds = _rays(bvh, mesh.positions, mesh.triangles, sizes.rays)
+            for kind, rays in kinds.items():
+                np.savez(folder / f"{name}-{kind}.npz", origin=rays[0], direction=rays[1])
+            for query, names in (("closest", ("camera", "random", "bounce")), ("any", ("random", "bounce"))):
+                for kind in names:
+                    file = str(folder / f"{name}-{kind}.npz")
+                    reach = (
+                        _WHOLE if query == "any" and kind == "random" else _FAR
+                    )  # random rays end at a point, as shadow rays do
+                    yield _line(f"{name}, {query} hit, {kind}", sizes.rounds, bvh, embree, query, kinds[kind], file, reach)
+
+
+def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays, file: str, reach: np.float32) -> Line:
+    origin, direction = rays
+    stack, count = new_stack(), len(origin)
+    met, distance = np.empty(count, np.int32), np.empty(count, np.float32)
+
+    def ours(_: int = 0) -> Taken:
+        if query == "closest":
+            return taken(lambda: trace_closest(bvh, stack, origin, direction, reach, distance, met))
+        return taken(lambda: trace_any(bvh, stack, origin, direction, reach, met))
+
+    def ask() -> dict[str, Any]:
+        what = "INTERSECT" if query == "closest" else "OCCLUDED"
+        return embree.ask("trace", rays=file, query=what, reach=float(reach))
+
+    def theirs(_: int) -> Taken:
+        told = ask()
+        return Taken(told["wall"], told["cpu"])
+
+    ours()  # compiled, and both sides' memory touched, before the clock starts
+    their_hits = ask()["hits"]
+    hits = int((met >= 0).sum()), their_hits
+    if abs(hits[0] - hits[1]) > _ALIKE * count:
+        raise RuntimeError(f"{name}: of {count} rays {hits[0]} hit here and {hits[1]} in Embree; they do not do the same work")
+    run = race(ours, theirs, rounds)
+    rates = [[count / seconds / 1e6 for seconds in side] for side in run.walls]
+    return ratio_line("rays", name, run.ratios, "M rays/s", *rates, cpu_ratio=run.cpu_ratio, hit=hits[0] / count)
+
+
+def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """Ours builds its 8-wide tree, Embree its own; copying the mesh into Embree is not counted."""
+    mesh, path = _mesh(sizes.large_mesh, folder)
+    with Peer(python_with_embree(), "embree_peer.py") as embree:
+        build(mesh.positions[mesh.triangles[0]], np.array([[0, 1, 2]], np.int32), _NO_SPHERES)
+        embree.ask("build", mesh=str(path))
+        run = race(
+            lambda _: taken(lambda: build(mesh.positions, mesh.triangles, _NO_SPHERES)),
+            lambda _: Taken(**embree.ask("build", mesh=str(path))),
+            sizes.rounds,
+        )
+    yield ratio_line("build", "large mesh", run.ratios, "s", *run.walls, cpu_ratio=run.cpu_ratio)
+
+
+def _mesh(triangles: int, folder: Path) -> tuple[Any, Path]:
+    mesh = displaced_sphere(triangles)
+    path = folder / f"mesh-{triangles}.npz"
+    np.savez(path, position=mesh.positions, triangle=mesh.triangles)
+    return mesh, path
+
+
+def _rays(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, count: int) -> dict[str, Rays]:
+    """camera: from one eye, row by row. random: from one point of the bounding sphere to another. bounce: from what the camera's
+    rays meet, spread by the cosine about the face's normal."""
+    rng = np.random.default_rng(0)
+    radius = float(np.linalg.norm(position, axis=1).max())
+    side = int(count**0.5)
+    y, x = np.mgrid[0:side, 0:side] / side - 0.5
+    looking = np.stack([x, y, np.full_like(x, -1.1)], -1).reshape(-1, 3).astype(np.float32)
+    eye = np.tile(np.array([0, 0, 2.8 * radius], np.float32), (len(looking), 1))
+    ends = rng.standard_normal((2, count, 3))
+    ends = (radius * ends / np.linalg.norm(ends, axis=-1, keepdims=True)).astype(np.float32)
+    return {
+        "camera": (eye, looking),
+        "random": (ends[0], ends[1] - ends[0]),
+        "bounce": _bounced(bvh, position, triangle, eye, looking),
+    }
+
+
+def _bounced(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> Rays:
+    distance, primitive = np.empty(len(origin), np.float32), np.empty(len(origin), np.int32)
+    trace_closest(bvh, new_stack(), origin, direction, _FAR, distance, primitive)
+    met = primitive != NO_PRIMITIVE
+    corner = position[triangle[primitive[met]]]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal *= -np.sign(np.einsum("ij,ij->i", normal, direction[met]))[:, None]
+    around = np.random.default_rng(1).standard_normal(normal.shape)
+    way = normal + around / np.linalg.norm(around, axis=1, keepdims=True)
+    point = origin[met] + distance[met, None] * direction[met] + 1e-4 * normal
+    return np.ascontiguousarray(point, np.float32), np.ascontiguousarray(way, np.float32)

@@ -1,0 +1,59 @@
+"""Row `scaling`: the cost of a picture against triangles, lights, pixels, samples and depth. No peer.
+
+The value is how much the cost may grow from the first size to the last, over how much it grows.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from tests.benchmarks.peers.measure import Line, taken
+from tests.benchmarks.peers.scenes import Case, cornell_box, displaced, many_lights
+from tests.benchmarks.peers.sizes import Sizes
+
+__all__ = ["scaling_lines"]
+
+_PICTURE = 128  # pixels across where it is not they that are counted
+_MOST_ROUNDS = 3
+
+
+def scaling_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+    """Five lines: a curve each, kept in the notes."""
+    box = cornell_box(sizes)
+    spp, many = sizes.scaling_spp, min(sizes.rounds, _MOST_ROUNDS)
+
+    yield _line("triangles", sizes.triangles, _logarithm, lambda n: _seconds(displaced(n), many, _PICTURE, spp, 8))
+    yield _line("lights", sizes.many_lights, _logarithm, lambda n: _seconds(many_lights(n), many, _PICTURE, spp, 8))
+    yield _line("pixels", sizes.pixels, lambda n: n * n, lambda n: _seconds(box, many, n, spp, 8))
+    yield _line("samples", sizes.samples, float, lambda n: _seconds(box, many, _PICTURE, n, 8))
+    yield _line("depth", sizes.depths, float, lambda n: _seconds(box, many, _PICTURE, spp, n))
+
+
+def _logarithm(n: int) -> float:
+    return 1 + math.log2(n)
+
+
+def _seconds(case: Case, rounds: int, size: int, spp: int, depth: int) -> list[float]:
+    """Of each round; building the scene is not counted."""
+    scene, settings = compile_scene(case.description), replace(case.settings(size), max_depth=depth)
+    render_frame(scene, settings, 1)
+    return [taken(lambda: render_frame(scene, settings, spp)).wall for _ in range(rounds)]
+
+
+def _line(name: str, places: Sequence[int], allowed: Callable[[int], float], cost: Callable[[int], list[float]]) -> Line:
+    rounds = [cost(n) for n in places]
+    curve = [statistics.median(seconds) for seconds in rounds]
+    room = allowed(places[-1]) / allowed(places[0])
+    ratios = [room * first / last for first, last in zip(rounds[0], rounds[-1], strict=True)]
+    notes = {
+        "places": list(places),
+        "seconds": curve,
+        "allowed_seconds": [curve[0] * allowed(n) / allowed(places[0]) for n in places],
+    }
+    return Line("scaling", name, room * curve[0] / curve[-1], (min(ratios), max(ratios)), "s", tuple(curve), notes=notes)

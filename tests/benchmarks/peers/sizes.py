@@ -1,0 +1,73 @@
+"""How large everything is: as in the table, or small, to see that every row works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["FULL", "QUICK", "Sizes"]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """picture: pixels across, and down. reference_spp: of the pictures that errors are measured against."""
+
+    rounds: int
+    picture: int
+    spp: int
+    error_picture: int
+    error_spp: int
+    reference_spp: int
+    small_mesh: int  # triangles
+    large_mesh: int
+    texture: int  # texels across
+    lights: int
+    rays: int
+    ready: tuple[int, ...]  # triangles of each file
+    triangles: tuple[int, ...]  # the five scaling curves
+    many_lights: tuple[int, ...]
+    pixels: tuple[int, ...]  # across
+    samples: tuple[int, ...]
+    depths: tuple[int, ...]
+    scaling_spp: int
+
+
+FULL = Sizes(
+    rounds=5,
+    picture=512,
+    spp=64,
+    error_picture=256,
+    error_spp=64,
+    reference_spp=4096,
+    small_mesh=70_000,
+    large_mesh=1_000_000,
+    texture=1024,
+    lights=1000,
+    rays=1_000_000,
+    ready=(1_000_000,),
+    triangles=(1_000, 10_000, 100_000, 1_000_000, 10_000_000),
+    many_lights=(1, 10, 100, 1_000, 10_000, 100_000),
+    pixels=(64, 128, 256, 512, 1024),
+    samples=(4, 16, 64, 256),
+    depths=(1, 2, 4, 8, 16, 32, 64),
+    scaling_spp=32,
+)
+QUICK = Sizes(
+    rounds=1,
+    picture=64,
+    spp=16,
+    error_picture=48,
+    error_spp=16,
+    reference_spp=256,
+    small_mesh=5_000,
+    large_mesh=20_000,
+    texture=64,
+    lights=50,
+    rays=50_000,
+    ready=(20_000,),
+    triangles=(1_000, 10_000),
+    many_lights=(1, 100),
+    pixels=(32, 64),
+    samples=(4, 16),
+    depths=(1, 8),
+    scaling_spp=8,
+)

@@ -1,0 +1,69 @@
+"""Where the peers are: Mitsuba here, with an LLVM of the system; Embree and Blender in environments of their own."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import farm
+
+__all__ = ["MissingPeerError", "find_llvm", "mitsuba_with_llvm", "python_with_bpy", "python_with_embree"]
+
+LEAST_LLVM = 16
+
+
+class MissingPeerError(Exception):
+    """A peer cannot be had here: why, and what to do."""
+
+
+def find_llvm() -> Path | None:
+    """The system's newest LLVM library that Mitsuba takes."""
+    found = {
+        int(number.group(1)): path
+        for folder in ("/usr/lib", "/usr/lib/llvm-*/lib", "/opt/homebrew/opt/llvm/lib")
+        for pattern in ("libLLVM*", "*/libLLVM*")
+        for path in Path("/").glob(f"{folder[1:]}/{pattern}")
+        if (number := re.search(r"(\d+)", path.name))
+    }
+    return found[max(found)] if found and max(found) >= LEAST_LLVM else None
+
+
+@cache
+def mitsuba_with_llvm() -> Any:
+    """The module, its LLVM variant chosen."""
+    if "DRJIT_LIBLLVM_PATH" not in os.environ:
+        library = find_llvm()
+        if library is None and farm.may_install() and farm.apt_install("libllvm19"):
+            library = find_llvm()
+        if library is None:
+            raise MissingPeerError(f"Mitsuba needs LLVM {LEAST_LLVM} or newer. On Debian: apt install libllvm19")
+        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    try:
+        import mitsuba
+    except ImportError:
+        raise MissingPeerError("Mitsuba is not installed; `python3 farm.py bench peers` does it") from None
+    mitsuba.set_variant("llvm_ad_rgb")
+    return mitsuba
+
+
+def python_with_bpy() -> Path:
+    """A Python with Blender: $RAYFARM_BPY_PYTHON, else one in .venv-cycles, made where it is missing."""
+    return _made("RAYFARM_BPY_PYTHON", farm.install_blender)
+
+
+def python_with_embree() -> Path:
+    """A Python with Embree: $RAYFARM_EMBREE_PYTHON, else one in .venv-embree, made where it is missing."""
+    return _made("RAYFARM_EMBREE_PYTHON", farm.install_embree)
+
+
+def _made(variable: str, make: Any) -> Path:
+    named = os.environ.get(variable)
+    if named:
+        return Path(named)
+    try:
+        return Path(make())
+    except (SystemExit, OSError) as error:
+        raise MissingPeerError("its environment cannot be made; see above") from error

@@ -1,0 +1,99 @@
+"""The table: what each row of the comparison is to reach. Every figure that is asked for stands here and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+__all__ = ["TABLE", "Goal", "Target", "at_least", "at_most"]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A bound, and on which side of it one has to be."""
+
+    bound: float
+    side: Literal["at least", "at most"]
+
+    def met(self, value: float) -> bool:
+        """Whether this value is on the right side."""
+        return value >= self.bound if self.side == "at least" else value <= self.bound
+
+    def __str__(self) -> str:
+        return f"{self.side} {self.bound:g}"
+
+
+def at_least(bound: float) -> Goal:
+    """More is better."""
+    return Goal(bound, "at least")
+
+
+def at_most(bound: float) -> Goal:
+    """Less is better."""
+    return Goal(bound, "at most")
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a row's lines are held to.
+
+    mean: for the geometric mean of the lines that have no goal of their own. each: for each of these. lines: goals of their own,
+    by name.
+    """
+
+    title: str
+    unit: str
+    mean: Goal | None = None
+    each: Goal | None = None
+    lines: dict[str, Goal] = field(default_factory=dict)
+
+    def goal_of(self, line: str) -> Goal | None:
+        """What this line alone has to reach."""
+        return self.lines.get(line, self.each)
+
+
+_RATIO = "times the peer's"
+
+TABLE: dict[str, Target] = {
+    "samples": Target("Samples a second against Mitsuba 3, llvm_ad_rgb", _RATIO, mean=at_least(1.3), each=at_least(1.1)),
+    "error-time": Target(
+        "Error in the same time against Mitsuba 3, multijitter",
+        "times less error",
+        mean=at_least(1.7),
+        each=at_least(1.3),
+        lines={"many lights": at_least(8.0)},
+    ),
+    "error-samples": Target(
+        "Error by the same number of samples against Mitsuba 3, multijitter", "times less error", each=at_least(1.3)
+    ),
+    "cycles": Target(
+        "Against Cycles 4.5",
+        _RATIO,
+        lines={"samples a second": at_least(3.0), "error in the same time": at_least(4.0)},
+    ),
+    "rays": Target(
+        "Rays a second, one thread, against Embree 4's rtcIntersect1 and rtcOccluded1",
+        _RATIO,
+        mean=at_least(1.0),
+        each=at_least(0.85),
+    ),
+    "build": Target("Building the BVH against Embree 4, medium quality, all cores", _RATIO, each=at_least(1.0)),
+    "ready": Target(
+        "From a GLB file to a scene that can be rendered",
+        "seconds, or bytes a triangle",
+        lines={
+            "1 M triangles, seconds": at_most(1.5),
+            "1 M triangles, bytes each": at_most(90),
+            "10 M triangles, seconds": at_most(12.0),
+            "10 M triangles, bytes each": at_most(90),
+        },
+    ),
+    "threads": Target("Samples a second of two threads", "times those of one", each=at_least(1.95)),
+    "cold": Target(
+        "Kernels that are not compiled yet",
+        "seconds",
+        lines={"empty cache to the first tile": at_most(15.0), "a worker joins a farm that has compiled": at_most(3.0)},
+    ),
+    # How much slower the largest would be at the curve's price, over how much slower it is; a tenth is left to the clock.
+    "scaling": Target("Growth of the cost", "times the growth that log, log, linear, linear, linear allow", each=at_least(0.9)),
+}
