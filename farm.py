@@ -6,7 +6,8 @@
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks; more arguments go to pytest
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
-    python3 farm.py bench [...]            the benchmarks; `bench peers` holds us against Mitsuba, Embree and Cycles
+    python3 farm.py bench [name ...]       the benchmarks
+    python3 farm.py bench peers [--quick]  against Mitsuba, Embree and Cycles, by a table (hours; installs Embree and Blender)
 
 Needs Python 3.11 or 3.12 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
 so that a wrong version gets a sentence and not a traceback.
@@ -41,7 +42,7 @@ def main():
         return 2
     command, rest = arguments[0], arguments[1:]
     if command == "test":
-        return run_tests(install(FOR_TESTS), rest)
+        return run_tests(install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS), rest)
     if command == "sheets":
         program = str(ROOT / "scenes" / "sheets.py")
         return subprocess.call([str(install()), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
@@ -236,17 +237,18 @@ def install_apart(folder, maker, package):
 
 
 def run_benchmarks(python, arguments):
-    """The benchmarks, one after the other; with names, only those."""
+    """The benchmarks, one after the other; with names, only those: `peers` has to be asked for, as it takes hours."""
     folder = ROOT / "tests" / "benchmarks"
     names = next((i for i, a in enumerate(arguments) if a.startswith("-")), len(arguments))
     wanted, options = arguments[:names], arguments[names:]
-    found = sorted(path for path in folder.glob("bench_*.py") if not wanted or path.stem[len("bench_") :] in wanted)
-    if not found:
-        known = ", ".join(sorted(path.stem[len("bench_") :] for path in folder.glob("bench_*.py")))
-        fail("There is no such benchmark; known are " + known + ".")
+    known = {path.stem[len("bench_") :]: path for path in sorted(folder.glob("bench_*.py"))}
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        fail("There is no benchmark " + ", ".join(unknown) + "; known are " + ", ".join(known) + ".")
     results = []
-    for path in found:
-        say("benchmark " + path.stem)
+    for name in wanted or [name for name in known if name != "peers"]:
+        path = known[name]
+        say("benchmark " + name)
         results.append(
             subprocess.call([str(python), str(path), *options], cwd=str(ROOT), env=dict(os.environ, PYTHONPATH=str(ROOT)))
         )

@@ -3,7 +3,8 @@
     python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--out FOLDER]
 
 Prints medians, spread and ratios beside what is to be reached, and which lines fall short; writes peers.json, peers.txt and
-a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Hours without --quick; the machine has to be quiet.
+a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Takes hours without --quick, and a
+machine that does nothing else.
 """
 
 from __future__ import annotations

@@ -20,7 +20,8 @@ class Peer:
     def __init__(self, python: Path, program: str) -> None:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block
         self._process = subprocess.Popen(
-            [str(python), str(Path(__file__).with_name(program))],
+            [str(python), "-m", f"{__package__}.{program}"],
+            cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._log,

@@ -40,7 +40,7 @@ class Mitsuba:
 
     def __init__(self, case: Case, pixels: int, sampler: str, folder: Path) -> None:
         self.mi = mitsuba_with_llvm()
-        made = mitsuba_dict(self.mi, case.description, case.settings(pixels, sampler="independent"), folder)
+        made = mitsuba_dict(self.mi, case.twin or case.description, case.settings(pixels), folder)
         made["integrator"] = {"type": "path", "max_depth": DEPTH}
         made["sensor"]["sampler"] = {"type": sampler}
         made = _shared(made)

@@ -32,7 +32,7 @@ def cycles_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     description = read(folder, glb.name)
     ours = Rayfarm(Case("textured objects", description, description.cameras[0].view), sizes.picture, environment=_WHITE)
     spp = sizes.spp
-    with Peer(python_with_bpy(), "cycles_peer.py") as cycles:
+    with Peer(python_with_bpy(), "cycles_peer") as cycles:
         version = cycles.ask("load", glb=str(glb), size=sizes.picture, max_depth=DEPTH, sky=_WHITE)["version"]
 
         def picture(count: int, seed: int) -> np.ndarray:

@@ -34,7 +34,7 @@ Rays = tuple[np.ndarray, np.ndarray]
 
 def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """Ten lines: two meshes; camera, random and bounced rays for the closest hit, random and bounced ones for any."""
-    with Peer(python_with_embree(), "embree_peer.py") as embree:
+    with Peer(python_with_embree(), "embree_peer") as embree:
         for name, triangles in (("small mesh", sizes.small_mesh), ("large mesh", sizes.large_mesh)):
             mesh, path = _mesh(triangles, folder)
             bvh = build(mesh.positions, mesh.triangles, _NO_SPHERES)
@@ -82,7 +82,7 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
 def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """Ours builds its 8-wide tree, Embree its own; copying the mesh into Embree is not counted."""
     mesh, path = _mesh(sizes.large_mesh, folder)
-    with Peer(python_with_embree(), "embree_peer.py") as embree:
+    with Peer(python_with_embree(), "embree_peer") as embree:
         build(mesh.positions[mesh.triangles[0]], np.array([[0, 1, 2]], np.int32), _NO_SPHERES)
         embree.ask("build", mesh=str(path))
         run = race(

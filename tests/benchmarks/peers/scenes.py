@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,12 +26,17 @@ _GOLD = {"eta": (0.143, 0.375, 1.442), "k": (3.983, 2.386, 1.603)}
 
 @dataclass
 class Case:
-    """A scene and its view. theirs: changes the dictionary that Mitsuba is given, where its terms are others than ours."""
+    """A scene and its view.
+
+    twin: what Mitsuba is given in the description's place, where it has no material as ours. theirs: changes the dictionary that
+    Mitsuba is given, where its terms are others than ours.
+    """
 
     name: str
     description: SceneDescription
     view: View
     theirs: Callable[[Any, dict[str, Any]], None] | None = None
+    twin: SceneDescription | None = None
 
     def settings(self, pixels: int, **more: Any) -> RenderSettings:
         """Of a square picture."""
@@ -75,7 +80,8 @@ def large_mesh_plastic(sizes: Sizes) -> Case:
             "diffuse_reflectance": {"type": "rgb", "value": list(color)},
         }
 
-    return Case("large mesh, rough plastic", case.description, case.view, plastic)
+    twin = replace(case.description, materials=[Material(base_color=color)])
+    return Case("large mesh, rough plastic", case.description, case.view, plastic, twin)
 
 
 def glass_and_metal(sizes: Sizes) -> Case:

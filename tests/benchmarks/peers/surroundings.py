@@ -20,13 +20,12 @@ class MissingPeerError(Exception):
 
 
 def find_llvm() -> Path | None:
-    """The system's newest LLVM library that Mitsuba takes."""
+    """The system's newest LLVM library, where Mitsuba takes it."""
     found = {
         int(number.group(1)): path
-        for folder in ("/usr/lib", "/usr/lib/llvm-*/lib", "/opt/homebrew/opt/llvm/lib")
-        for pattern in ("libLLVM*", "*/libLLVM*")
-        for path in Path("/").glob(f"{folder[1:]}/{pattern}")
-        if (number := re.search(r"(\d+)", path.name))
+        for folder in ("usr/lib", "usr/lib/*", "opt/homebrew/opt/llvm/lib")
+        for path in Path("/").glob(f"{folder}/libLLVM*")
+        if (number := re.fullmatch(r"libLLVM(?:-|\.so\.|\.)(\d+)[\d.]*(?:\.so|\.dylib)?[\d.]*", path.name))
     }
     return found[max(found)] if found and max(found) >= LEAST_LLVM else None
 

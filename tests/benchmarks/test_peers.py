@@ -1,0 +1,132 @@
+"""The comparison with other renderers: how it judges, and that every row of it works."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import farm
+from tests.benchmarks.peers.measure import Line, Taken, geometric_mean, race, ratio_line, relative_error
+from tests.benchmarks.peers.meshes import displaced_sphere, torus
+from tests.benchmarks.peers.report import Report
+from tests.benchmarks.peers.surroundings import find_llvm
+from tests.benchmarks.peers.targets import TABLE
+from tests.helpers import ROOT
+
+BENCH = ROOT / "tests" / "benchmarks" / "bench_peers.py"
+
+
+def run_bench(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(BENCH), f"--out={out}", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_rounds_are_taken_in_turn() -> None:
+    order = []
+
+    def side(name: str, seconds: float) -> object:
+        def one(number: int) -> Taken:
+            order.append((name, number))
+            return Taken(seconds, seconds)
+
+        return one
+
+    run = race(side("we", 1.0), side("they", 3.0), 3)
+    assert order == [("we", 0), ("they", 0), ("they", 1), ("we", 1), ("we", 2), ("they", 2)]
+    assert run.ratios == [3.0, 3.0, 3.0]
+    assert run.cpu_ratio == 3.0
+
+
+def test_the_error_is_relative_and_forgets_fireflies() -> None:
+    truth = np.full((100, 100, 3), 2.0)
+    picture = truth * 1.1
+    expected = 0.04 / (4 + 0.04)
+    assert relative_error(picture, truth) == pytest.approx(expected)
+    picture[0, :10] = 1e6  # a thousandth of the pixels
+    assert relative_error(picture, truth) == pytest.approx(expected)
+    picture[1, 0] = 1e6
+    assert relative_error(picture, truth) > 1e6
+
+
+def line(row: str, name: str, value: float) -> Line:
+    return ratio_line(row, name, [value], "", [value], [1.0])
+
+
+def test_the_report_says_what_falls_short() -> None:
+    report = Report({}, quick=False)
+    names = ["Cornell box", "textured mesh", "many lights"]
+    report.lines = [line("error-time", name, value) for name, value in zip(names, (1.2, 2.0, 7.0), strict=True)]
+    report.missing["rays"] = "Embree is away"
+    verdicts = {v.name: v for v in report.verdicts()}
+    assert {name: v.met for name, v in verdicts.items()} == {
+        "Cornell box": False,  # 1.3 is asked for
+        "textured mesh": True,
+        "many lights": False,  # 8, and it is not in the mean
+        "geometric mean": False,
+    }
+    assert verdicts["geometric mean"].value == pytest.approx(geometric_mean([1.2, 2.0]))
+    text = report.text()
+    assert "error-time, many lights: 7, at least 8 is asked for" in text
+    assert "1 of 4 reached" in text
+    assert "not measured: rays: Embree is away" in text
+
+
+@pytest.mark.parametrize("make", [displaced_sphere, torus])
+@pytest.mark.parametrize("count", [5_000, 70_000])
+def test_meshes_have_the_triangles_asked_for_and_normals_that_look_out(make, count) -> None:
+    mesh = make(count)
+    assert len(mesh.triangles) == pytest.approx(count, rel=0.05)
+    a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(float) for k in range(3))
+    face = np.cross(b - a, c - a)
+    assert (np.linalg.norm(face, axis=1) > 0).all()
+    assert np.einsum("ij,ij->", face, a) / 6 > 0.1, "turned inside out: the volume is below zero"
+    shading = mesh.normals[mesh.triangles].sum(1)
+    assert (np.einsum("ij,ij->i", face, shading) > 0).mean() > 0.999
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
+
+
+def test_a_row_that_is_not_there_gets_a_sentence(tmp_path: Path) -> None:
+    done = run_bench(tmp_path, "--rows=samples,speed")
+    assert done.returncode == 2
+    assert "there is no row speed; known are samples, error, cycles" in done.stderr
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_every_row_works(tmp_path: Path) -> None:
+    """Small and one round: what is measured says nothing, but each line of the table is there."""
+    if find_llvm() is None and not farm.may_install():
+        pytest.skip("Mitsuba needs LLVM 16 or newer")
+    if shutil.which("python3.11") is None and "RAYFARM_BPY_PYTHON" not in os.environ:
+        pytest.skip("Blender's module needs Python 3.11")
+    done = run_bench(tmp_path, "--quick")
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    data = json.loads((tmp_path / "peers.json").read_text())
+    assert data["missing"] == {}
+    lines = {row: {line["name"]: line for line in data["lines"] if line["row"] == row} for row in TABLE}
+    assert {row: len(found) for row, found in lines.items()} == {
+        "samples": 6,
+        "error-time": 5,
+        "error-samples": 5,
+        "cycles": 2,
+        "rays": 10,
+        "build": 1,
+        "ready": 2,
+        "threads": 3,
+        "cold": 2,
+        "scaling": 5,
+    }
+    assert all(line["value"] > 0 for found in lines.values() for line in found.values())
+    for name, found in lines["error-samples"].items():
+        notes = found["notes"]
+        assert notes["our_mean"] == pytest.approx(notes["peer_mean"], rel=0.03), f"{name}: the two do not show the same scene"
+    assert {path.stem for path in tmp_path.glob("*.png")} == set(TABLE)
+    assert "Quick" in (tmp_path / "peers.txt").read_text()
