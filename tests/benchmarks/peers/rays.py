@@ -45,9 +45,8 @@ def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
             for query, names in (("closest", ("camera", "random", "bounce")), ("any", ("random", "bounce"))):
                 for kind in names:
                     file = str(folder / f"{name}-{kind}.npz")
-                    reach = (
-                        _WHOLE if query == "any" and kind == "random" else _FAR
-                    )  # random rays end at a point, as shadow rays do
+                    to_a_point = query == "any" and kind == "random"  # as a shadow ray goes
+                    reach = _WHOLE if to_a_point else _FAR
                     yield _line(f"{name}, {query} hit, {kind}", sizes.rounds, bvh, embree, query, kinds[kind], file, reach)
 
 
@@ -70,8 +69,7 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
         return Taken(told["wall"], told["cpu"])
 
     ours()  # compiled, and both sides' memory touched, before the clock starts
-    their_hits = ask()["hits"]
-    hits = int((met >= 0).sum()), their_hits
+    hits = int((met >= 0).sum()), ask()["hits"]
     if abs(hits[0] - hits[1]) > _ALIKE * count:
         raise RuntimeError(f"{name}: of {count} rays {hits[0]} hit here and {hits[1]} in Embree; they do not do the same work")
     run = race(ours, theirs, rounds)

@@ -154,9 +154,9 @@ def _under_a_sky(materials: list[Material], meshes: list[Mesh], **more: Any) -> 
 
 
 def _sky(height: int = 256) -> np.ndarray:
-    """A sky with clouds and a sun a few degrees wide, (height, 2 height, 3)."""
+    """A sky with clouds and a bright haze around the sun, (height, 2 height, 3). A sharp sun's caustics would never converge."""
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     clouds = 0.15 * np.sin(14 * math.pi * u) * np.sin(9 * math.pi * v) * np.sin(math.pi * v)
     blue = np.stack([0.3 + 0.2 * v, 0.4 + 0.15 * v, 0.7 - 0.1 * v], -1) + clouds[..., None]
-    sun = 60 * np.exp(-((u - 0.3) ** 2 + ((v - 0.25) / 2) ** 2) / 0.0002)
+    sun = 12 * np.exp(-((u - 0.3) ** 2 + ((v - 0.25) / 2) ** 2) / 0.002)
     return (np.maximum(blue, 0.02) + sun[..., None] * np.array([1.0, 0.9, 0.7])).astype(np.float32)
