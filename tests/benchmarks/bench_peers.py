@@ -35,7 +35,7 @@ from tests.benchmarks.peers.ready import ready_lines
 from tests.benchmarks.peers.report import Report
 from tests.benchmarks.peers.scaling import scaling_lines
 from tests.benchmarks.peers.sizes import FULL, QUICK, Sizes
-from tests.benchmarks.peers.surroundings import MissingPeerError
+from tests.benchmarks.peers.surroundings import MissingPeerError, find_llvm
 from tests.benchmarks.peers.threads import thread_lines
 from tests.helpers import ROOT
 
@@ -114,7 +114,8 @@ def _machine() -> dict[str, Any]:
         "cores": cores,
         "load": round(load, 2),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("numba", "numpy", "mitsuba")},
+        **{name: version(name) for name in ("numba", "numpy", "mitsuba", "drjit")},
+        "llvm": str(os.environ.get("DRJIT_LIBLLVM_PATH", find_llvm())),
     }
 
 

@@ -71,7 +71,7 @@ def _join(farm: Farm, cache: Path) -> float:
             while not any(w.name == _NAME and w.state == "ready" for w in client.workers()):
                 if time.perf_counter() - begun > _PATIENCE_S or worker.poll() is not None:
                     raise RuntimeError(f"the worker that joins is not ready\n{farm.logs()}")
-                time.sleep(0.02)
+                time.sleep(0.05)
             seconds = time.perf_counter() - begun
             worker.terminate()
             worker.wait(30)

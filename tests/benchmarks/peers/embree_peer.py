@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -43,5 +44,10 @@ def trace(rays: str, query: str, reach: float) -> dict[str, Any]:
     }
 
 
+def about() -> dict[str, Any]:
+    """Which Embree this is: embreex's versions are Embree's."""
+    return {"version": version("embreex")}
+
+
 if __name__ == "__main__":
-    answer({"build": build, "trace": trace})
+    answer({"about": about, "build": build, "trace": trace})

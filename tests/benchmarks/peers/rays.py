@@ -74,7 +74,8 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
         raise RuntimeError(f"{name}: of {count} rays {hits[0]} hit here and {hits[1]} in Embree; they do not do the same work")
     run = race(ours, theirs, rounds)
     rates = [[count / seconds / 1e6 for seconds in side] for side in run.walls]
-    return ratio_line("rays", name, run.ratios, "M rays/s", *rates, cpu_ratio=run.cpu_ratio, hit=hits[0] / count)
+    notes = {"cpu_ratio": run.cpu_ratio, "hit": hits[0] / count, **embree.ask("about")}
+    return ratio_line("rays", name, run.ratios, "M rays/s", *rates, **notes)
 
 
 def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
@@ -88,7 +89,7 @@ def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
             lambda _: Taken(**embree.ask("build", mesh=str(path))),
             sizes.rounds,
         )
-    yield ratio_line("build", "large mesh", run.ratios, "s", *run.walls, cpu_ratio=run.cpu_ratio)
+        yield ratio_line("build", "large mesh", run.ratios, "s", *run.walls, cpu_ratio=run.cpu_ratio, **embree.ask("about"))
 
 
 def _mesh(triangles: int, folder: Path) -> tuple[Any, Path]:
