@@ -22,6 +22,7 @@ from service.scheduling.denoising import Denoised, Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.preparing import Preparing
+from service.scheduling.records import Records
 from service.scheduling.results import Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
@@ -30,7 +31,6 @@ from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.film_store import FilmStore
 from service.store.films import Film
-from service.store.records import Records
 
 __all__ = ["Engine"]
 

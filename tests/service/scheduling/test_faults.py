@@ -16,10 +16,10 @@ from sqlalchemy import event
 
 from service.errors import FilmWaits
 from service.scheduling import bulkhead
+from service.scheduling.records import Records
 from service.store.database import no_room
 from service.store.film_file import FilmFile
 from service.store.films import Film
-from service.store.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.contract import RenderBatch

@@ -147,3 +147,17 @@ def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobF
     with pytest.raises(ValueError, match="no"):
         collector.collect(refuse)
     assert blobs.exists(sha256)
+
+
+@pytest.mark.parametrize(("column", "value"), [("files", [{"path": "scene.obj"}, 7]), ("compiled", {"kind": "?"})])
+def test_a_scene_whose_row_is_damaged_keeps_no_other_from_being_deleted(service: Service, column: str, value: object) -> None:
+    damaged, other = service.upload(), service.upload(OBJ + b"# other")
+    with service.farm.sessions.begin() as session:
+        row = session.get(Scene, damaged)
+        assert row is not None
+        setattr(row, column, value)
+    files = service.scene(other)
+    assert service.http.delete(f"/api/scenes/{other}").status_code == 204
+    assert not stored(service, files)
+    service.restart()  # which looks at what all scenes refer to
+    assert service.http.delete(f"/api/scenes/{damaged}").status_code == 204
