@@ -106,6 +106,12 @@ class Scheduler:
         self.leases.add(lease)
         job.served = next(self._turn)
 
+    def arrived(self, owner: str, lease: str) -> None:
+        """The sums of a batch were read, and are stored as soon as its film takes them: until then it is not lost."""
+        known = self.leases.get(lease)
+        if known is not None and known.owner == owner:
+            known.has_arrived = True
+
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
         """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
         ended = self.leases.end(lease)
