@@ -17,9 +17,9 @@ from sqlalchemy import event
 from service.errors import FilmWaits, Unavailable
 from service.scheduling import bulkhead, preparing
 from service.scheduling.records import Records
-from service.store.database import no_room
 from service.store.film_file import FilmFile
 from service.store.films import Film
+from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.contract import RenderBatch
