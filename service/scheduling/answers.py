@@ -162,6 +162,7 @@ class Answers:
                 batch = batch_of(message, job) if job else None
                 if job is not None and batch is not None:
                     self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
+                    self._tell("job", job.id)
             case DenoiseDone():
                 self._denoising.heard(message.work, Denoised(message.sha256, message.version, message.samples))
             case DenoiseFailed():

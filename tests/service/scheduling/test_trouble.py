@@ -257,6 +257,22 @@ def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: 
     assert service.digest(job) == expected_digest()
 
 
+def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerWorker) -> None:
+    def hand_back(batch: RenderBatch) -> bool:
+        worker.send({"type": "batch-returned", **worker._about(batch), "error": "peer hands a batch back: there is no room"})
+        return False
+
+    worker.on_batch = hand_back
+    job = service.submit(service.ready_scene())
+    until(lambda: "there is no room. It is tried again." in (service.job(job)["message"] or ""), "the job says why it waits")
+    time.sleep(3.0)
+    assert service.job(job)["state"] == "running"
+    assert 4 < len(worker.batches) < 30, "it is tried again now and then, not as fast as it can be"
+    worker.on_batch = lambda batch: None
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+
+
 def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorker) -> None:
     failed: list[RenderBatch] = []
 
