@@ -45,6 +45,11 @@ def test_rounds_are_taken_in_turn() -> None:
     assert run.cpu_ratio == 3.0
 
 
+def test_one_thread_may_be_judged_by_the_processors_time() -> None:
+    run = race(lambda _: Taken(9.0, 1.0), lambda _: Taken(1.0, 2.0), 1, clock="cpu")
+    assert run.ratios == [2.0]
+
+
 def test_the_error_is_relative_and_forgets_fireflies() -> None:
     truth = np.full((100, 100, 3), 2.0)
     picture = truth * 1.1
@@ -127,6 +132,6 @@ def test_every_row_works(tmp_path: Path) -> None:
     assert all(line["value"] > 0 for found in lines.values() for line in found.values())
     for name, found in lines["error-samples"].items():
         notes = found["notes"]
-        assert notes["our_mean"] == pytest.approx(notes["peer_mean"], rel=0.03), f"{name}: the two do not show the same scene"
+        assert notes["our_mean"] == pytest.approx(notes["peer_mean"], rel=0.05), f"{name}: the two do not show the same scene"
     assert {path.stem for path in tmp_path.glob("*.png")} == set(TABLE)
     assert "Quick" in (tmp_path / "peers.txt").read_text()

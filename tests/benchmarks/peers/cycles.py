@@ -52,7 +52,7 @@ def cycles_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
         one = {clock: min(told[clock] for told in ones) for clock in ("wall", "cpu")}
         run = race(lambda number: taken(lambda: ours.picture(spp, 1 + number)), they, sizes.rounds)
         total = sizes.picture**2 * spp / 1e6
-        rates = [[total / seconds for seconds in side] for side in run.walls]
+        rates = [[total / seconds for seconds in side] for side in run.seconds]
         notes = {"cpu_ratio": run.cpu_ratio, "version": version}
         yield ratio_line("cycles", "samples a second", run.ratios, "M samples/s", *rates, **notes)
 

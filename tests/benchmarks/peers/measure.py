@@ -7,7 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -51,20 +51,21 @@ def taken(work: Callable[[], Any]) -> Taken:
 
 @dataclass(frozen=True)
 class Race:
-    """What both took, round by round."""
+    """What both took, round by round, and by which clock they are compared."""
 
     ours: list[Taken]
     theirs: list[Taken]
+    clock: Literal["wall", "cpu"] = "wall"
 
     @property
-    def walls(self) -> tuple[list[float], list[float]]:
-        """Seconds by the clock: ours, theirs."""
-        return [t.wall for t in self.ours], [t.wall for t in self.theirs]
+    def seconds(self) -> tuple[list[float], list[float]]:
+        """Ours, theirs."""
+        return [getattr(t, self.clock) for t in self.ours], [getattr(t, self.clock) for t in self.theirs]
 
     @property
     def ratios(self) -> list[float]:
         """How many times faster ours was."""
-        return [b / a for a, b in zip(*self.walls, strict=True)]
+        return [b / a for a, b in zip(*self.seconds, strict=True)]
 
     @property
     def cpu_ratio(self) -> float:
@@ -72,9 +73,11 @@ class Race:
         return min(t.cpu for t in self.theirs) / min(t.cpu for t in self.ours)
 
 
-def race(ours: Callable[[int], Taken], theirs: Callable[[int], Taken], rounds: int) -> Race:
+def race(
+    ours: Callable[[int], Taken], theirs: Callable[[int], Taken], rounds: int, clock: Literal["wall", "cpu"] = "wall"
+) -> Race:
     """One after the other, round by round; who was last in a round begins the next. They are told the round's number."""
-    results = Race([], [])
+    results = Race([], [], clock)
     for number in range(rounds):
         sides = [(ours, results.ours), (theirs, results.theirs)]
         for side, kept in sides if number % 2 == 0 else reversed(sides):

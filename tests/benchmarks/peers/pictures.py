@@ -31,6 +31,6 @@ def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
         sizes.rounds,
     )
     total = sizes.picture**2 * spp / 1e6
-    rates = [[total / seconds for seconds in side] for side in run.walls]
+    rates = [[total / seconds for seconds in side] for side in run.seconds]
     rays = ours.stats.rays / ours.stats.samples
     return ratio_line("samples", name, run.ratios, "M samples/s", *rates, cpu_ratio=run.cpu_ratio, rays_a_sample=rays)

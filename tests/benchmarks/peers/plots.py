@@ -13,6 +13,7 @@ from tests.benchmarks.peers.targets import TABLE
 matplotlib.use("Agg")
 
 from matplotlib import pyplot
+from matplotlib.ticker import NullFormatter
 
 __all__ = ["plot_curves", "plot_row"]
 
@@ -26,6 +27,7 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
     for y, line in enumerate(lines):
         low, high = line.value - line.spread[0], line.spread[1] - line.value
         axes.barh(y, line.value, color=_OURS, xerr=[[max(low, 0)], [max(high, 0)]], ecolor="black", capsize=3, height=0.6)
+        axes.annotate(f" {line.value:.3g}", (max(line.value, line.spread[1]), y), va="center")
         if (goal := target.goal_of(line.name)) is not None:
             axes.plot([goal.bound] * 2, [y - 0.4, y + 0.4], color=_ASKED, linewidth=2.5)
     if target.mean is not None:
@@ -33,10 +35,9 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
         axes.legend()
     axes.set_yticks(range(len(lines)), [line.name for line in lines])
     axes.invert_yaxis()
-    if max(line.value for line in lines) > 20 * max(min(line.value for line in lines), 1e-9):
-        axes.set_xscale("log")
+    axes.margins(x=0.1)
     axes.set_xlabel(target.unit)
-    axes.set_title(target.title)
+    figure.suptitle(target.title, fontsize="medium")
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
 
@@ -49,6 +50,8 @@ def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
         plot.plot(notes["places"], notes["seconds"], "o-", color=_OURS, label="measured")
         plot.plot(notes["places"], notes["allowed_seconds"], "--", color=_ASKED, label="allowed")
         plot.set_xscale("log")
+        plot.set_xticks(notes["places"], [f"{n:,}" for n in notes["places"]], rotation=45)
+        plot.xaxis.set_minor_formatter(NullFormatter())
         if line.name not in ("triangles", "lights"):
             plot.set_yscale("log")
         plot.set_ylim(bottom=None if plot.get_yscale() == "log" else 0)

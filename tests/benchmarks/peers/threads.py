@@ -33,5 +33,5 @@ def _line(name: str, scene: Rayfarm, sizes: Sizes) -> Line:
         sizes.rounds,
     )
     total = sizes.picture**2 * sizes.spp / 1e6
-    rates = [[total / seconds for seconds in side] for side in run.walls]
+    rates = [[total / seconds for seconds in side] for side in run.seconds]
     return ratio_line("threads", name, run.ratios, "M samples/s", *rates, cpu_ratio=run.cpu_ratio)
