@@ -43,7 +43,7 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
 
 
 def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
-    """Seconds against each count, beside the growth that is allowed."""
+    """Processor seconds against each count, beside the growth that is allowed."""
     figure, axes = pyplot.subplots(1, len(lines), figsize=(3.4 * len(lines), 3.4), layout="constrained", squeeze=False)
     for plot, line in zip(axes[0], lines, strict=True):
         notes = line.notes or {}
@@ -55,8 +55,8 @@ def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
         if line.name not in ("triangles", "lights"):
             plot.set_yscale("log")
         plot.set_ylim(bottom=None if plot.get_yscale() == "log" else 0)
-        plot.set_title(line.name)
-        plot.set_ylabel("seconds")
+        plot.set_title("pixels across" if line.name == "pixels" else line.name)
+        plot.set_ylabel("processor seconds")
         plot.legend()
     figure.suptitle(TABLE[row].title)
     figure.savefig(path, dpi=120)

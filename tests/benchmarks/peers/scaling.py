@@ -1,6 +1,7 @@
 """Row `scaling`: the cost of a picture against triangles, lights, pixels, samples and depth. No peer.
 
-The value is how much the cost may grow from the first size to the last, over how much it grows.
+The value is how much the cost may grow from the first size to the last, over how much it grows. Cost is the processor's time in
+all threads.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ def _logarithm(n: int) -> float:
 
 
 def _seconds(case: Case, rounds: int, size: int, spp: int, depth: int) -> list[float]:
-    """Of each round; building the scene is not counted."""
+    """Of the processor, in each round; building the scene is not counted."""
     scene, settings = compile_scene(case.description), replace(case.settings(size), max_depth=depth)
     render_frame(scene, settings, 1)
-    return [taken(lambda: render_frame(scene, settings, spp)).wall for _ in range(rounds)]
+    return [taken(lambda: render_frame(scene, settings, spp)).cpu for _ in range(rounds)]
 
 
 def _line(name: str, places: Sequence[int], allowed: Callable[[int], float], cost: Callable[[int], list[float]]) -> Line:
