@@ -1,8 +1,7 @@
-"""Films and databases with faults, one kind a test: the jobs that have nothing to do with it go on, and nothing is lost."""
+"""Films and their jobs with faults, one kind a test: jobs that have nothing to do with it go on, and nothing is lost."""
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import threading
 import time
@@ -13,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import event
 
-from service.errors import FilmWaits, Unavailable
+from service.errors import FilmWaits
 from service.scheduling import bulkhead
 from service.scheduling.records import Records
 from service.store.film_file import FilmFile
@@ -23,7 +21,7 @@ from service.store.films import Film
 from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RESULTS, RenderBatch
+from worker.contract import RenderBatch
 
 
 def film_of(service: Service, job: str) -> Path:
@@ -92,11 +90,6 @@ def test_a_film_without_room_waits_until_there_is_some(service: Service, worker:
     assert service.farm.engine.snapshot.counts.get("dropped", 0) == 0
 
 
-def answers_of(worker: PeerWorker, job: str) -> bool:
-    """Whether results of a job are in the stream."""
-    return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
-
-
 def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
@@ -107,26 +100,6 @@ def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worke
         service.wait_for(service.submit(service.ready_scene(), spp=4, seed=1), "finished")
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest(spp=30)
-
-
-def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    worker.on_batch = slow
-    job = under_way(service, worker)
-    service.stop()
-    until(lambda: answers_of(worker, job), "the worker answers meanwhile")
-    away = threading.Event()
-    away.set()
-    monkeypatch.setattr(Records, "resolve", away_while(away, Records.resolve))
-    service.start()
-    until(lambda: "does not answer" in (service.job(job)["message"] or ""), "the job says what it waits for")
-    time.sleep(1.0)
-    assert answers_of(worker, job)
-    away.clear()
-    service.wait_for(job, "finished")
-    assert service.digest(job) == expected_digest(spp=30)
-    until(lambda: not answers_of(worker, job), "the stream is trimmed")
 
 
 def film_file(service: Service, job: str) -> FilmFile:
@@ -206,43 +179,6 @@ def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
     assert service.wait_for(job, "finished")["samples"] == 64 * 48 * 8, "where nothing is missing, nothing is rendered"
 
 
-def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
-    if service.options["database_url"]:
-        return  # PostgreSQL has no lock of the whole
-    worker.on_batch = slow
-    job = under_way(service, worker, spp=60)
-    with locked(service.options["data"] / "rayfarm.sqlite"):
-        assert service.job(job)["samples"] < 64 * 48 * 60
-        until(lambda: service.http.get("/readyz").status_code == 503, "the service says so", 10)
-        assert "database" in service.http.get("/readyz").json()["detail"]
-        until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on, up to the last sample")
-        assert service.job(job)["state"] == "running", "the database cannot say otherwise"
-    service.wait_for(job, "finished")
-    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready again")
-    assert service.digest(job) == expected_digest(spp=60)
-    assert rendered_once(worker, job)
-
-
-def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
-    if service.options["database_url"]:
-        return
-    worker.on_batch = slow
-    job = under_way(service, worker, spp=60)
-    is_read_only = threading.Event()
-
-    def obey(connection: Any, *_: Any) -> None:
-        connection.execute(f"PRAGMA query_only={'ON' if is_read_only.is_set() else 'OFF'}")
-
-    event.listen(service.farm.database, "checkout", obey)
-    is_read_only.set()
-    until(lambda: service.http.get("/readyz").status_code == 503, "the service says so")
-    assert "readonly" in service.http.get("/readyz").json()["detail"]
-    until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on")
-    is_read_only.clear()
-    service.wait_for(job, "finished")
-    assert service.digest(job) == expected_digest(spp=60)
-
-
 def failing_at_first(method: Any, error: Callable[[], Exception], applies: Callable[..., bool], failed: Counter[str]) -> Any:
     """The method, which fails at its first and third call."""
     calls = Counter[str]()
@@ -276,63 +212,6 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
             assert service.digest(job) == expected_digest(seed=seed)
             assert rendered_once(worker, job)
     assert set(failed) == set(RECORDS)
-
-
-def away_while(flag: threading.Event, method: Any) -> Any:
-    """The method of Records, which does not get through to the database while the flag is set."""
-
-    def instead(*arguments: Any) -> Any:
-        if flag.is_set():
-            raise Unavailable("The database does not answer.")
-        return method(*arguments)
-
-    return instead
-
-
-def test_a_database_that_is_away_at_the_start_is_a_sentence(
-    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    service.stop()
-    away = threading.Event()
-    away.set()
-    monkeypatch.setattr(Records, "all_jobs", away_while(away, Records.all_jobs))
-    service.start()
-    until(lambda: "does not answer" in service.http.get("/readyz").text, "the service says so")
-    assert service.http.get("/readyz").json()["detail"] == "The database does not answer."
-    assert [r.getMessage() for r in caplog.records if "database" in r.getMessage()] == ["The database does not answer."]
-    away.clear()
-    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready")
-
-
-def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    away = threading.Event()
-    away.set()
-    monkeypatch.setattr(Records, "prepare_failed", away_while(away, Records.prepare_failed))
-    scene = service.upload(b"broken")
-    until(lambda: bool(worker.prepared), "a worker has looked at the scene")
-    time.sleep(5.5)  # longer than what is lost takes to be called lost
-    assert len(worker.prepared) == 1, "the worker has done it once"
-    away.clear()
-    until(lambda: service.scene(scene)["status"] == "failed", "it is written down")
-    assert "this is no scene" in service.scene(scene)["error"]
-
-
-def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    worker.on_batch = slow
-    job = under_way(service, worker)
-    away = threading.Event()
-    away.set()
-    monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
-    film_file(service, job)._database.execute("PRAGMA query_only=ON")
-    until(lambda: job in service.farm.engine._bulkheads.verdicts, "the job cannot go on")
-    service.http.delete(f"/api/jobs/{job}").raise_for_status()
-    time.sleep(0.5)  # meanwhile the engine hears of it
-    away.clear()
-    until(lambda: not film_of(service, job).exists(), "its film is gone")
 
 
 FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_sums", "index_of")
