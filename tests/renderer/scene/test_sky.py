@@ -87,8 +87,8 @@ def test_light_fades_as_the_sun_sinks(coarse):
     sun = [luminance(facing(sun_of_sky(Sky(h)))) for h in heights]
     assert (np.diff(sky) <= 0).all()
     assert (np.diff(sun) <= 0).all()
-    assert sun[heights.index(0)] > 0 == sun[heights.index(-1)]
-    assert sky[heights.index(-1)] > 0
+    assert sun[heights.index(0)] > 0 == sun[heights.index(-2)]
+    assert sky[heights.index(-2)] > 0
 
 
 def test_colours():
