@@ -92,10 +92,37 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
         ("Eye", "0, 0, 5", "0.1, 0, 5"),
         ("Focus distance", "the target's", "2"),
     ]
-    body = TOLD + """
+    body = (
+        TOLD
+        + """
         const side = (job) => ({ job, channel: "" });
         return m.sideNames(side(a.left), side(a.right));"""
+    )
     assert call(page, "job-differences", body, jobs) == ["Path tracing, glitter dull", "Ambient occlusion, glitter 1.235"]
+
+
+def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
+    """They are scenes of their own, of the same files and the same name."""
+    view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
+    job = {"name": "shoe", "width": 8, "height": 8, "spp": 64, "settings": {"integrator": "path", "view": view}}
+    own = {"id": "a", "variants": ["beach", "night", "night"], "variant": None, "environment": None}
+    others = [{**own, "id": "b", "variant": "2", "environment": "sky:35,0"}, {**own, "id": "c", "variant": "beach"}]
+    body = (
+        TOLD
+        + """
+        (await import('/js/farm.js')).scenes.set(a.scenes);
+        return m.differences({ ...a.job, scene: "a" }, { ...a.job, scene: a.other });"""
+    )
+    arguments = {"scenes": [own, *others], "job": job, "table": described()}
+    told = [call(page, "job-differences", body, {**arguments, "other": other}) for other in ("a", "b", "c")]
+    assert told == [
+        [],
+        [
+            {"label": "Materials", "a": "as saved", "b": "night (2)"},
+            {"label": "Light from around", "a": "the scene's own", "b": "sun at 35°"},
+        ],
+        [{"label": "Materials", "a": "as saved", "b": "beach"}],
+    ]
 
 
 @pytest.mark.parametrize(

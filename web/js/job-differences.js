@@ -1,6 +1,8 @@
 /** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
 
 import { DENOISED, channelOf } from "./channels.js";
+import { scenes } from "./farm.js";
+import { lightOf, variantOf } from "./scene-version.js";
 import { endOf, known, labelOf, phraseOf, settingOf, valueText } from "./settings-table.js";
 
 /** @typedef {import("./types.js").Job} Job */
@@ -38,12 +40,17 @@ function rows() {
   const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
     plain("Scene", ({ name }) => name),
+    plain("Materials", (job) => variantOf(sceneOf(job)) || "as saved"),
+    plain("Light from around", (job) => lightOf(sceneOf(job)) || "the scene's own"),
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, endOf),
     ...view.map((setting) => row(setting, (job) => job.settings?.view)),
     plain("Size", ({ width, height }) => `${width}×${height}`),
   ];
 }
+
+/** @param {Job} job */
+const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);
 
 /** @param {Job} a @param {Job} b */
 const differing = (a, b) => rows().filter(({ value }) => value(a) !== value(b));
