@@ -41,7 +41,11 @@ function rows() {
   return [
     plain("Scene", ({ name }) => name),
     plain("Materials", (job) => variantOf(sceneOf(job)) || "as saved"),
-    plain("Light from around", (job) => lightOf(sceneOf(job)) || "the scene's own"),
+    {
+      label: "Light from around",
+      value: (job) => lightOf(sceneOf(job)) || "the scene's own",
+      phrase: (job) => lightOf(sceneOf(job)) || "its own light",
+    },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, endOf),
     ...view.map((setting) => row(setting, (job) => job.settings?.view)),
