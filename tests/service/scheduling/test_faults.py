@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import threading
 import time
@@ -15,14 +16,14 @@ import pytest
 from sqlalchemy import event
 
 from service.errors import FilmWaits, Unavailable
-from service.scheduling import bulkhead, preparing
+from service.scheduling import bulkhead
 from service.scheduling.records import Records
 from service.store.film_file import FilmFile
 from service.store.films import Film
 from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RenderBatch
+from worker.contract import RESULTS, RenderBatch
 
 
 def film_of(service: Service, job: str) -> Path:
@@ -91,6 +92,11 @@ def test_a_film_without_room_waits_until_there_is_some(service: Service, worker:
     assert service.farm.engine.snapshot.counts.get("dropped", 0) == 0
 
 
+def answers_of(worker: PeerWorker, job: str) -> bool:
+    """Whether results of a job are in the stream."""
+    return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
+
+
 def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
@@ -101,6 +107,26 @@ def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worke
         service.wait_for(service.submit(service.ready_scene(), spp=4, seed=1), "finished")
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest(spp=30)
+
+
+def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker.on_batch = slow
+    job = under_way(service, worker)
+    service.stop()
+    until(lambda: answers_of(worker, job), "the worker answers meanwhile")
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "resolve", away_while(away, Records.resolve))
+    service.start()
+    until(lambda: "does not answer" in (service.job(job)["message"] or ""), "the job says what it waits for")
+    time.sleep(1.0)
+    assert answers_of(worker, job)
+    away.clear()
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+    until(lambda: not answers_of(worker, job), "the stream is trimmed")
 
 
 def film_file(service: Service, job: str) -> FilmFile:
@@ -281,13 +307,12 @@ def test_a_database_that_is_away_at_the_start_is_a_sentence(
 def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preparing, "UNSEEN_ALLOWED", 1)
     away = threading.Event()
     away.set()
     monkeypatch.setattr(Records, "prepare_failed", away_while(away, Records.prepare_failed))
     scene = service.upload(b"broken")
     until(lambda: bool(worker.prepared), "a worker has looked at the scene")
-    time.sleep(4.5)  # longer than it takes to be called lost three times
+    time.sleep(5.5)  # longer than what is lost takes to be called lost
     assert len(worker.prepared) == 1, "the worker has done it once"
     away.clear()
     until(lambda: service.scene(scene)["status"] == "failed", "it is written down")
