@@ -45,6 +45,7 @@ __all__ = [
     "sqrt",
     "store",
     "store_int",
+    "swapped",
     "to_double",
     "to_single",
 ]
@@ -368,6 +369,19 @@ def lowest_bit(typingctx, number):
         return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
 
     return types.uint32(types.uint32), codegen
+
+
+@intrinsic
+def swapped(typingctx, vector):
+    """f32x8: the last four lanes first."""
+
+    def codegen(context, builder, sig, args):
+        order = [*range(LANES // 2, LANES), *range(LANES // 2)]
+        return builder.shuffle_vector(
+            args[0], ir.Constant(args[0].type, ir.Undefined), ir.Constant(ir.VectorType(_I32, LANES), order)
+        )
+
+    return f32x8(f32x8), codegen
 
 
 @intrinsic
