@@ -6,6 +6,7 @@ Folding opens the largest area first, as in Wald, Benthin & Boulos, "Getting rid
 
 from __future__ import annotations
 
+import contextlib
 from itertools import pairwise
 from typing import Any
 
@@ -29,14 +30,14 @@ def build(
     sphere: npt.NDArray[Any],
     instances: Instances | None = None,
     brute: bool = False,
-    threads: int | None = None,
+    team: Team | None = None,
 ) -> Bvh:
     """The tree over T triangles, S spheres and I instances.
 
     position: (V, 3) f32; triangle: (T, 3) i32 into it; sphere: (S, 4) f32, centre and radius. Any of them may be empty.
     brute: every box is boundless, so that every ray meets every primitive: slow, to see and to test what a tree is good for.
-    threads: None for one per core. Degenerate triangles are kept and never hit. The same input gives the same bytes, by
-    however many threads. Runs without the GIL.
+    team: whose threads build; None for one per core. Degenerate triangles are kept and never hit. The same input gives the
+    same bytes, by however many threads. Runs without the GIL.
     Raises ValueError where a coordinate is not finite or an index is out of range.
     """
     position = np.ascontiguousarray(position, np.float32).reshape(-1, 3)
@@ -48,8 +49,8 @@ def build(
         raise ValueError(f"a triangle names a vertex outside 0 ... {len(position) - 1}")
     for array in (position, triangle, sphere):
         array.flags.writeable = False  # one type for the compiler, whoever calls
-    with Team(threads) as team:
-        return _sealed(_levels(position, triangle, sphere, instances, team), brute)
+    with contextlib.nullcontext(team) if team is not None else Team() as crew:
+        return _sealed(_levels(position, triangle, sphere, instances, crew), brute)
 
 
 def _levels(
