@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
-from renderer.bvh.simd import extract, load, load_int, maximum, splat, store, store_int, swapped
+from renderer.bvh.simd import extract, load, load_int, raise_to, splat, store, store_int, swapped
 from renderer.jit import device
 
 __all__ = [
@@ -43,13 +43,13 @@ def clear(boxes, i):
 @device
 def grow(boxes, i, others, j):
     """Grows box i so that it holds box j of the others."""
-    store(boxes, np.uintp(i * 8), maximum(load(boxes, np.uintp(i * 8)), load(others, np.uintp(j * 8))))
+    raise_to(boxes, np.uintp(i * 8), load(others, np.uintp(j * 8)))
 
 
 @device
 def grow_by(boxes, i, other):
     """Grows box i so that it holds another, an f32x8."""
-    store(boxes, np.uintp(i * 8), maximum(load(boxes, np.uintp(i * 8)), other))
+    raise_to(boxes, np.uintp(i * 8), other)
 
 
 @device
