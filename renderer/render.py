@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
+from renderer.bvh.top import LEAST_PART
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
@@ -158,6 +159,13 @@ def is_warm(settings: RenderSettings) -> bool:
     return jit.is_loaded(renderer_of(settings))
 
 
+def _of_several_parts() -> Mesh:
+    """A mesh that is large enough to need every kernel that prepares meshes."""
+    count = 2 * LEAST_PART
+    corner = np.random.default_rng(0).random((3 * count, 3), np.float32)
+    return Mesh("soup", corner, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), corner)
+
+
 def warm_up(settings: RenderSettings | None = None, fetch: Callable[[], None] | None = None) -> float:
     """Compiles the kernels for scenes and for these settings (None: for pictures), or loads them: the seconds that took.
 
@@ -168,8 +176,7 @@ def warm_up(settings: RenderSettings | None = None, fetch: Callable[[], None] | 
     view = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
     settings = RenderSettings(2, 2, view) if settings is None else replace(settings, width=2, height=2, view=view)
     with jit.compiling(renderer_of(settings).__name__, fetch):
-        corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-        mesh = Mesh("triangle", corner, np.array([[0, 1, 2]], np.int32))
+        mesh = _of_several_parts()
         scene = compile_scene(
             SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
         )

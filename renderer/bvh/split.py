@@ -3,9 +3,8 @@
 After Wald, "On fast construction of SAH-based bounding volume hierarchies" (2007). A node's primitives are put into bins by their
 centroids along each axis; a sweep over the bins finds the cheapest plane between two; the primitives are partitioned by it.
 
-A node of n primitives has 2 n - 2 rows of the tree for what is below it: the first two are its children, then come the left
-child's rows and the right one's. So every node's place follows from its primitives alone, and threads that build parts of one
-tree (parallel.py) need not agree on anything.
+A node of n primitives has 2 n - 2 rows of the tree for what is below it, and fills them from the front. So threads that split
+several nodes of one tree (top.py) need not agree on anything.
 """
 
 from __future__ import annotations
@@ -186,14 +185,14 @@ def split(box, order, task, root_spread, triangles, solids, tree_box, tree):
         np.empty(BINS, np.float32),
     )
     spread = np.empty((_STACK, 8), np.float32)
-    stack = np.empty((_STACK, 5), np.int64)  # as `task`; the same row of `spread` is its centroids'
+    stack = np.empty((_STACK, 4), np.int64)  # node, first box, end, depth; the same row of `spread` is of its centroids
     spread[0] = root_spread
-    for k in range(5):
-        stack[0, k] = task[k]
+    root, first_box, end_box, rows, root_depth = task
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = root, first_box, end_box, root_depth
     top = 1
     while top > 0:
         top -= 1
-        node, first, end, rows, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3], stack[top, 4]
+        node, first, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
         count = end - first
         tree[node, 0] = -1
         tree[node, 1] = first
@@ -228,9 +227,9 @@ def split(box, order, task, root_spread, triangles, solids, tree_box, tree):
             bound(box, first, middle, tree_box, rows, spread, left)
             bound(box, middle, end, tree_box, rows + 1, spread, right)
         tree[node, 0] = rows
-        stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = rows, first, middle, rows + 2
-        stack[right, 0], stack[right, 1], stack[right, 2], stack[right, 3] = rows + 1, middle, end, rows + 2 * (middle - first)
-        stack[left, 4] = stack[right, 4] = depth + 1
+        stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = rows, first, middle, depth + 1
+        stack[right, 0], stack[right, 1], stack[right, 2], stack[right, 3] = rows + 1, middle, end, depth + 1
+        rows += 2
         top += 2
-    for i in range(task[1], task[2]):
+    for i in range(first_box, end_box):
         order[i] = number_of(box, i)

@@ -6,7 +6,8 @@ cut into parts, not from who does which: every number of threads builds the same
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import mmap
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,9 @@ from renderer.bvh.split import BINS, SAH_DEPTH, Bins, bound_sides, cheapest_plan
 from renderer.jit import builder
 from renderer.threads import Team, parts_of
 
-__all__ = ["MOST_PARTS", "Binary", "part_size", "split_all"]
+__all__ = ["LEAST_PART", "MOST_PARTS", "Binary", "part_size", "split_all"]
 
-_LEAST_PART = 1 << 15  # boxes: a megabyte of them, which a core's cache holds
+LEAST_PART = 1 << 15  # boxes: a megabyte of them, which a core's cache holds
 MOST_PARTS = 64  # of one tree: more would only cost
 
 F32 = npt.NDArray[np.float32]
@@ -26,7 +27,7 @@ F32 = npt.NDArray[np.float32]
 
 def part_size(count: int) -> int:
     """Into parts of how many primitives a tree over so many is cut."""
-    return max(_LEAST_PART, -(-count // MOST_PARTS))
+    return max(LEAST_PART, -(-count // MOST_PARTS))
 
 
 class Binary(NamedTuple):
@@ -51,8 +52,7 @@ class _Node(NamedTuple):
 def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
     """The binary tree over all boxes, which it reorders."""
     count, part = len(box), part_size(len(box))
-    tree_box = np.empty((2 * count, 8), np.float32)
-    tree = np.empty((2 * count, 3), np.int32)
+    tree_box, tree = _sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32)
     order = np.empty(count, np.int32)
     waiting = [_Node(0, 0, count, 1, 0, _bounded(box, 0, count, part, tree_box[0], team))]
     small = []
@@ -66,6 +66,15 @@ def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
     small.sort(key=lambda node: node.first - node.end)  # the largest first, so that the threads end together
     team.each(lambda node: split(box, order, tuple(node[:5]), node.spread, triangles, solids, tree_box, tree), small)
     return Binary(tree_box, tree, order)
+
+
+def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
+    """Room of which only what is written to takes memory: leaves of several primitives leave most of their rows unused.
+
+    NumPy's own would be in huge pages, each of them there as a whole.
+    """
+    size = np.dtype(item).itemsize
+    return np.frombuffer(mmap.mmap(-1, shape[0] * shape[1] * size), item).reshape(shape)
 
 
 def _halves(box: F32, node: _Node, part: int, solids: int, tree_box: F32, team: Team) -> tuple[_Node, _Node]:

@@ -108,7 +108,7 @@ def soup():
 
 
 def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr("renderer.bvh.top._LEAST_PART", 16)
+    monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
     built = []
     for threads in (1, 2, 3):
         with Team(threads) as team:
