@@ -178,6 +178,7 @@ def apt_install(package):
 def run_tests(python, arguments):
     """All tests; the linter, the types and the import contracts are among them. pytest's closing line comes last."""
     need_chromium()
+    need_postgresql()
     need_typescript()
     if "--long" in arguments:
         arguments = [a for a in arguments if a != "--long"]
@@ -238,6 +239,15 @@ def need_chromium():
         return
     if not (may_install() and apt_install("chromium")):
         say("No Chromium is installed: the browser tests are skipped. On Debian: apt install chromium")
+
+
+def need_postgresql():
+    """The migrations are tested on a server of this machine's own; Debian keeps its programs off the PATH."""
+    if shutil.which("pg_ctl") or list(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl")):
+        return
+    if os.environ.get("RAYFARM_TEST_DATABASE_URL") or (may_install() and apt_install("postgresql")):
+        return
+    say("No PostgreSQL is installed: migrations are tested on SQLite alone. On Debian: apt install postgresql")
 
 
 def need_typescript():

@@ -16,12 +16,9 @@ from rayfarm.errors import CommandError
 from renderer.declared import Declared
 from renderer.errors import SettingsError
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, View, chosen
-from renderer.work import WORK
+from renderer.work import DEFAULT_SIZE, WORK
 
-__all__ = ["DEFAULT_SPP", "Picture", "takes_picture"]
-
-DEFAULT_SIZE = (960, 540)
-DEFAULT_SPP = 64
+__all__ = ["Picture", "takes_picture"]
 
 ASKED: Mapping[str, Declared] = {name: SETTINGS[name] for name in OPTIONAL}
 LIGHT: Mapping[str, Declared] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # which --env says
@@ -37,7 +34,7 @@ def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
 def _parameters() -> list[inspect.Parameter]:
     """All options of a picture, for a command's signature."""
     return [
-        _own("size", "Pixels; what the scene asks for, else 960x540.", "Size and quality", "WxH"),
+        _own("size", f"Pixels; what the scene asks for, else {DEFAULT_SIZE[0]}x{DEFAULT_SIZE[1]}.", "Size and quality", "WxH"),
         *map(parameter, ENDS.values()),
         _own("camera", "A camera of the scene, by name or number from 0.", "View", "NAME|N"),
         *map(parameter, VIEW.values()),

@@ -20,6 +20,7 @@ from renderer.film import CHANNELS, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, Batch, Output, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
+from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.options import kernel_options
 from renderer.replay import Replay, read_log
@@ -149,7 +150,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
         raise SettingsError(f"pixel {x},{y} lies outside the picture of {settings.width}x{settings.height}")
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
-    log = np.zeros((settings.max_depth + MAX_PASSED, record.COLUMNS))
+    log = np.zeros((settings.max_depth + MAX_AGAIN + MAX_PASSED, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
     return read_log(batch, settings.film_exponent, log)
 

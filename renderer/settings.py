@@ -246,7 +246,14 @@ class RenderSettings:
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
-        Shown("Environment", "One colour from all around, in place of the scene's own.", "radiance", section="Environment"),
+        Shown(
+            "Environment",
+            "One colour from all around, in place of the scene's own.",
+            unit="radiance",
+            section="Environment",
+            off="the scene's own",
+            phrase="environment: {}",
+        ),
     ] = None
     environment_strength: Annotated[
         float,

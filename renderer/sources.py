@@ -61,9 +61,9 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
 
 
 def kept_meaning(files: Iterable[Path], folder: Path, root: Path = ROOT) -> str:
-    """As `meaning`, which takes a second: its answer is kept in `folder` under a hash of the files' bytes."""
+    """As `meaning`, which takes a second: its answer is kept in `folder` under a hash of the files' bytes, and of this one's."""
     files = list(files)
-    raw = hashlib.sha256()
+    raw = hashlib.sha256(Path(__file__).read_bytes())  # what is kept must not outlive the way it was found
     for path in files:
         raw.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     kept = folder / raw.hexdigest()

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from renderer.declared import Setting, Shown, table
 from renderer.settings import MAX_SPP
 
-__all__ = ["WORK", "Work"]
+__all__ = ["DEFAULT_SIZE", "WORK", "Work", "most_samples"]
+
+# Of a picture for which neither its request nor its scene file says any.
+DEFAULT_SIZE = (960, 540)
+DEFAULT_SPP = 64
+NOISE_SPP = 16384  # where only a noise level is asked for
 
 
 @dataclass(frozen=True)
@@ -18,7 +24,13 @@ class Work:
     spp: Annotated[
         int | None,
         Setting(1, MAX_SPP),
-        Shown("Samples per pixel", "Samples per pixel.", "", "basic", "Size and quality", phrase="{} spp"),
+        Shown(
+            "Samples per pixel",
+            f"Samples per pixel: {DEFAULT_SPP} unless told, or as many as a noise level or a time limit takes.",
+            group="basic",
+            section="Size and quality",
+            phrase="{} spp",
+        ),
     ] = None
     noise: Annotated[
         float | None,
@@ -57,3 +69,12 @@ class Work:
 
 
 WORK = table(Work)
+
+
+def most_samples(spp: int | None, noise: float | None, seconds: float | None, defaults: Mapping[str, Any]) -> int:
+    """How many samples a pixel gets at the most. defaults: what the scene file asks for, unless another end is asked for."""
+    if spp is not None:
+        return spp
+    if noise is not None:
+        return NOISE_SPP
+    return MAX_SPP if seconds is not None else int(defaults.get("spp") or DEFAULT_SPP)

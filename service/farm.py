@@ -18,6 +18,7 @@ from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import CannotStart, Conflict, FarmError
 from service.scheduling.engine import Engine
+from service.scheduling.records import Records
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.database import connect
@@ -26,7 +27,6 @@ from service.store.films import Film
 from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job
-from service.store.records import Records
 from service.store.reserve import Reserve
 from service.store.whole import PRIVATE
 from service.watching.broadcast import Broadcast

@@ -14,13 +14,14 @@ from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable
-from rayfarm.picture import DEFAULT_SPP, Picture, takes_picture
+from rayfarm.picture import Picture, takes_picture
 from rayfarm.rendering import Clock, load_kernels, load_scene, part_of_frame, whole_frame
 from rayfarm.replay import show_path
 from renderer import aovs
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
 from renderer.settings import RenderSettings, Tile
+from renderer.work import most_samples
 
 if TYPE_CHECKING:
     import numpy as np
@@ -123,7 +124,7 @@ def render(
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
 
     settings = picture.settings(summary["cameras"], summary["defaults"])
-    count = picture.spp or summary["defaults"].get("spp", DEFAULT_SPP)
+    count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
     done = RenderStats()
     load_kernels(settings, clock)
     if tile is None and first == 0:

@@ -40,7 +40,7 @@ def worker(
       RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
     """
     from rayfarm.local.state import ROOT
-    from rayfarm.local.supervisor import Part, Supervisor
+    from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
     from renderer.places import cache_home
 
     if "://" not in join:
@@ -56,7 +56,8 @@ def worker(
         command += ["--name", name]
     log = cache_home() / "logs" / f"worker-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
-    part = Part("worker", command, log, {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}, grace_s=10.0, fatal_codes=(3,))
+    env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
+    part = Part("worker", command, log, env, grace_s=10.0, fatal_codes=(3,), steady_s=WORKER_STEADY_S)
     try:
         supervisor.start(part)
     except OSError as error:

@@ -17,13 +17,14 @@ import redis
 from rayfarm.errors import CommandError
 from rayfarm.local import broker
 from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secrets_of
-from rayfarm.local.supervisor import Part, Supervisor
+from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from worker.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["LocalFarm", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
 PATIENCE_S = 60.0
+SERVICE_STEADY_S = 15.0  # it may migrate a database first
 REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
 
 
@@ -81,11 +82,11 @@ class LocalFarm:
         }
         uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
-        self._start(Part("service", uvicorn, self._log("service"), env))
+        self._start(Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S))
         if self.slots:
             # The token goes by the environment: a command line is seen by everyone on the machine.
             worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
-            self._start(Part("worker", worker, self._log("worker"), env))
+            self._start(Part("worker", worker, self._log("worker"), env, steady_s=WORKER_STEADY_S))
         self._announce()
 
     def tend(self) -> None:

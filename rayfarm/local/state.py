@@ -16,10 +16,10 @@ import secrets
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import rayfarm
 from rayfarm.errors import CommandError
+from service.store.whole import write_whole
 
 __all__ = ["ROOT", "FarmAddress", "Secrets", "locked", "running_farm", "secrets_of"]
 
@@ -59,12 +59,12 @@ def secrets_of(data: Path) -> Secrets:
 
 def save_secrets(data: Path, known: Secrets) -> None:
     """Write the secrets, whole or not at all."""
-    _write_private(data / "secrets.json", asdict(known))
+    write_whole(data / "secrets.json", json.dumps(asdict(known), indent=1).encode())
 
 
 def announce(data: Path, farm: FarmAddress) -> None:
     """Say where the farm is."""
-    _write_private(data / "farm.json", asdict(farm))
+    write_whole(data / "farm.json", json.dumps(asdict(farm), indent=1).encode())
 
 
 def running_farm(data: Path) -> FarmAddress | None:
@@ -98,10 +98,3 @@ def locked(data: Path) -> Iterator[None]:
             yield
         finally:
             (data / "farm.json").unlink(missing_ok=True)
-
-
-def _write_private(path: Path, data: dict[str, Any]) -> None:
-    temporary = path.with_suffix(".part")
-    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
-        json.dump(data, file, indent=1)
-    temporary.replace(path)

@@ -19,10 +19,10 @@ from pathlib import Path
 
 from worker.process import spawn_guard
 
-__all__ = ["Part", "Supervisor"]
+__all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
 LOG_KEPT = 5 << 20
-STEADY_S = 5.0  # what ends sooner after its start may be unable to live, and is started ever more rarely
+WORKER_STEADY_S = 90.0  # it may compile its kernels first
 PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
@@ -30,7 +30,11 @@ KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 @dataclass
 class Part:
-    """One process of the farm. grace_s: how long it may take to stop when asked. fatal_codes: exits not worth a restart."""
+    """One process of the farm. grace_s: how long it may take to stop when asked. fatal_codes: exits not worth a restart.
+
+    steady_s: what ends sooner after its start may be unable to live, and is started ever more rarely. It is longer than the
+    part takes to be ready.
+    """
 
     name: str
     command: list[str]
@@ -38,6 +42,7 @@ class Part:
     env: dict[str, str] = field(default_factory=dict)
     grace_s: float = 5.0
     fatal_codes: tuple[int, ...] = ()
+    steady_s: float = 5.0
     process: subprocess.Popen[bytes] | None = None
     failures: int = 0
     started: float = 0.0
@@ -93,7 +98,7 @@ class Supervisor:
         now = time.monotonic()
         for part in self.parts:
             if part.running:
-                if now - part.started > STEADY_S:
+                if now - part.started > part.steady_s:
                     part.failures = 0
             elif part.restart_at is None:
                 code = part.process.returncode if part.process else None
@@ -123,7 +128,7 @@ class Supervisor:
 
     def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
         """How long to wait before a part that ended is started again."""
-        if lived_s > STEADY_S:
+        if lived_s > part.steady_s:
             part.failures = 0
         pause = PAUSES_S[min(part.failures, len(PAUSES_S) - 1)]
         part.failures += 1

@@ -157,7 +157,7 @@ class Material:
     )
     eta: Vec3 = color(0.0, rows.ETA, 100.0, _METAL, form="triple")
     """A conductor's index of refraction is eta + i k, at the primaries."""
-    k: Vec3 = color(1.0, rows.K, 100.0, _METAL, form="triple")
+    k: Vec3 = color(1.0, rows.K, 1e6, _METAL, form="triple")
     shininess: float = number(32.0, rows.SHININESS, high=1e6, kinds=_PHONG)
     """Blinn and Phong's exponent."""
 

@@ -169,6 +169,8 @@ def _message(job: Job, view: Snapshot) -> str | None:
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
         return "The workers compile the kernel of these settings; the first time that takes half a minute or more."
+    if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
+        return f"{numbers.handed_back.rstrip('.')}. It is tried again."
     if ahead := view.ahead.get(job.id):
         return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
     return None

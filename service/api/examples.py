@@ -13,7 +13,8 @@ from service.errors import NotFound
 from service.farm import FarmDependency
 from service.intake.examples import examples, form_of
 from service.intake.record import record
-from service.intake.uploads import full_disk, keep
+from service.intake.uploads import keep
+from service.store.room import full_disk
 
 __all__ = ["router"]
 

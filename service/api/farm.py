@@ -20,9 +20,10 @@ from service.api.lookup import find_job
 from service.api.token import check_token
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
-from service.intake.uploads import disk_checker, gathered
+from service.intake.uploads import gathered
 from service.store.blobs import is_sha256, no_blob
 from service.store.models import Scene
+from service.store.room import disk_checker, full_disk
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]
@@ -89,18 +90,26 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
     if not is_sha256(sha256):
         raise Invalid("A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
-    writer = await run_in_threadpool(farm.blobs.writer)
-    try:
-        async for chunk in gathered(request.stream()):
-            check_disk(len(chunk))
-            await run_in_threadpool(writer.write, chunk)
-            if writer.size > farm.settings.max_blob_bytes:
-                raise TooLarge(f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
-        if writer.sha256 != sha256:
-            raise Invalid("The bytes do not have the hash that they are to be stored under. Send them again.")
+
+    def take(piece: bytes) -> None:
+        check_disk(len(piece))
+        writer.write(piece)
+
+    def keep() -> None:
         farm.garbage.promise(sha256)
-        await run_in_threadpool(writer.commit)
-    finally:
-        with anyio.CancelScope(shield=True):
-            await run_in_threadpool(writer.discard)
+        writer.commit()
+
+    with full_disk():
+        writer = await run_in_threadpool(farm.blobs.writer)
+        try:
+            async for piece in gathered(request.stream()):
+                await run_in_threadpool(take, piece)
+                if writer.size > farm.settings.max_blob_bytes:
+                    raise TooLarge(f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
+            if writer.sha256 != sha256:
+                raise Invalid("The bytes do not have the hash that they are to be stored under. Send them again.")
+            await run_in_threadpool(keep)
+        finally:
+            with anyio.CancelScope(shield=True):
+                await run_in_threadpool(writer.discard)
     return Response(status_code=204)

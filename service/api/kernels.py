@@ -10,6 +10,7 @@ from renderer.artefact import MAX_BYTES
 from service.api.token import check_token
 from service.errors import NotFound, TooLarge
 from service.farm import FarmDependency
+from service.store.room import full_disk
 
 __all__ = ["router"]
 
@@ -33,5 +34,6 @@ async def put_kernels(name: str, request: Request, farm: FarmDependency) -> Resp
         data += chunk
         if len(data) > MAX_BYTES:
             raise TooLarge(f"Kernels have at most {MAX_BYTES} bytes.")
-    await run_in_threadpool(farm.kernels.put, name, bytes(data))
+    with full_disk():
+        await run_in_threadpool(farm.kernels.put, name, bytes(data))
     return Response(status_code=204)

@@ -17,7 +17,6 @@ from service.farm import FarmDependency
 from service.intake.record import record
 from service.intake.uploads import receive
 from service.store.models import ACTIVE, Job, Scene
-from service.store.records import blobs_of
 
 __all__ = ["router"]
 
@@ -103,7 +102,7 @@ def delete_scene(id: str, farm: FarmDependency) -> None:
         if needed:
             raise Conflict(f"{needed} unfinished job(s) need this scene. Cancel them first.")
         session.delete(scene)
-        return blobs_of(scene)
+        return scene.blobs
 
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
     farm.engine.changed("scene", id)

@@ -7,14 +7,10 @@ from typing import Any
 from renderer.cameras import camera_number
 from renderer.errors import SettingsError
 from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
+from renderer.work import DEFAULT_SIZE, most_samples
 from service.store.models import Job, Scene
 
-__all__ = ["DEFAULT_SPP", "NOISE_SPP", "default_tile_size", "resolve"]
-
-DEFAULT_SIZE = (640, 360)
-DEFAULT_SPP = 64
-NOISE_SPP = 16384  # the cap where only a noise level is asked for
-SECONDS_SPP = 1 << 20
+__all__ = ["default_tile_size", "resolve"]
 
 
 def default_tile_size(width: int, height: int) -> int:
@@ -42,13 +38,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
         **chosen(request, defaults),
     )
-    if job.spp is None:
-        if job.noise is not None:
-            job.spp = NOISE_SPP
-        elif job.seconds is not None:
-            job.spp = SECONDS_SPP
-        else:
-            job.spp = int(defaults.get("spp") or DEFAULT_SPP)
+    job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height)
     job.settings = settings.to_json()
 

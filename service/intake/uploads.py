@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
-import shutil
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterable
 from dataclasses import asdict, dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import TypeVar
 
 from starlette.concurrency import run_in_threadpool
@@ -22,15 +19,14 @@ from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
 from service.settings import Settings
 from service.store.blobs import BlobStore
-from service.store.database import no_room
 from service.store.garbage import Garbage
 from service.store.models import Scene
+from service.store.room import disk_checker, full_disk
 from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "changed", "full_disk", "gathered", "keep", "receive"]
+__all__ = ["Upload", "changed", "gathered", "keep", "receive"]
 
-DISK_CHECK_EVERY = 16 << 20
 PIECE = 1 << 20
 SKY = "sky:"
 T = TypeVar("T")
@@ -55,21 +51,6 @@ class Upload:
     def size(self) -> int:
         """Bytes of all files together."""
         return sum(file.size for file in self.files)
-
-
-def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
-    """A function of the bytes about to be written; raises NoRoom where the disk would fall below `keep_free`."""
-    since_check = DISK_CHECK_EVERY
-
-    def check(size: int) -> None:
-        nonlocal since_check
-        since_check += size
-        if since_check >= DISK_CHECK_EVERY:
-            since_check = 0
-            if shutil.disk_usage(folder).free < keep_free + DISK_CHECK_EVERY:
-                raise no_room()
-
-    return check
 
 
 async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
@@ -100,17 +81,6 @@ async def receive(
     with full_disk():
         form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
         return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
-
-
-@contextmanager
-def full_disk() -> Iterator[None]:
-    """Raise NoRoom where the system says that the disk is full."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise no_room() from error
-        raise
 
 
 def keep(

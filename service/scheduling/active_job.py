@@ -54,6 +54,8 @@ class ActiveJob:
         self.plan = self._plan(row.spp, row.noise)
         self.bad_samples = film.bad_samples(self.frame)[0]
         self.trouble: dict[Range, Trouble] = {}
+        self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
+        self.rests_until = 0.0
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
         self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
@@ -107,6 +109,7 @@ class ActiveJob:
 
     def came_back(self, batch: Range, seconds: float) -> None:
         """The film has a batch, or dropped it; `settle` tells the plan."""
+        self.handed_back = None
         self._learn(batch, seconds)
         self._unsettled.append(batch)
 

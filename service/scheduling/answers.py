@@ -108,8 +108,10 @@ class Answers:
         if message is None or isinstance(message, Wake):
             self._stored.append(entry)
             return
-        if isinstance(message, BatchDone) and (lease := self._scheduler.leases.get(message.batch)) is not None:
-            lease.has_arrived = True
+        if isinstance(message, BatchDone):
+            self._scheduler.arrived(message.job, message.batch)
+        elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
+            self._preparing.arrived(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
 
     def _is_recorded(self, owner: str) -> bool:
@@ -160,6 +162,7 @@ class Answers:
                 batch = batch_of(message, job) if job else None
                 if job is not None and batch is not None:
                     self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
+                    self._tell("job", job.id)
             case DenoiseDone():
                 self._denoising.heard(message.work, Denoised(message.sha256, message.version, message.samples))
             case DenoiseFailed():

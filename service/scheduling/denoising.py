@@ -58,12 +58,13 @@ class Denoising:
 
         The future has a FarmError where it cannot be made. Raises Unavailable where no worker can.
         """
+        made = self._made.get((job, frame))
+        # Asked without the lock, for which the engine's thread would wait: the store may be far away.
+        if made is not None and made.version == version and self._blobs.exists(made.sha256):
+            done: Future[Denoised] = Future()
+            done.set_result(made)
+            return done
         with self._lock:
-            made = self._made.get((job, frame))
-            if made is not None and made.version == version and self._blobs.exists(made.sha256):
-                done: Future[Denoised] = Future()
-                done.set_result(made)
-                return done
             wanted = self._wanted.get((job, frame))
             if wanted is None:
                 if self._workers.roster.denoising_kind() is None:

@@ -15,6 +15,7 @@ from concurrent.futures import Future
 
 import redis
 
+from service.errors import FarmError
 from service.scheduling.answers import Answers, TellTiles
 from service.scheduling.bulkhead import Bulkheads
 from service.scheduling.changes import Changes
@@ -22,6 +23,7 @@ from service.scheduling.denoising import Denoised, Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.preparing import Preparing
+from service.scheduling.records import Records
 from service.scheduling.results import Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
@@ -30,7 +32,6 @@ from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.film_store import FilmStore
 from service.store.films import Film
-from service.store.records import Records
 
 __all__ = ["Engine"]
 
@@ -130,6 +131,10 @@ class Engine:
             if self._fault is None:
                 log.warning("Redis does not answer: %s", error)
             return f"Redis does not answer ({error}). Start it, or look at RAYFARM_REDIS_URL."
+        except FarmError as error:  # the database, while the engine begins
+            if self._fault != str(error):
+                log.warning("%s", error)
+            return str(error)
         except Exception as error:
             log.exception("a fault in the engine")
             return f"The engine has a fault ({type(error).__name__}: {error}); the log says more."
@@ -165,6 +170,8 @@ class Engine:
                 self._workers.look(now=True)
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.forgive(id)
+            elif id in self._bulkheads.verdicts:
+                continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
                 continue
             self._changes.close((what, id))

@@ -15,11 +15,11 @@ from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.preparing import Preparing
+from service.scheduling.records import Records
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job
-from service.store.records import Records
 from worker.contract import SceneInfo
 
 __all__ = ["Lifecycle"]

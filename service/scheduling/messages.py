@@ -186,8 +186,12 @@ def understand(entry: Entry) -> Message | None:
     if entry.result is None:
         return None
     try:
-        return _MESSAGES.validate_python(entry.result.event)
+        message = _MESSAGES.validate_python(entry.result.event)
     except (ValidationError, RecursionError) as error:
         text = "; ".join(f"{e['loc']}: {e['msg']}" for e in error.errors()[:3]) if isinstance(error, ValidationError) else error
         log.warning("a message in the result stream is left out: %.500s", text)
         return None
+    if isinstance(message, BatchDone) and entry.result.sums is None:
+        log.warning("a batch of %s in the result stream is left out: it has no sums", message.worker)
+        return None
+    return message

@@ -77,6 +77,12 @@ class Preparing:
         if progress is not None:
             self.progress[scene] = progress
 
+    def arrived(self, scene: str, kind: str) -> None:
+        """A worker's answer was read, and is written down as soon as the database takes it: until then it is not lost."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                lease.has_arrived = True
+
     def returned(self, scene: str, kind: str, why: str) -> None:
         """A worker could not prepare a scene by its own trouble: it is handed out again, and the scene is not to blame."""
         for lease in self.leases.of(scene):
@@ -95,6 +101,8 @@ class Preparing:
         end = cache(results.end)
         hopeless = []
         for lease in self.leases:
+            if lease.has_arrived and not lease.is_overdue:
+                continue
             lease.is_held = lease.owner in in_hand
             lease.seen(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)

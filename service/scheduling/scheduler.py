@@ -32,6 +32,7 @@ __all__ = ["Scheduler"]
 UNSEEN_ALLOWED = 3  # looks, one a second
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
+REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
 
@@ -77,7 +78,7 @@ class Scheduler:
         handed_out = 0
         while turns and handed_out < room:
             held, _, i, job = heappop(turns)
-            if not self._bulkheads.may_render(job.id):
+            if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until:
                 continue
             served = job.served
             hand_out = partial(self._hand_out, job, kind, slots, start)
@@ -105,6 +106,12 @@ class Scheduler:
             raise
         self.leases.add(lease)
         job.served = next(self._turn)
+
+    def arrived(self, owner: str, lease: str) -> None:
+        """The sums of a batch were read, and are stored as soon as its film takes them: until then it is not lost."""
+        known = self.leases.get(lease)
+        if known is not None and known.owner == owner:
+            known.has_arrived = True
 
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
         """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
@@ -142,10 +149,14 @@ class Scheduler:
         """A worker could not render a batch by its own trouble: it is handed out again, and the job is not to blame."""
         if self.leases.end(lease) is None:
             return
-        log.info("job %s: %s", job.id, why)
+        if job.handed_back != why:
+            log.info("job %s: %s", job.id, why)
+        job.handed_back = why
         job.plan.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
         self._set_aside_if_alone(worker)
+        if not self._others(worker):
+            job.rests_until = time.monotonic() + REST_S
 
     def withdraw(self, job: ActiveJob) -> None:
         """Take back what waits of a job; what a worker has in hand comes back by itself, and is lost for the plan."""
@@ -186,10 +197,9 @@ class Scheduler:
 
     def _set_aside_if_alone(self, worker: str) -> None:
         """Pause a worker whose batches fail while others render theirs, unless nobody else is left."""
-        kinds = {report.name: report.kind for report in self._workers.roster.ready()}
-        others = [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
+        others = self._others(worker)
         failures = self.suspicion.of(worker, others)
-        if worker in kinds and others and failures >= FAILURES_ALLOWED:
+        if others and failures >= FAILURES_ALLOWED:
             log.warning("%s is set aside after %d failures", worker, failures)
             why = (
                 f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
@@ -197,6 +207,11 @@ class Scheduler:
             with suppress(redis.RedisError):  # it fails again, and is set aside then
                 self._workers.pause(worker, why)
                 self._workers.look(now=True)
+
+    def _others(self, worker: str) -> list[str]:
+        """The ready workers beside this one that may render the same; none where it is not ready itself."""
+        kinds = {report.name: report.kind for report in self._workers.roster.ready()}
+        return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
     def _lost(self, job: ActiveJob, lease: Lease, batch: Range, blame: bool) -> None:
         self.leases.end(lease.id)

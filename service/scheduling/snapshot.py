@@ -30,6 +30,7 @@ class JobNumbers:
     active_s: float
     eta_s: float | None
     samples_per_s: float
+    handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
@@ -43,6 +44,7 @@ class JobNumbers:
             job.active_s,
             job.eta_s,
             job.samples_per_s,
+            job.handed_back,
         )
 
 

@@ -15,11 +15,12 @@ from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
 
-from service.errors import NoRoom, Unavailable
+from service.errors import Unavailable
+from service.store.room import no_room
 from service.store.upgrade import upgrade
 from service.store.whole import PRIVATE
 
-__all__ = ["Sessions", "connect", "no_room"]
+__all__ = ["Sessions", "connect"]
 
 LOCK_PATIENCE_S = 5.0
 
@@ -77,11 +78,6 @@ def _json_or_nothing(text: str | bytes) -> Any:
         return json.loads(text)
     except ValueError:
         return None
-
-
-def no_room() -> NoRoom:
-    """What is said where the disk is full."""
-    return NoRoom("The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
 
 
 @contextmanager

@@ -22,7 +22,6 @@ from service.errors import FarmError
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
 from service.store.models import Scene
-from service.store.records import blobs_of
 
 __all__ = ["Garbage"]
 
@@ -76,7 +75,7 @@ class Garbage:
                 gone = let_go(session) | self._left
                 session.flush()
                 for scene in session.scalars(select(Scene)) if gone else ():
-                    gone -= blobs_of(scene)
+                    gone -= scene.blobs
             self._forget_promises()
             self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
             for sha256 in gone - self._left:

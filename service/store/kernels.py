@@ -6,12 +6,11 @@ Nothing here is unpacked by the service, and nothing is lost with it: who finds 
 from __future__ import annotations
 
 import io
-import os
-import tempfile
 from pathlib import Path
 
 from renderer.artefact import is_name, is_signed
 from service.errors import Invalid
+from service.store.whole import write_whole
 
 __all__ = ["KernelStore"]
 
@@ -39,14 +38,7 @@ class KernelStore:
             raise Invalid("This is no name of kernels: see renderer/artefact.py.")
         if not is_signed(io.BytesIO(data), self._token):
             raise Invalid("The kernels are not signed with this farm's token, or arrived damaged. Send them again.")
-        with tempfile.NamedTemporaryFile(dir=self._folder, prefix=".part-", delete=False) as file:
-            try:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-                Path(file.name).replace(self._folder / name)
-            finally:
-                Path(file.name).unlink(missing_ok=True)
+        write_whole(self._folder / name, data)
         self._forget_old()
 
     def _forget_old(self) -> None:

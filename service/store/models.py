@@ -36,6 +36,18 @@ class Scene(Base):
     info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # worker.contract.SceneInfo of the first kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
 
+    @property
+    def blobs(self) -> set[str]:
+        """The hashes of the blobs that it refers to: its files, what it was compiled to, its thumbnail.
+
+        Those that can be made out: a damaged row, or one of another release, must not keep others from being deleted.
+        """
+        files = self.files if isinstance(self.files, list) else []
+        compiled = self.compiled if isinstance(self.compiled, dict) else {}
+        info = self.info if isinstance(self.info, dict) else {}
+        refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail")) if isinstance(ref, dict)]
+        return {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
+
 
 class Job(Base):
     """A request for pictures of a scene, and how far it is."""

@@ -76,8 +76,10 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     """By its phrases: the value that switches something off, a choice, a noise level and a camera among them."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
-    left = {**a, "settings": {"integrator": "path", "sparkle": 0.0, "seed": 0, "clamp_indirect": 0.0, "view": view}}
+    common = {"clamp_indirect": 0.0, "view": view, "environment": None}
+    left = {**a, "settings": {**common, "integrator": "path", "sparkle": 0.0, "seed": 0}}
     right = {**a, "noise": 0.025, "settings": {**left["settings"], "integrator": "ao", "sparkle": 1.23456, "seed": 7}}
+    right["settings"]["environment"] = [1, 0.5, 0.25]
     right["settings"]["view"] = {**view, "focus": 2.0, "eye": [0.1, 0, 5]}
     rows = call(
         page,
@@ -93,6 +95,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
         ("Integrator", "Path tracing", "Ambient occlusion"),
         ("Sparkle", "glitter dull", "glitter 1.235"),
         ("Seed", "seed 0", "seed 7"),
+        ("Environment", "environment: the scene's own", "environment: 1, 0.5, 0.25"),
         ("Samples per pixel", "64 spp", "noise 2.5 %"),
         ("Eye", "from 0, 0, 5", "from 0.1, 0, 5"),
         ("Focus distance", "focus the target's", "focus 2"),

@@ -90,6 +90,24 @@ def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor
         supervisor.tend()
 
 
+def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
+    supervisor: Supervisor, said: list[str], tmp_path: Path
+) -> None:
+    """As a worker that ends while it compiles its kernels."""
+    part = Part("slow", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log", steady_s=90.0)
+    supervisor.start(part)
+    for lived, pause in ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2")):
+        part.started -= lived
+        supervisor.tend()  # which sees it run
+        assert part.process is not None
+        part.process.send_signal(signal.SIGSEGV)
+        part.process.wait()
+        supervisor.tend()
+        assert f"again in {pause} s" in said[-1]
+        part.restart_at = 0.0
+        supervisor.tend()
+
+
 def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
     supervisor.start(part)

@@ -57,6 +57,10 @@ def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
     assert kept_meaning([path], tmp_path / "kept", tmp_path) == first
     path.write_text("x = 2\n")
     assert kept_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64
+    monkeypatch.setattr(sources, "meaning", lambda *_: "e" * 64)
+    monkeypatch.setattr(sources, "__file__", str(path))  # another release's way to find it
+    assert kept_meaning([path], tmp_path / "kept", tmp_path) == "e" * 64
+    monkeypatch.setattr(sources, "meaning", lambda *_: "f" * 64)
     (tmp_path / "kept").chmod(0o500)
     path.write_text("x = 3\n")
     assert kept_meaning([path], tmp_path / "kept", tmp_path) == "f" * 64

@@ -23,7 +23,7 @@ SCENE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 SHA256 = hashlib.sha256(SCENE).hexdigest()
 MANIFEST = Manifest("scene", "scene.obj", [BlobRef("scene.obj", SHA256, len(SCENE))])
 SUMMARY: dict[str, Any] = {
-    "cameras": [], "counts": {}, "bounds": [], "animations": [], "warnings": [], "defaults": {}
+    "cameras": [], "counts": {}, "bounds": [], "animations": [], "variants": [], "warnings": [], "defaults": {}
 }  # fmt: skip
 
 
@@ -58,8 +58,8 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     def reader(work: Callable[..., Any], *_: Any, **__: Any) -> dict[str, Any]:
         return work(None)
 
-    def read(folder: Path, main: str, environment: Any, out: Path, send: Any) -> dict[str, Any]:
-        reads.append((folder / main).read_bytes())
+    def read(folder: Path, manifest: Manifest, out: Path, send: Any) -> dict[str, Any]:
+        reads.append((folder / manifest.main).read_bytes())
         if reads[-1] != SCENE:
             raise WorkError("scene.obj is damaged; export it anew")
         (out / "compiled.safetensors").write_bytes(b"compiled")

@@ -57,7 +57,8 @@ function pictureOption(/** @type {Job} */ { id }) {
   return {
     element,
     update({ name, settings, spp, width, height }) {
-      const facts = [name, settings && valueText(settingOf("settings", "integrator"), settings.integrator), spp && `${spp} spp`, `${width}×${height}`];
+      const integrator = settings && valueText(settingOf("settings", "integrator"), settings.integrator);
+      const facts = [name, integrator, spp && `${spp} spp`, `${width}×${height}`];
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

@@ -6,6 +6,7 @@ import { putJob } from "./farm.js";
 import { clock, compact, count, plural } from "./format.js";
 import { command } from "./hints.js";
 import { icon } from "./icons.js";
+import { settingOf, valueText } from "./settings-table.js";
 import { progressBar } from "./state-chip.js";
 import { showError } from "./tray.js";
 
@@ -126,7 +127,7 @@ function badSentence({ bad_samples: n, frames }) {
 
 /** @param {Job} job what "12" samples are out of */
 function goal(job) {
-  if (job.noise != null) return `samples per pixel, until the noise is ${job.noise * 100} %`;
+  if (job.noise != null) return `samples per pixel, until the noise is ${valueText(settingOf("work", "noise"), job.noise)}`;
   if (job.seconds != null) return `samples per pixel, for ${clock(job.seconds)}`;
   return `of ${count(job.spp ?? 0)} samples per pixel`;
 }

@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
+from rayfarm.picture import Picture
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from renderer.work import most_samples
 from service.intake.resolve import resolve
 from service.store.models import Job, Scene
 
@@ -30,6 +32,21 @@ def test_the_scene_says_what_the_request_leaves_out() -> None:
     assert (made.width, made.height, made.max_depth, made.ambient) == (50, 25, 5, (0.1, 0.2, 0.3))
     made = resolved(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
     assert (made.environment, made.environment_strength, made.environment_rotation) == ((1.0, 2.0, 3.0), 0.5, 30.0)
+
+
+@pytest.mark.parametrize("defaults", [{}, {"width": 100, "height": 50, "spp": 9}])
+@pytest.mark.parametrize("ends", [{}, {"spp": 5}, {"noise": 0.1}, {"seconds": 60.0}, {"noise": 0.1, "spp": 7}])
+def test_what_nobody_said_is_the_same_at_a_farm_as_without_one(defaults: dict[str, Any], ends: dict[str, Any]) -> None:
+    """`rayfarm render` stopped at 64 samples whatever noise was asked for, and a farm's pictures had another size."""
+    cameras = INFO["cameras"]
+    job = Job(request={}, **ends)
+    resolve(job, Scene(info={"cameras": cameras, "defaults": defaults}), 1 << 20)
+    assert job.settings is not None
+    assert RenderSettings.from_json(job.settings) == Picture().settings(cameras, defaults)  # type: ignore[arg-type]
+    asked = {"spp": None, "noise": None, "seconds": None} | ends
+    assert job.spp == most_samples(**asked, defaults=defaults)
+    plain = defaults.get("spp", 64)
+    assert job.spp == asked["spp"] or (job.spp > 10_000 if ends else job.spp == plain)
 
 
 @pytest.mark.parametrize(

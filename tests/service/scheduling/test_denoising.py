@@ -80,6 +80,19 @@ def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: Pe
     assert worker.denoised == [job]
 
 
+def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = finished(service)
+    raw(service, job, "?denoise=true")
+    go = threading.Event()
+    monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: go.wait(20))
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(raw, service, job, "?denoise=true")
+        time.sleep(0.3)  # it asks the store
+        service.wait_for(service.submit(service.ready_scene(), seed=1), "finished")
+        go.set()
+        assert reader.result().status_code == 200
+
+
 def test_while_a_job_is_rendered(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=60)

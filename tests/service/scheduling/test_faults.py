@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from sqlalchemy import event
 
-from service.errors import FilmWaits
-from service.scheduling import bulkhead
-from service.store.database import no_room
+from service.errors import FilmWaits, Unavailable
+from service.scheduling import bulkhead, preparing
+from service.scheduling.records import Records
 from service.store.film_file import FilmFile
 from service.store.films import Film
-from service.store.records import Records
+from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.contract import RenderBatch
@@ -250,6 +250,64 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
             assert service.digest(job) == expected_digest(seed=seed)
             assert rendered_once(worker, job)
     assert set(failed) == set(RECORDS)
+
+
+def away_while(flag: threading.Event, method: Any) -> Any:
+    """The method of Records, which does not get through to the database while the flag is set."""
+
+    def instead(*arguments: Any) -> Any:
+        if flag.is_set():
+            raise Unavailable("The database does not answer.")
+        return method(*arguments)
+
+    return instead
+
+
+def test_a_database_that_is_away_at_the_start_is_a_sentence(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    service.stop()
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "all_jobs", away_while(away, Records.all_jobs))
+    service.start()
+    until(lambda: "does not answer" in service.http.get("/readyz").text, "the service says so")
+    assert service.http.get("/readyz").json()["detail"] == "The database does not answer."
+    assert [r.getMessage() for r in caplog.records if "database" in r.getMessage()] == ["The database does not answer."]
+    away.clear()
+    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready")
+
+
+def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preparing, "UNSEEN_ALLOWED", 1)
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "prepare_failed", away_while(away, Records.prepare_failed))
+    scene = service.upload(b"broken")
+    until(lambda: bool(worker.prepared), "a worker has looked at the scene")
+    time.sleep(4.5)  # longer than it takes to be called lost three times
+    assert len(worker.prepared) == 1, "the worker has done it once"
+    away.clear()
+    until(lambda: service.scene(scene)["status"] == "failed", "it is written down")
+    assert "this is no scene" in service.scene(scene)["error"]
+
+
+def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker.on_batch = slow
+    job = under_way(service, worker)
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
+    film_file(service, job)._database.execute("PRAGMA query_only=ON")
+    until(lambda: job in service.farm.engine._bulkheads.verdicts, "the job cannot go on")
+    service.http.delete(f"/api/jobs/{job}").raise_for_status()
+    time.sleep(0.5)  # meanwhile the engine hears of it
+    away.clear()
+    until(lambda: not film_of(service, job).exists(), "its film is gone")
 
 
 FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_sums", "index_of")

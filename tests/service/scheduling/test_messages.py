@@ -68,6 +68,10 @@ def test_nonsense_is_left_out(event: Any) -> None:
     assert understand(Entry(b"1-0", Result(event))) is None
 
 
+def test_a_batch_without_its_sums_is_left_out() -> None:
+    assert understand(Entry(b"1-0", Result(BATCH, None))) is None
+
+
 def test_sense_is_understood_also_with_more_than_is_known_here() -> None:
     assert isinstance(understand(Entry(b"1-0", Result({**BATCH, "watts": 3}, b""))), BatchDone)
     prepared = understand(Entry(b"1-0", Result({"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "watts": 3}})))

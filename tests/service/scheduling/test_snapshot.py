@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +16,7 @@ from service.scheduling.snapshot import Board, JobNumbers, Snapshot
 def job(samples: int, state: str = "running") -> Any:
     plan = SimpleNamespace(samples=samples)
     about = {"frame": 0, "state": state, "bad_samples": 0, "progress": 0.5, "active_s": 1.0, "eta_s": None, "samples_per_s": 0.0}
+    about["handed_back"] = None
     return SimpleNamespace(plan=plan, **about)
 
 
@@ -59,9 +61,13 @@ def numbers(state: str) -> JobNumbers:
         (Snapshot(fault=None, jobs={"a": numbers("running"), "b": numbers("running")}, waits={"a": "Waits: locked."}), None),
         (Snapshot(fault=None, jobs={"a": numbers("paused")}, waits={"a": "Waits: locked."}), None),
         (Snapshot(fault=None, waits={"a job that cannot be taken up": "Waits: locked."}), "Waits: locked."),
-        (Snapshot(fault=None, made=time.monotonic() - 60.0), "busy with one thing for 6"),
     ],
 )
 def test_ready_is_what_can_work(view: Snapshot, why: str | None) -> None:
+    view = replace(view, made=time.monotonic())
     assert (view.not_ready is None) == (why is None)
     assert why is None or why in (view.not_ready or "")
+
+
+def test_an_engine_that_is_busy_with_one_thing_is_not_ready() -> None:
+    assert "busy with one thing for 6" in (Snapshot(fault=None, made=time.monotonic() - 60.0).not_ready or "")

@@ -124,6 +124,22 @@ def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, wor
     assert len({b.batch for b in worker.batches}) == len(worker.batches), "every handing out has an id of its own"
 
 
+def test_an_answer_that_names_the_batch_of_another_job_keeps_nobody_waiting(service: Service, worker: PeerWorker) -> None:
+    wrong: list[RenderBatch] = []
+
+    def mix_up(batch: RenderBatch) -> bool | None:
+        if wrong:
+            return None
+        wrong.append(batch)
+        worker.send({"type": "batch", **worker._about(batch), "job": "another", "seconds": 0.1}, b"sums")
+        return False
+
+    worker.on_batch = mix_up
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest()
+
+
 def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = service.submit(service.ready_scene(), spp=20, tile_size=32)
     results = service.farm.engine._results
@@ -238,6 +254,22 @@ def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: 
     worker.on_batch = lambda batch: None
     service.patch(job, state="running")
     assert service.wait_for(job, "finished")["error"] is None
+    assert service.digest(job) == expected_digest()
+
+
+def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerWorker) -> None:
+    def hand_back(batch: RenderBatch) -> bool:
+        worker.send({"type": "batch-returned", **worker._about(batch), "error": "peer hands a batch back: there is no room"})
+        return False
+
+    worker.on_batch = hand_back
+    job = service.submit(service.ready_scene())
+    until(lambda: "there is no room. It is tried again." in (service.job(job)["message"] or ""), "the job says why it waits")
+    time.sleep(3.0)
+    assert service.job(job)["state"] == "running"
+    assert 4 < len(worker.batches) < 30, "it is tried again now and then, not as fast as it can be"
+    worker.on_batch = lambda batch: None
+    service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest()
 
 

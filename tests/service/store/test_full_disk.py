@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import subprocess
 from collections.abc import Iterator
@@ -13,9 +14,11 @@ import pytest
 from sqlalchemy.orm import Session
 
 from service.errors import NoRoom
-from service.store.database import Sessions, no_room
+from service.store.database import Sessions
 from service.store.reserve import SIZE, Reserve
+from service.store.room import no_room
 from tests.helpers import running_redis
+from tests.service.api.test_kernels import NAME, SHOWN, artefact
 from tests.service.conftest import OBJ, Service, until
 
 DISK = 48 << 20
@@ -128,3 +131,20 @@ def test_what_is_half_filled_is_filled_anew(tmp_path: Path) -> None:
     (tmp_path / "reserve").write_bytes(os.urandom(100))
     Reserve(tmp_path / "reserve").fill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
+
+
+def no_byte_free(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("writer", ["service.store.staging.BlobWriter.write", "service.store.kernels.write_whole"])
+def test_a_worker_that_finds_the_disk_full_is_told(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writer: str
+) -> None:
+    monkeypatch.setattr(writer, no_byte_free)
+    is_blob = writer.endswith("BlobWriter.write")
+    content = b"hello" if is_blob else artefact(tmp_path)
+    path = f"blobs/{hashlib.sha256(content).hexdigest()}" if is_blob else f"kernels/{NAME}"
+    answer = service.http.put(f"/api/farm/{path}", content=content, headers=SHOWN)
+    assert answer.status_code == 507, answer.text
+    assert "disk is full" in answer.json()["detail"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -15,7 +17,7 @@ from service.store.blobs import BlobFolder
 from service.store.database import connect
 from service.store.garbage import Garbage
 from service.store.models import Scene
-from tests.service.conftest import OBJ, Service
+from tests.service.conftest import OBJ, TOKEN, Service
 
 ROUNDS = 25
 
@@ -63,6 +65,19 @@ def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared:
             assert found.status_code in ({200} if shared else {200, 404}), "it may be deleted after it was acknowledged"
             assert found.status_code == 404 or stored(service, found.json()), f"turn {turn}: acknowledged, and its files are gone"
     assert set(codes) <= {("post", 201), ("delete", 204), ("delete", 404)}, codes
+
+
+def test_a_worker_that_stores_a_blob_while_others_are_deleted_keeps_nobody_waiting(service: Service) -> None:
+    content = b"compiled"
+    url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    with ThreadPoolExecutor(1) as pool:
+        with service.farm.garbage._lock:
+            putting = pool.submit(service.http.put, url, content=content, headers=headers)
+            with pytest.raises(TimeoutError):
+                putting.result(1.0)
+            assert httpx.get(f"{service.url}/healthz", timeout=3).status_code == 200
+        assert putting.result().status_code == 204
 
 
 @pytest.fixture
@@ -147,3 +162,17 @@ def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobF
     with pytest.raises(ValueError, match="no"):
         collector.collect(refuse)
     assert blobs.exists(sha256)
+
+
+@pytest.mark.parametrize(("column", "value"), [("files", [{"path": "scene.obj"}, 7]), ("compiled", {"kind": "?"})])
+def test_a_scene_whose_row_is_damaged_keeps_no_other_from_being_deleted(service: Service, column: str, value: object) -> None:
+    damaged, other = service.upload(), service.upload(OBJ + b"# other")
+    with service.farm.sessions.begin() as session:
+        row = session.get(Scene, damaged)
+        assert row is not None
+        setattr(row, column, value)
+    files = service.scene(other)
+    assert service.http.delete(f"/api/scenes/{other}").status_code == 204
+    assert not stored(service, files)
+    service.restart()  # which looks at what all scenes refer to
+    assert service.http.delete(f"/api/scenes/{damaged}").status_code == 204

@@ -178,7 +178,8 @@ function details(job) {
 function told(settings) {
   if (!settings) return [];
   return known()
-    .settings.filter((setting) => setting.name !== "width" && setting.name !== "height" && isRead(setting, settings.integrator))
+    .settings.filter(({ name }) => name !== "width" && name !== "height")
+    .filter((setting) => isRead(setting, settings.integrator))
     .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name]) !== String(usual))
     .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);
 }

@@ -78,7 +78,7 @@ def test_a_scene_scaled_by_a_power_of_two_is_the_same_picture_to_the_bit():
 
 @entry
 def _weights(a, b, weight):
-    for h in range(len(HEURISTICS)):
+    for h in range(len(weight)):
         for i in range(len(a)):
             weight[h, i] = heuristic_weight(h, a[i], b[i])
 

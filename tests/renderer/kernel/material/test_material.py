@@ -82,11 +82,11 @@ def test_textures_and_vertex_colours_multiply():
 
 
 @pytest.mark.parametrize(
-    ("mode", "alpha", "expected"),
-    [("opaque", 0.2, 1), ("blend", 0.5, 0.5 * 128 / 255 * 0.8), ("mask", 1.0, 0), ("mask", 1.3, 1)],
+    ("mode", "alpha", "cutoff", "expected"),
+    [("opaque", 0.2, 0.5, 1), ("blend", 0.5, 0.5, 0.5 * 128 / 255 * 0.8), ("mask", 0.9, 0.37, 0), ("mask", 0.9, 0.35, 1)],
 )
-def test_alpha_is_factor_times_texture_times_vertex(mode, alpha, expected):
-    material = Material(opacity=alpha, alpha_mode=mode, alpha_cutoff=0.5, base_color_texture=0)
+def test_alpha_is_factor_times_texture_times_vertex(mode, alpha, cutoff, expected):
+    material = Material(opacity=alpha, alpha_mode=mode, alpha_cutoff=cutoff, base_color_texture=0)
     assert look(material, [GRAY_HALF], [Texture(0)], color=(1, 1, 1, 0.8))["opacity"] == pytest.approx(expected)
 
 

@@ -13,10 +13,10 @@ import pytest
 import service.farm
 from service.errors import CannotStart, NoRoom, Unavailable
 from service.farm import Farm
+from service.scheduling.records import Records
 from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Frame, Job
-from service.store.records import Records
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from typing import Any
 
 from sqlalchemy import select, update
 
@@ -49,7 +48,7 @@ class Records:
     def blobs(self) -> set[str]:
         """The hashes of all blobs that scenes refer to."""
         with self._sessions() as session:
-            return {sha256 for scene in session.scalars(select(Scene)) for sha256 in blobs_of(scene)}
+            return {sha256 for scene in session.scalars(select(Scene)) for sha256 in scene.blobs}
 
     def job(self, id: str) -> Job | None:
         """A job's row."""
@@ -139,11 +138,3 @@ class Records:
                 return False
             scene.status, scene.error = "failed", error
             return True
-
-
-def blobs_of(scene: Scene) -> set[str]:
-    """The hashes of the blobs that a scene refers to: its files, what it was compiled to, its thumbnail."""
-    refs: list[dict[str, Any]] = [*(scene.files or []), *(scene.compiled or {}).values()]
-    if scene.info and scene.info.get("thumbnail"):
-        refs.append(scene.info["thumbnail"])
-    return {ref["sha256"] for ref in refs}
