@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -30,6 +29,7 @@ from renderer.scene.description import Environment, Instance, Material, Mesh, Sc
 from renderer.scene.environment import relit, sampled_alone
 from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
+from renderer.threads import cores
 
 __all__ = ["RenderStats", "is_warm", "render_batch", "render_frame", "replay", "warm_up"]
 
@@ -101,7 +101,7 @@ def render_frame(
     Where either is given, passes take 1, 1, 2, 4 ... and at most 64 samples a pixel; else they take 64.
     """
     stats = stats if stats is not None else RenderStats()
-    threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (threads or os.cpu_count() or 1)
+    threads = threads or cores()
     prepared = _prepared(scene, settings)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE)
