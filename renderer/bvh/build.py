@@ -18,7 +18,7 @@ from renderer.bvh.fold import Shapes, fold_all
 from renderer.bvh.instances import Instances, instance_boxes, inverted, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.top import part_size, split_all
-from renderer.jit import builder
+from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
 __all__ = ["build"]
@@ -119,7 +119,7 @@ def _sealed(bvh: Bvh, brute: bool) -> Bvh:
     return bvh
 
 
-@builder
+@entry
 def _primitive_boxes(position, triangle, sphere, first, end, box):
     """The boxes of primitives first ... end - 1; of instances, whose boxes are there, but their numbers."""
     for i in range(first, min(end, len(triangle))):

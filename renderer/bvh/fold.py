@@ -23,9 +23,9 @@ from renderer.bvh.layout import (
     TRIANGLES,
     WIDTH,
 )
-from renderer.bvh.simd import load, store_int
+from renderer.bvh.simd import load, splat, store, store_int
 from renderer.bvh.top import MOST_PARTS, Binary, part_size
-from renderer.jit import builder, device
+from renderer.jit import device, entry
 from renderer.threads import Team
 
 __all__ = ["Shapes", "fold_all"]
@@ -56,19 +56,24 @@ def fold_all(binary: Binary, shapes: Shapes, team: Team) -> tuple[Array, Array]:
     part = part_size(len(binary.order))
     least = part if len(binary.order) > part else 0
     aside = np.empty((_MOST_ASIDE if least else 0, 2), np.int32)
-    nodes, packets, count = _count(binary, solids, 0, least, aside)
+    nodes, packets, count = _count(binary, solids, 0, least, aside, *_scratch())
     roots = aside[:count].tolist()
-    sizes = team.each(lambda root: _count(binary, solids, root[0], 0, aside[:0]), roots)
+    sizes = team.each(lambda root: _count(binary, solids, root[0], 0, aside[:0], *_scratch()), roots)
     first_node = list(accumulate((nodes - 1 for nodes, _, _ in sizes), initial=nodes))
     first_packet = list(accumulate((packets for _, packets, _ in sizes), initial=packets))
     node = np.empty((first_node[-1], NODE_ROWS, WIDTH), np.float32)
     packet = np.empty((first_packet[-1], PACKET_ROWS, WIDTH), np.float32)
-    _fold(binary, shapes, 0, 0, least, 1, 0, node, packet)
+    _fold(binary, shapes, 0, 0, least, 1, 0, node, packet, *_scratch())
     team.each(
-        lambda job: _fold(binary, shapes, *job[0], 0, *job[1:], node, packet),
+        lambda job: _fold(binary, shapes, *job[0], 0, *job[1:], node, packet, *_scratch()),
         zip(roots, first_node, first_packet, strict=False),
     )
     return node, packet
+
+
+def _scratch() -> tuple[Array, Array]:
+    """One walk's room: a wide node's members, and a stack of binary nodes with the wide nodes that they become."""
+    return np.empty(WIDTH, np.int64), np.empty((STACK_SIZE, 2), np.int64)
 
 
 @device
@@ -93,25 +98,23 @@ def _open(binary, root, members):
     return count
 
 
-@builder
-def _count(binary, solids, root, least, aside):
+@entry
+def _count(binary, solids, root, least, aside, members, stack):
     """What folding from a binary node on makes: (wide nodes, its own among them, packets, how many are put aside).
 
     Children over at most `least` primitives are put aside: listed in `aside` with the number of the wide node that each
     becomes, and not looked into.
     """
-    members = np.empty(WIDTH, np.int64)
-    stack = np.empty(STACK_SIZE, np.int64)
-    stack[0] = root
+    stack[0, 0] = root
     top = 1
     nodes, packets, put_aside = 1, 0, 0
     while top > 0:
         top -= 1
-        for i in range(_open(binary, stack[top], members)):
+        for i in range(_open(binary, stack[top, 0], members)):
             member = members[i]
             if binary.tree[member, 0] >= 0:
                 if binary.tree[member, 2] > least:
-                    stack[top] = member
+                    stack[top, 0] = member
                     top += 1
                 else:
                     aside[put_aside, 0] = member
@@ -127,7 +130,8 @@ def _count(binary, solids, root, least, aside):
 def _fill_packet(packet, p, order, first, count, shapes):
     """Writes the primitives order[first : first + count], all of one kind, into packet p."""
     triangles = len(shapes.triangle)
-    packet[p] = np.float32(np.nan)
+    for row in range(PACKET_ROWS):
+        store(packet, np.uintp(p * PACKET_SIZE + row * WIDTH), splat(np.float32(np.nan)))
     for lane in range(count):
         primitive = order[first + lane]
         number = primitive
@@ -143,16 +147,14 @@ def _fill_packet(packet, p, order, first, count, shapes):
         store_int(packet, np.uintp(p * PACKET_SIZE + ROW_PRIMITIVE * WIDTH + lane), np.int32(number))
 
 
-@builder
-def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet):
+@entry
+def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet, members, stack):
     """Fills wide node `wide_root` from the binary node `root`, and what is below it into nodes and packets from these on.
 
     Goes the way that `_count` went, and leaves out what it put aside.
     """
     triangles = len(shapes.triangle)
     solids = triangles + len(shapes.sphere)
-    members = np.empty(WIDTH, np.int64)
-    stack = np.empty((STACK_SIZE, 2), np.int64)  # a binary node, the wide node it becomes
     stack[0, 0] = root
     stack[0, 1] = wide_root
     top = 1

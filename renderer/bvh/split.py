@@ -27,9 +27,21 @@ from renderer.bvh.boxes import (
 )
 from renderer.bvh.layout import INSTANCE
 from renderer.bvh.simd import extract, load, maximum, minimum, splat
-from renderer.jit import builder, device
+from renderer.jit import device, entry
 
-__all__ = ["BINS", "SAH_DEPTH", "Bins", "Plane", "bound_sides", "cheapest_plane", "fill_bins", "lay_grid", "partition", "split"]
+__all__ = [
+    "BINS",
+    "SAH_DEPTH",
+    "STACK",
+    "Bins",
+    "Plane",
+    "bound_sides",
+    "cheapest_plane",
+    "fill_bins",
+    "lay_grid",
+    "partition",
+    "split",
+]
 
 BINS = 16
 SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
@@ -37,7 +49,7 @@ _FEW_BINS = 8
 _FEW = 24  # primitives, up to which so few bins find as good a plane
 _NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
 _LEAF_SIZE = 8
-_STACK = 128  # nodes that wait: one a level at most
+STACK = 128  # nodes that wait: one a level at most
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -65,12 +77,22 @@ class Plane(NamedTuple):
     cost: float  # of both sides, in packets' tests times half their areas
 
 
+def new_bins() -> Bins:
+    """Room for one thread's bins."""
+    return Bins(
+        np.empty((3 * BINS, 8), np.float32),
+        np.empty(3 * BINS, np.int64),
+        np.zeros((2, 8), np.float32),
+        np.empty(BINS, np.float32),
+    )
+
+
 @device
-def lay_grid(grid, spread, bins):
-    """Lays so many bins along each axis from the least centroid to the greatest: `spread` (8,) is their box."""
+def lay_grid(grid, spread, i, bins):
+    """Lays so many bins along each axis from the least centroid to the greatest: row i of `spread` is their box."""
     for k in range(4, 7):
-        grid[0, k] = -spread[k - 4]
-        scale = np.float32(bins) * _BELOW_ONE / (spread[k] + spread[k - 4])
+        grid[0, k] = -spread[i, k - 4]
+        scale = np.float32(bins) * _BELOW_ONE / (spread[i, k] + spread[i, k - 4])
         # An extent of 0, or so small that its reciprocal overflows, is not divided.
         grid[1, k] = scale if np.isfinite(scale) else _ZERO
 
@@ -170,23 +192,15 @@ def _partition_by_kind(box, first, end, kind, triangles, solids):
     return middle
 
 
-@builder
-def split(box, order, task, root_spread, triangles, solids, tree_box, tree):
+@entry
+def split(box, order, task, bins, spread, stack, triangles, solids, tree_box, tree):
     """Splits a node until every leaf is one packet's worth of one kind, or one instance.
 
-    task: the node, its first box, their end, the first of its rows, its depth; root_spread: (8,) f32, its doubled centroids' box.
+    task: the node, its first box, their end, the first of its rows, its depth; row 0 of `spread`: its doubled centroids' box.
     tree: left child (the right one is the next) or -1, first in `order`, count; tree_box: the nodes' boxes.
+    stack: (STACK, 4) i64, of nodes that wait, their first box, end and depth; spread: (STACK, 8) f32, beside it.
     Reorders the node's boxes, and writes their numbers into its part of `order`.
     """
-    bins = Bins(
-        np.empty((3 * BINS, 8), np.float32),
-        np.empty(3 * BINS, np.int64),
-        np.zeros((2, 8), np.float32),
-        np.empty(BINS, np.float32),
-    )
-    spread = np.empty((_STACK, 8), np.float32)
-    stack = np.empty((_STACK, 4), np.int64)  # node, first box, end, depth; the same row of `spread` is of its centroids
-    spread[0] = root_spread
     root, first_box, end_box, rows, root_depth = task
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = root, first_box, end_box, root_depth
     top = 1
@@ -203,7 +217,7 @@ def split(box, order, task, root_spread, triangles, solids, tree_box, tree):
         plane = Plane(-1, 0, _INF)
         used = BINS if count > _FEW else _FEW_BINS
         if depth < SAH_DEPTH:
-            lay_grid(bins.grid, spread[top], used)
+            lay_grid(bins.grid, spread, top, used)
             fill_bins(bins, box, first, end, solids)
             plane = cheapest_plane(bins, used)
         least = first_kind(tree_box, node, triangles, solids)
@@ -224,8 +238,8 @@ def split(box, order, task, root_spread, triangles, solids, tree_box, tree):
         else:
             middle = first + count // 2
         if plane.axis < 0 or (least < most and count <= _LEAF_SIZE):
-            bound(box, first, middle, tree_box, rows, spread, left)
-            bound(box, middle, end, tree_box, rows + 1, spread, right)
+            for side in range(2):
+                bound(box, middle if side else first, end if side else middle, tree_box, rows + side, spread, left - side)
         tree[node, 0] = rows
         stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = rows, first, middle, depth + 1
         stack[right, 0], stack[right, 1], stack[right, 2], stack[right, 3] = rows + 1, middle, end, depth + 1

@@ -13,8 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.boxes import bound, clear, exchange
-from renderer.bvh.split import BINS, SAH_DEPTH, Bins, bound_sides, cheapest_plane, fill_bins, lay_grid, partition, split
-from renderer.jit import builder
+from renderer.bvh.split import (
+    BINS,
+    SAH_DEPTH,
+    STACK,
+    bound_sides,
+    cheapest_plane,
+    fill_bins,
+    lay_grid,
+    new_bins,
+    partition,
+    split,
+)
+from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
 __all__ = ["LEAST_PART", "MOST_PARTS", "Binary", "part_size", "split_all"]
@@ -64,7 +75,13 @@ def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
         tree[node.number] = node.rows, node.first, node.end - node.first
         waiting += _halves(box, node, part, solids, tree_box, team)
     small.sort(key=lambda node: node.first - node.end)  # the largest first, so that the threads end together
-    team.each(lambda node: split(box, order, tuple(node[:5]), node.spread, triangles, solids, tree_box, tree), small)
+
+    def split_small(node: _Node) -> None:
+        spread, stack = np.empty((STACK, 8), np.float32), np.empty((STACK, 4), np.int64)
+        spread[0] = node.spread
+        split(box, order, tuple(node[:5]), new_bins(), spread, stack, triangles, solids, tree_box, tree)
+
+    team.each(split_small, small)
     return Binary(tree_box, tree, order)
 
 
@@ -98,8 +115,8 @@ def _divided(box: F32, node: _Node, part: int, solids: int, tree_box: F32, sprea
     Writes the children's boxes, and those of their doubled centroids into `spread`.
     """
     parts = parts_of(node.first, node.end, part)
-    several = [_new_bins() for _ in parts]
-    team.each(lambda job: _fill(job[1], box, *job[0], node.spread, solids), zip(parts, several, strict=True))
+    several = [new_bins() for _ in parts]
+    team.each(lambda job: _fill(job[1], box, *job[0], node.spread.reshape(1, 8), solids), zip(parts, several, strict=True))
     box_of_bin, count = (np.stack([getattr(bins, name) for bins in several]) for name in ("box", "count"))
     bins = several[0]._replace(box=box_of_bin.max(axis=0), count=count.sum(axis=0))
     axis, bin = _choose(bins, tree_box, node.rows)
@@ -137,29 +154,20 @@ def _bounded(box: F32, first: int, end: int, part: int, whole: F32, team: Team) 
     return spread
 
 
-def _new_bins() -> Bins:
-    return Bins(
-        np.empty((3 * BINS, 8), np.float32),
-        np.empty(3 * BINS, np.int64),
-        np.zeros((2, 8), np.float32),
-        np.empty(BINS, np.float32),
-    )
-
-
-@builder
+@entry
 def _bound(box, first, end, found):
     """Rows 0 and 1 of `found`: the box of boxes first ... end - 1, and that of their doubled centroids."""
     bound(box, first, end, found, 0, found, 1)
 
 
-@builder
+@entry
 def _fill(bins, box, first, end, spread, solids):
     """Puts boxes first ... end - 1 into bins over the doubled centroids' box."""
-    lay_grid(bins.grid, spread, BINS)
+    lay_grid(bins.grid, spread, 0, BINS)
     fill_bins(bins, box, first, end, solids)
 
 
-@builder
+@entry
 def _choose(bins, tree_box, rows):
     """(axis, bin) of the cheapest plane, axis -1 for none; writes the boxes of its sides."""
     plane = cheapest_plane(bins, BINS)
@@ -168,7 +176,7 @@ def _choose(bins, tree_box, rows):
     return plane.axis, plane.bin
 
 
-@builder
+@entry
 def _partition(box, first, end, grid, axis, bin, spread):
     """See `partition`."""
     clear(spread, 0)
@@ -176,7 +184,7 @@ def _partition(box, first, end, grid, axis, bin, spread):
     return partition(box, first, end, grid, axis, bin, spread, 0, 1)
 
 
-@builder
+@entry
 def _exchange(box, i, j, count):
     """Boxes i ... i + count - 1 change places with those from j on."""
     for k in range(count):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import builder, device
+from renderer.jit import device, entry
 
 __all__ = ["fill_margins", "find_corners", "find_solid"]
 
@@ -37,7 +37,7 @@ def _largest(v):
     return max(abs(v[0]), abs(v[1]), abs(v[2]))
 
 
-@builder
+@entry
 def find_solid(position, triangle, first, end, solid):
     """Marks which of the triangles first ... end - 1 have an area: how many."""
     count = 0
@@ -49,7 +49,7 @@ def find_solid(position, triangle, first, end, solid):
     return count
 
 
-@builder
+@entry
 def fill_margins(position, triangle, first, end, margin):
     """Rows first ... end - 1 of what renderer/scene/margins.py says."""
     for i in range(first, end):
@@ -63,7 +63,7 @@ def fill_margins(position, triangle, first, end, margin):
         margin[i, 1] = np.float32(min(miss, _MOST))
 
 
-@builder
+@entry
 def find_corners(position, triangle, first, end, corner):
     """Fills corner (2, 3) with the least and the greatest coordinates of the triangles first ... end - 1."""
     for k in range(3):

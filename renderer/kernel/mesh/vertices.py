@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import builder
+from renderer.jit import entry
 
 __all__ = ["place_normals", "place_points"]
 
 
-@builder
+@entry
 def place_points(point, transform, first, end, placed):
     """Rows first ... end - 1 of `placed`: points through a 4x4 transform. Their largest coordinate; NaN if one is."""
     largest = 0.0
@@ -22,7 +22,7 @@ def place_points(point, transform, first, end, placed):
     return largest
 
 
-@builder
+@entry
 def place_normals(normal, matrix, first, end, placed, length):
     """Rows first ... end - 1 of `placed`: normals through a 3x3 matrix, made unit; `length`: what they were long before that."""
     for i in range(first, end):
