@@ -151,9 +151,9 @@ def told(warnings: list[str], env: Env) -> list[str]:
     return [w for w in warnings if env == Env() or w not in STUDIO_NOTES]
 
 
-def find_camera(cameras: list[dict[str, Any]], camera: str | None) -> dict[str, Any]:
-    """The camera of this name, or of this number; the first where none is named."""
+def find_camera(cameras: list[dict[str, Any]], camera: str | None) -> int:
+    """The number of the camera that --camera names; the first where it is not given."""
     try:
-        return cameras[camera_number([each["name"] for each in cameras], camera)]
+        return camera_number([each["name"] for each in cameras], camera)
     except SettingsError as error:
-        raise CommandError(f"--{error}.") from None
+        raise CommandError(f"--{error}.") from None  # it begins with "camera", as the option does

@@ -85,7 +85,7 @@ class Picture:
 
     def view(self, cameras: list[dict[str, Any]]) -> View:
         """The chosen camera's view (the first unless told), with what the options change in it."""
-        start = options.find_camera(cameras, self.given.get("camera"))
+        start = cameras[options.find_camera(cameras, self.given.get("camera"))]
         changes = {name: value for name, value in self._view().items() if value is not None}
         try:
             return View.from_json({**start["view"], **changes})
@@ -117,7 +117,8 @@ class Picture:
         if self.has_view():
             asked["view"] = asdict(self.view(cameras))
         elif self.given.get("camera") is not None:
-            asked["camera"] = options.find_camera(cameras, self.given["camera"])["name"]
+            # Not by its name: a file may have several cameras of one.
+            asked["camera"] = options.find_camera(cameras, self.given["camera"])
         return {name: value for name, value in asked.items() if value is not None}
 
     def _size(self) -> tuple[int, int] | None:

@@ -86,6 +86,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         animations=info.get("animations", []),
         variants=info.get("variants", []),
         variant=scene.variant,
+        environment=scene.environment,
         warnings=[*scene.notes, *info.get("warnings", [])],
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,

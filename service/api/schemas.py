@@ -176,6 +176,7 @@ class SceneOut(BaseModel):
     animations: list[str]
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
+    environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None

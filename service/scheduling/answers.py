@@ -87,6 +87,8 @@ class Answers:
             if entry.id not in known:
                 self._sort(entry)
         for owner in list(self._kept):
+            if self._lifecycle.is_awaited(owner):
+                continue
             is_stored = self._bulkheads.run(owner, Step.RESULTS, partial(self._store, owner), self._is_recorded(owner))
             if is_stored and (job := self._scheduler.jobs.get(owner)) is not None and job.done:
                 self._lifecycle.record(job)

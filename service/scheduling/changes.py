@@ -26,6 +26,10 @@ class Changes:
             self._open[self._new.get()] = None
         return list(self._open)
 
+    def is_open(self, change: Change) -> bool:
+        """Whether it was looked at, and could not be applied yet."""
+        return change in self._open
+
     def close(self, change: Change) -> None:
         """It is applied, or never will be."""
         self._open.pop(change, None)

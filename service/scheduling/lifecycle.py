@@ -53,6 +53,10 @@ class Lifecycle:
         step = self._apply_job if what == "job" else self._apply_scene
         return self._bulkheads.run(id, Step.CHANGE, lambda: step(id), needs_database=True)
 
+    def is_awaited(self, id: str) -> bool:
+        """Whether a job is about to be taken up, as soon as its film or the database can be read."""
+        return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
+
     def _apply_job(self, id: str) -> None:
         row = self._records.job(id)
         job = self._scheduler.jobs.get(id)

@@ -73,7 +73,7 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
 
 
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
-    """By its phrases: the value that switches something off, a choice, a noise level and a camera among them."""
+    """The value that switches something off, a choice, a noise level and a camera among them; the sides are named by phrases."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
@@ -81,25 +81,62 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     right = {**a, "noise": 0.025, "settings": {**left["settings"], "integrator": "ao", "sparkle": 1.23456, "seed": 7}}
     right["settings"]["environment"] = [1, 0.5, 0.25]
     right["settings"]["view"] = {**view, "focus": 2.0, "eye": [0.1, 0, 5]}
-    rows = call(
-        page,
-        "job-differences",
-        TOLD + "return m.differences(a.left, a.right);",
-        {
-            "left": left,
-            "right": right,
-            "table": described(table(Sparkling)),
-        },
-    )
+    jobs = {"left": left, "right": right, "table": described(table(Sparkling))}
+    rows = call(page, "job-differences", TOLD + "return m.differences(a.left, a.right);", jobs)
     assert [(row["label"], row["a"], row["b"]) for row in rows] == [
         ("Integrator", "Path tracing", "Ambient occlusion"),
-        ("Sparkle", "glitter dull", "glitter 1.235"),
-        ("Seed", "seed 0", "seed 7"),
-        ("Environment", "environment: the scene's own", "environment: 1, 0.5, 0.25"),
+        ("Sparkle", "dull", "1.235"),
+        ("Seed", "0", "7"),
+        ("Environment", "the scene's own", "1, 0.5, 0.25"),
         ("Samples per pixel", "64 spp", "noise 2.5 %"),
-        ("Eye", "from 0, 0, 5", "from 0.1, 0, 5"),
-        ("Focus distance", "focus the target's", "focus 2"),
+        ("Eye", "0, 0, 5", "0.1, 0, 5"),
+        ("Focus distance", "the target's", "2"),
     ]
+    body = (
+        TOLD
+        + """
+        const side = (job) => ({ job, channel: "" });
+        return m.sideNames(side(a.left), side(a.right));"""
+    )
+    assert call(page, "job-differences", body, jobs) == ["Path tracing, glitter dull", "Ambient occlusion, glitter 1.235"]
+
+
+def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
+    """They are scenes of their own, of the same files and the same name."""
+    view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
+    job = {"name": "shoe", "width": 8, "height": 8, "spp": 64, "settings": {"integrator": "path", "view": view}}
+    own = {"id": "a", "variants": ["beach", "night", "night"], "variant": None, "environment": None}
+    others = [{**own, "id": "b", "variant": "2", "environment": "sky:35,0"}, {**own, "id": "c", "variant": "beach"}]
+    body = (
+        TOLD
+        + """
+        (await import('/js/farm.js')).scenes.set(a.scenes);
+        return m.differences({ ...a.job, scene: "a" }, { ...a.job, scene: a.other });"""
+    )
+    arguments = {"scenes": [own, *others], "job": job, "table": described()}
+    told = [call(page, "job-differences", body, {**arguments, "other": other}) for other in ("a", "b", "c")]
+    assert told == [
+        [],
+        [
+            {"label": "Materials", "a": "as saved", "b": "night (2)"},
+            {"label": "Light from around", "a": "the scene's own", "b": "sun at 35°"},
+        ],
+        [{"label": "Materials", "a": "as saved", "b": "beach"}],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        ({"spp": 512, "noise": None, "seconds": None}, "512 spp"),
+        ({"spp": 16384, "noise": 0.07, "seconds": None}, "noise 7 %"),
+        ({"spp": 1 << 20, "noise": None, "seconds": 2.5}, "2.5 s"),
+        ({"spp": None}, ""),
+    ],
+)
+def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page, end: dict[str, Any], words: str) -> None:
+    body = TOLD + "return m.endOf(a.end);"
+    assert call(page, "settings-table", body, {"end": end, "table": described()}) == words
 
 
 def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:

@@ -58,7 +58,9 @@ def test_a_camera_is_chosen_by_name_or_number_and_then_changed() -> None:
     assert parsed(["--camera=1"]).view(CAMERAS).aperture == 0.25
     changed = parsed(["--camera=0", "--eye=1,2,3", "--fov=20", "--projection=orthographic", "--ortho-height=3"])
     assert changed.view(CAMERAS) == View((1, 2, 3), (0, 1, 0), (0, 1, 0), 20.0, "orthographic", height=3.0)
-    assert parsed(["--camera=top"]).request(CAMERAS)["camera"] == "top"
+    assert parsed(["--camera=top"]).request(CAMERAS)["camera"] == 1
+    namesakes = [{**camera, "name": "Camera"} for camera in CAMERAS]
+    assert parsed(["--camera=1"]).request(namesakes)["camera"] == 1
     assert parsed(["--camera=top", "--aperture=0"]).request(CAMERAS)["view"]["aperture"] == 0.0
 
 

@@ -3,7 +3,7 @@
 import { CHANNELS, DENOISED_CHANNEL } from "./channels.js";
 import { h, keyedList, setText } from "./dom.js";
 import { jobs } from "./farm.js";
-import { settingOf, valueText } from "./settings-table.js";
+import { endOf, settingOf, valueText } from "./settings-table.js";
 import { progressBar, stateChip } from "./state-chip.js";
 
 /** @typedef {import("./types.js").Job} Job */
@@ -56,9 +56,10 @@ function pictureOption(/** @type {Job} */ { id }) {
   const element = h("option", { value: id });
   return {
     element,
-    update({ name, settings, spp, width, height }) {
+    update(job) {
+      const { name, settings, width, height } = job;
       const integrator = settings && valueText(settingOf("settings", "integrator"), settings.integrator);
-      const facts = [name, integrator, spp && `${spp} spp`, `${width}×${height}`];
+      const facts = [name, integrator, endOf(job), `${width}×${height}`];
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

@@ -1,7 +1,9 @@
 /** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
 
 import { DENOISED, channelOf } from "./channels.js";
-import { known, phraseOf, settingOf } from "./settings-table.js";
+import { scenes } from "./farm.js";
+import { lightOf, variantOf } from "./scene-version.js";
+import { endOf, known, labelOf, phraseOf, settingOf, valueText } from "./settings-table.js";
 
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {import("./types.js").Setting} Setting */
@@ -13,43 +15,57 @@ const NAMED_BY = 2;
 const TELLING = ["basic", "lab", "advanced"];
 
 /**
- * What is compared, the most telling first.
+ * Something that is compared: its label, its value in the table, and how it names a side.
  *
- * @returns {{label: string, read: (job: Job) => string}[]}
+ * @typedef {object} Row
+ * @property {string} label
+ * @property {(job: Job) => string} value
+ * @property {(job: Job) => string} phrase
  */
+
+/** @returns {Row[]} the most telling first */
 function rows() {
   const { settings, view } = known();
-  /** @param {Setting} setting @param {(job: Job) => Record<string, any> | undefined} part */
-  const row = (setting, part) => ({
-    label: setting.label,
-    read: (/** @type {Job} */ job) => {
+  /** @param {Setting} setting @param {(job: Job) => Record<string, any> | undefined} part @returns {Row} */
+  const row = (setting, part) => {
+    const told = (/** @type {Job} */ job, /** @type {typeof valueText} */ tell) => {
       const values = part(job);
-      return values && setting.name in values ? phraseOf(setting, values[setting.name]) : "";
-    },
-  });
-  const spp = settingOf("work", "spp");
-  const noise = settingOf("work", "noise");
+      return values && setting.name in values ? tell(setting, values[setting.name]) : "";
+    };
+    return { label: labelOf(setting), value: (job) => told(job, valueText), phrase: (job) => told(job, phraseOf) };
+  };
+  /** @param {string} label @param {(job: Job) => string} value @returns {Row} */
+  const plain = (label, value) => ({ label, value, phrase: value });
   const ofJob = settings.filter(({ name }) => name !== "width" && name !== "height");
   const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
-    { label: "Scene", read: ({ name }) => name },
+    plain("Scene", ({ name }) => name),
+    plain("Materials", (job) => variantOf(sceneOf(job)) || "as saved"),
+    {
+      label: "Light from around",
+      value: (job) => lightOf(sceneOf(job)) || "the scene's own",
+      phrase: (job) => lightOf(sceneOf(job)) || "its own light",
+    },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
-    { label: spp.label, read: (job) => (job.noise == null ? job.spp && phraseOf(spp, job.spp) : phraseOf(noise, job.noise)) || "" },
+    plain(settingOf("work", "spp").label, endOf),
     ...view.map((setting) => row(setting, (job) => job.settings?.view)),
-    { label: "Size", read: ({ width, height }) => `${width}×${height}` },
+    plain("Size", ({ width, height }) => `${width}×${height}`),
   ];
 }
+
+/** @param {Job} job */
+const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);
+
+/** @param {Job} a @param {Job} b */
+const differing = (a, b) => rows().filter(({ value }) => value(a) !== value(b));
 
 /**
  * @param {Job} a
  * @param {Job} b
  * @returns {{label: string, a: string, b: string}[]}
  */
-export function differences(a, b) {
-  return rows()
-    .map(({ label, read }) => ({ label, a: read(a) || "–", b: read(b) || "–" }))
-    .filter((row) => row.a !== row.b);
-}
+export const differences = (a, b) =>
+  differing(a, b).map(({ label, value }) => ({ label, a: value(a) || "–", b: value(b) || "–" }));
 
 /**
  * What the two sides are called: by what tells them apart.
@@ -59,13 +75,13 @@ export function differences(a, b) {
  * @returns {[string, string]}
  */
 export function sideNames(left, right) {
-  const telling = differences(left.job, right.job).slice(0, NAMED_BY);
+  const telling = differing(left.job, right.job).slice(0, NAMED_BY);
   const isDenoised = [left.channel, right.channel].includes(DENOISED);
-  const name = (/** @type {"a" | "b"} */ key, /** @type {{job: Job, channel: string}} */ { channel }) => {
-    const parts = telling.map((row) => row[key]);
+  const name = (/** @type {{job: Job, channel: string}} */ { job, channel }) => {
+    const parts = telling.map(({ phrase }) => phrase(job) || "–");
     if (left.channel !== right.channel || parts.length === 0)
       parts.push(isDenoised && channel === "" ? "Raw" : channelOf(channel).label);
     return parts.join(", ");
   };
-  return [name("a", left), name("b", right)];
+  return [name(left), name(right)];
 }

@@ -60,5 +60,16 @@ export function valueText(setting, value) {
  */
 export const phraseOf = (setting, value) => setting.phrase.replace("{}", valueText(setting, value));
 
+/**
+ * What a job ends at, in a few words. Beside a noise level or a time, samples are but a cap.
+ *
+ * @param {{spp: number | null, noise?: number | null, seconds?: number | null}} job
+ */
+export function endOf({ spp, noise = null, seconds = null }) {
+  const name = noise !== null ? "noise" : seconds !== null ? "seconds" : "spp";
+  const value = noise ?? seconds ?? spp;
+  return value === null ? "" : phraseOf(settingOf("work", name), value);
+}
+
 /** Four digits tell pictures apart; whole numbers are whole. @param {number} value */
 const short = (value) => (Number.isInteger(value) ? value : Number(value.toPrecision(4)));

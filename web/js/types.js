@@ -31,6 +31,7 @@
  * @property {number[][] | null} bounds lower and upper corner
  * @property {string[]} [variants] of a glTF file's materials
  * @property {string | null} [variant] the one that is shown; null: the file's own
+ * @property {string | null} [environment] in place of its own: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *

@@ -1,7 +1,7 @@
 """What a surface is made of, and the one place where the models are told apart.
 
 To add a model: a file in bsdf/, a number in rows.py, a branch in each of `eval_material` and `sample_material` (or their
-`_rare` halves), and its name in renderer/scene/description.py and packing.py.
+`_rare` halves), and its name in renderer/scene/parameters.py and packing.py.
 """
 
 from __future__ import annotations

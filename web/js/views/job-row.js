@@ -3,9 +3,10 @@
 import { deleteJob, imageUrl } from "../api.js";
 import { h, setText } from "../dom.js";
 import { setHidden } from "../farm.js";
-import { ago, clock, count } from "../format.js";
+import { ago, clock } from "../format.js";
 import { icon } from "../icons.js";
 import { linkTo } from "../router.js";
+import { endOf } from "../settings-table.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { showError, undoable } from "../tray.js";
 
@@ -55,10 +56,7 @@ export function jobRow(job, life) {
       latest = next;
       setText(name, next.name);
       remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
-      setText(
-        size,
-        next.width && next.height && next.spp ? `${next.width}×${next.height} · ${count(next.spp)} spp` : "",
-      );
+      setText(size, next.width && next.height ? `${next.width}×${next.height} · ${endOf(next)}` : "");
       chip.update(next.state);
       bar.update(next.progress, next.state);
       setText(far, progressLine(next));

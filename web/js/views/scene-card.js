@@ -6,6 +6,7 @@ import { putScene, setHidden } from "../farm.js";
 import { compact, plural } from "../format.js";
 import { icon } from "../icons.js";
 import { linkTo } from "../router.js";
+import { lightOf, variantOf } from "../scene-version.js";
 import { stateChip } from "../state-chip.js";
 import { showError, undoable } from "../tray.js";
 
@@ -48,8 +49,9 @@ export function sceneCard(scene) {
 }
 
 /** @param {Scene} scene */
-export function shortFacts({ counts }) {
-  const parts = [];
+export function shortFacts(scene) {
+  const { counts } = scene;
+  const parts = [variantOf(scene), lightOf(scene)].filter(Boolean);
   if (counts.triangles) parts.push(`${compact(counts.triangles)} triangles`);
   if (counts.spheres) parts.push(plural(counts.spheres, "sphere"));
   if (counts.textures) parts.push(plural(counts.textures, "texture"));

@@ -1,0 +1,137 @@
+"""A database that is locked, read-only or away: films go on, and what could not be written down comes later."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from typing import Any
+
+import pytest
+from sqlalchemy import event
+
+from service.errors import Unavailable
+from service.scheduling.records import Records
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from tests.service.scheduling.test_faults import film_file, film_of, locked, rendered_once, slow, under_way
+from worker.contract import RESULTS
+
+
+def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
+    if service.options["database_url"]:
+        return  # PostgreSQL has no lock of the whole
+    worker.on_batch = slow
+    job = under_way(service, worker, spp=60)
+    with locked(service.options["data"] / "rayfarm.sqlite"):
+        assert service.job(job)["samples"] < 64 * 48 * 60
+        until(lambda: service.http.get("/readyz").status_code == 503, "the service says so", 10)
+        assert "database" in service.http.get("/readyz").json()["detail"]
+        until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on, up to the last sample")
+        assert service.job(job)["state"] == "running", "the database cannot say otherwise"
+    service.wait_for(job, "finished")
+    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready again")
+    assert service.digest(job) == expected_digest(spp=60)
+    assert rendered_once(worker, job)
+
+
+def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
+    if service.options["database_url"]:
+        return
+    worker.on_batch = slow
+    job = under_way(service, worker, spp=60)
+    is_read_only = threading.Event()
+
+    def obey(connection: Any, *_: Any) -> None:
+        connection.execute(f"PRAGMA query_only={'ON' if is_read_only.is_set() else 'OFF'}")
+
+    event.listen(service.farm.database, "checkout", obey)
+    is_read_only.set()
+    until(lambda: service.http.get("/readyz").status_code == 503, "the service says so")
+    assert "readonly" in service.http.get("/readyz").json()["detail"]
+    until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on")
+    is_read_only.clear()
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=60)
+
+
+def away_while(flag: threading.Event, method: Any) -> Any:
+    """The method of Records, which does not get through to the database while the flag is set."""
+
+    def instead(*arguments: Any) -> Any:
+        if flag.is_set():
+            raise Unavailable("The database does not answer.")
+        return method(*arguments)
+
+    return instead
+
+
+def test_a_database_that_is_away_at_the_start_is_a_sentence(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    service.stop()
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "all_jobs", away_while(away, Records.all_jobs))
+    service.start()
+    until(lambda: "does not answer" in service.http.get("/readyz").text, "the service says so")
+    assert service.http.get("/readyz").json()["detail"] == "The database does not answer."
+    assert [r.getMessage() for r in caplog.records if "database" in r.getMessage()] == ["The database does not answer."]
+    away.clear()
+    until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready")
+
+
+def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "prepare_failed", away_while(away, Records.prepare_failed))
+    scene = service.upload(b"broken")
+    until(lambda: bool(worker.prepared), "a worker has looked at the scene")
+    time.sleep(5.5)  # longer than what is lost takes to be called lost
+    assert len(worker.prepared) == 1, "the worker has done it once"
+    away.clear()
+    until(lambda: service.scene(scene)["status"] == "failed", "it is written down")
+    assert "this is no scene" in service.scene(scene)["error"]
+
+
+def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker.on_batch = slow
+    job = under_way(service, worker)
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
+    film_file(service, job)._database.execute("PRAGMA query_only=ON")
+    until(lambda: job in service.farm.engine._bulkheads.verdicts, "the job cannot go on")
+    service.http.delete(f"/api/jobs/{job}").raise_for_status()
+    time.sleep(0.5)  # meanwhile the engine hears of it
+    away.clear()
+    until(lambda: not film_of(service, job).exists(), "its film is gone")
+
+
+def answers_of(worker: PeerWorker, job: str) -> bool:
+    """Whether results of a job are in the stream."""
+    return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
+
+
+def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker.on_batch = slow
+    job = under_way(service, worker)
+    service.stop()
+    until(lambda: answers_of(worker, job), "the worker answers meanwhile")
+    away = threading.Event()
+    away.set()
+    monkeypatch.setattr(Records, "resolve", away_while(away, Records.resolve))
+    service.start()
+    until(lambda: "does not answer" in (service.job(job)["message"] or ""), "the job says what it waits for")
+    time.sleep(1.0)
+    assert answers_of(worker, job)
+    away.clear()
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=30)
+    until(lambda: not answers_of(worker, job), "the stream is trimmed")
