@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.bvh.growing import raise_to, swapped
 from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
-from renderer.bvh.simd import extract, load, load_int, raise_to, splat, store, store_int, swapped
+from renderer.bvh.simd import extract, load, load_int, splat, store, store_int
 from renderer.jit import device
 
 __all__ = [
