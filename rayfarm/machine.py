@@ -7,12 +7,9 @@ import signal
 import sys
 from types import FrameType
 
+from renderer.threads import cores
+
 __all__ = ["StopSignals", "cores", "has_screen"]
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def has_screen() -> bool:

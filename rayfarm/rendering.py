@@ -36,9 +36,9 @@ class Clock:
 
 
 def load_scene(
-    scene: Path, environment: Env, clock: Clock, brute: bool = False, variant: str | None = None
+    scene: Path, environment: Env, clock: Clock, brute: bool = False, variant: str | None = None, threads: int | None = None
 ) -> tuple[CompiledScene, dict[str, Any]]:
-    """The compiled scene and its summary; brute: without a BVH. variant: of its materials."""
+    """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores."""
     from renderer.scene.compile import compile_scene, summarise
     from renderer.scene.load import read
 
@@ -50,7 +50,7 @@ def load_scene(
             description = read(folder, main, inside, variant)
         clock.mark("load_s")
         progress.update(step, description="building")
-        compiled = compile_scene(description, brute=brute)
+        compiled = compile_scene(description, brute=brute, threads=threads)
         summary = summarise(description, compiled)
         clock.mark("build_s")
     return compiled, summary

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
+from renderer.bvh.top import LEAST_PART
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
@@ -29,6 +29,7 @@ from renderer.scene.description import Environment, Instance, Material, Mesh, Sc
 from renderer.scene.environment import relit, sampled_alone
 from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
+from renderer.threads import cores
 
 __all__ = ["RenderStats", "is_warm", "render_batch", "render_frame", "replay", "warm_up"]
 
@@ -100,7 +101,7 @@ def render_frame(
     Where either is given, passes take 1, 1, 2, 4 ... and at most 64 samples a pixel; else they take 64.
     """
     stats = stats if stats is not None else RenderStats()
-    threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (threads or os.cpu_count() or 1)
+    threads = threads or cores()
     prepared = _prepared(scene, settings)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE)
@@ -159,6 +160,13 @@ def is_warm(settings: RenderSettings) -> bool:
     return jit.is_loaded(renderer_of(settings))
 
 
+def _of_several_parts() -> Mesh:
+    """A mesh that is large enough to need every kernel that prepares meshes."""
+    count = 2 * LEAST_PART
+    corner = np.random.default_rng(0).random((3 * count, 3), np.float32)
+    return Mesh("soup", corner, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), corner)
+
+
 def warm_up(settings: RenderSettings | None = None, fetch: Callable[[], None] | None = None) -> float:
     """Compiles the kernels for scenes and for these settings (None: for pictures), or loads them: the seconds that took.
 
@@ -169,8 +177,7 @@ def warm_up(settings: RenderSettings | None = None, fetch: Callable[[], None] | 
     view = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
     settings = RenderSettings(2, 2, view) if settings is None else replace(settings, width=2, height=2, view=view)
     with jit.compiling(renderer_of(settings).__name__, fetch):
-        corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-        mesh = Mesh("triangle", corner, np.array([[0, 1, 2]], np.int32))
+        mesh = _of_several_parts()
         scene = compile_scene(
             SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
         )

@@ -26,6 +26,7 @@ MACHINE_CODE = (
     "declared.py",
     "errors.py",
     "film.py",
+    "threads.py",
     "arrays",
     "bvh",
     "kernel",

@@ -1,7 +1,7 @@
 """Run a piece of work in a forked child with bounds on memory and time, so that no input can end the worker.
 
 Forked and not started anew: the child has the parent's compiled kernels and readers, and begins within milliseconds. The
-parent must have one thread, as the children of Celery's prefork pool have.
+parent must have one thread, as the children of Celery's prefork pool have. The child may start as many as it likes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from worker.errors import MachineError, WorkError, is_of_machine
-from worker.process import die_with_parent
+from worker.process import die_with_parent, share_one_heap
 
 __all__ = ["run_bounded"]
 
@@ -107,6 +107,7 @@ def _child(
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
         die_with_parent(parent)
+        share_one_heap()
         _limit(memory_bytes, seconds)
         send({"answer": work(send)})
         code = 0

@@ -119,7 +119,7 @@ def render(
     encode.format_of(output)
     if tonemap not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {tonemap!r}; known are {', '.join(tonemaps.CURVES)}")
-    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant)
+    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads)
     for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
 

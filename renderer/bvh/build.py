@@ -1,21 +1,25 @@
-"""Builds the BVH: boxes of triangles, spheres and instances, a binary tree over them (split.py), folded into 8-wide nodes.
+"""Builds the BVH: boxes of triangles, spheres and instances (boxes.py), a binary tree over them (top.py, split.py), folded into
+8-wide nodes (fold.py).
 
 Folding opens the largest area first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008).
 """
 
 from __future__ import annotations
 
+import contextlib
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.fold import count_wide_nodes, fold
+from renderer.bvh.boxes import set_number
+from renderer.bvh.fold import Shapes, fold_all
 from renderer.bvh.instances import Instances, instance_boxes, inverted, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
-from renderer.bvh.split import split
-from renderer.jit import builder
+from renderer.bvh.top import part_size, split_all
+from renderer.jit import entry
+from renderer.threads import Team, parts_of
 
 __all__ = ["build"]
 
@@ -26,12 +30,14 @@ def build(
     sphere: npt.NDArray[Any],
     instances: Instances | None = None,
     brute: bool = False,
+    team: Team | None = None,
 ) -> Bvh:
     """The tree over T triangles, S spheres and I instances.
 
     position: (V, 3) f32; triangle: (T, 3) i32 into it; sphere: (S, 4) f32, centre and radius. Any of them may be empty.
     brute: every box is boundless, so that every ray meets every primitive: slow, to see and to test what a tree is good for.
-    Degenerate triangles are kept and never hit. The same input gives the same bytes. Runs without the GIL.
+    team: whose threads build; None for one per core. Degenerate triangles are kept and never hit. The same input gives the
+    same bytes, by however many threads. Runs without the GIL.
     Raises ValueError where a coordinate is not finite or an index is out of range.
     """
     position = np.ascontiguousarray(position, np.float32).reshape(-1, 3)
@@ -43,14 +49,24 @@ def build(
         raise ValueError(f"a triangle names a vertex outside 0 ... {len(position) - 1}")
     for array in (position, triangle, sphere):
         array.flags.writeable = False  # one type for the compiler, whoever calls
+    with contextlib.nullcontext(team) if team is not None else Team() as crew:
+        return _sealed(_levels(position, triangle, sphere, instances, crew), brute)
+
+
+def _levels(
+    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], instances: Instances | None, team: Team
+) -> Bvh:
+    """The world's tree and, where there are instances, those that they show."""
+    nothing = np.zeros((0, 2, 3))
     if instances is None:
-        node, packet = _tree(position, triangle, sphere, len(triangle), np.zeros((0, 2, 3)))
-        return _sealed(Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4))), brute)
+        node, packet = _tree(position, triangle, sphere, len(triangle), nothing, team)
+        return Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4)))
 
     first = [int(f) for f in instances.first]
-    trees = [_tree(position, triangle[a:b], sphere[:0], 0, np.zeros((0, 2, 3))) for a, b in pairwise(first)]
+    trees = [_tree(position, triangle[a:b], sphere[:0], 0, nothing, team) for a, b in pairwise(first)]
     to_world = np.asarray(instances.to_world, np.float64).reshape(-1, 3, 4)
-    node, packet = _tree(position, triangle[: first[0]], sphere, len(triangle), instance_boxes(trees, instances.tree, to_world))
+    bounds = instance_boxes(trees, instances.tree, to_world)
+    node, packet = _tree(position, triangle[: first[0]], sphere, len(triangle), bounds, team)
     nodes, packets, roots = [node], [packet], []
     for (node, packet), primitive in zip(trees, first, strict=False):
         roots.append(sum(map(len, nodes)))
@@ -58,11 +74,16 @@ def build(
         nodes.append(node)
         packets.append(packet)
     root = np.array(roots, np.int32)[instances.tree]
-    return _sealed(Bvh(np.concatenate(nodes), np.concatenate(packets), root, inverted(to_world)), brute)
+    return Bvh(np.concatenate(nodes), np.concatenate(packets), root, inverted(to_world))
 
 
 def _tree(
-    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], first_sphere: int, bounds: npt.NDArray[Any]
+    position: npt.NDArray[Any],
+    triangle: npt.NDArray[Any],
+    sphere: npt.NDArray[Any],
+    first_sphere: int,
+    bounds: npt.NDArray[Any],
+    team: Team,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """One level's nodes and packets; bounds: (I, 2, 3) f64, of the instances in it."""
     solids = len(triangle) + len(sphere)
@@ -72,18 +93,20 @@ def _tree(
         node[:, 1:6:2] = -np.inf
         node[:, ROW_CHILD] = 0
         return node, np.empty((0, PACKET_ROWS, WIDTH), np.float32)
-    box = np.zeros((count, 8), np.float32)
-    order = np.arange(count, dtype=np.int32)
-    tree_box = np.empty((2 * count, 8), np.float32)
-    tree = np.empty((2 * count, 3), np.int32)  # left child (right is the next) or -1; first in `order`; count
-    _primitive_boxes(position, triangle, sphere, box)
+    binary = split_all(_boxes(position, triangle, sphere, bounds, team), len(triangle), solids, team)
+    return fold_all(binary, Shapes(position, triangle, sphere, first_sphere), team)
+
+
+def _boxes(
+    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], bounds: npt.NDArray[Any], team: Team
+) -> npt.NDArray[np.float32]:
+    """All primitives' boxes, see boxes.py."""
+    solids = len(triangle) + len(sphere)
+    box = np.empty((solids + len(bounds), 8), np.float32)
     box[solids:, :3], box[solids:, 4:7] = -bounds[:, 0], bounds[:, 1]
-    split(box, order, len(triangle), solids, tree_box, tree)
-    nodes, packets = count_wide_nodes(tree_box, tree, order, solids)
-    node = np.empty((nodes, NODE_ROWS, WIDTH), np.float32)
-    packet = np.empty((packets, PACKET_ROWS, WIDTH), np.float32)
-    fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, packet)
-    return node, packet
+    parts = parts_of(0, len(box), part_size(len(box)))
+    team.each(lambda part: _primitive_boxes(position, triangle, sphere, *part, box), parts)
+    return box
 
 
 def _sealed(bvh: Bvh, brute: bool) -> Bvh:
@@ -96,20 +119,19 @@ def _sealed(bvh: Bvh, brute: bool) -> Bvh:
     return bvh
 
 
-@builder
-def _primitive_boxes(position, triangle, sphere, box):
-    """Each primitive's box as (-lower, 0, upper, 0)."""
-    triangles = len(triangle)
-    for i in range(triangles):
+@entry
+def _primitive_boxes(position, triangle, sphere, first, end, box):
+    """The boxes of primitives first ... end - 1; of instances, whose boxes are there, but their numbers."""
+    for i in range(first, min(end, len(triangle))):
         a, b, c = triangle[i, 0], triangle[i, 1], triangle[i, 2]
         for k in range(3):
             box[i, k] = -min(position[a, k], position[b, k], position[c, k])
             box[i, 4 + k] = max(position[a, k], position[b, k], position[c, k])
-        box[i, 3] = box[i, 7] = np.float32(0.0)
-    for s in range(len(sphere)):
-        i = triangles + s
+    for i in range(max(first, len(triangle)), min(end, len(triangle) + len(sphere))):
+        s = i - len(triangle)
         radius = abs(sphere[s, 3])
         for k in range(3):
             box[i, k] = radius - sphere[s, k]
             box[i, 4 + k] = radius + sphere[s, k]
-        box[i, 3] = box[i, 7] = np.float32(0.0)
+    for i in range(first, end):
+        set_number(box, i, i)

@@ -2,29 +2,82 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
+from typing import Any, NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 
-from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, SPHERES, STACK_SIZE, TRIANGLES, WIDTH
-from renderer.bvh.simd import store_int
-from renderer.jit import builder, device
+from renderer.bvh.boxes import half_area
+from renderer.bvh.layout import (
+    INSTANCE,
+    MAX_LEVELS,
+    NODE_ROWS,
+    NODE_SIZE,
+    PACKET_ROWS,
+    PACKET_SIZE,
+    ROW_CHILD,
+    ROW_PRIMITIVE,
+    SPHERES,
+    STACK_SIZE,
+    TRIANGLES,
+    WIDTH,
+)
+from renderer.bvh.simd import load, splat, store, store_int
+from renderer.bvh.top import MOST_PARTS, Binary, part_size
+from renderer.jit import device, entry
+from renderer.threads import Team
 
-__all__ = ["count_wide_nodes", "fold", "half_area"]
+__all__ = ["Shapes", "fold_all"]
 
 # Two units in the last place on each side: with the slack that traversal keeps for the origin, no rounding can lose a hit.
 _SLACK = np.float32(4 * 2.0**-24)
+_MOST_ASIDE = MOST_PARTS * MAX_LEVELS * WIDTH  # children of nodes that are larger than a part
+_EIGHT = np.uintp(8)
+
+Array = npt.NDArray[Any]
+
+
+class Shapes(NamedTuple):
+    """What packets are filled from."""
+
+    position: Array  # (V, 3) f32
+    triangle: Array  # (T, 3) i32
+    sphere: Array  # (S, 4) f32
+    first_sphere: int  # the first sphere's primitive number
+
+
+def fold_all(binary: Binary, shapes: Shapes, team: Team) -> tuple[Array, Array]:
+    """The wide nodes and the packets of a binary tree.
+
+    Nodes over more primitives than a part come first; then, by all threads, what is below each of their smaller children.
+    """
+    solids = len(shapes.triangle) + len(shapes.sphere)
+    part = part_size(len(binary.order))
+    least = part if len(binary.order) > part else 0
+    aside = np.empty((_MOST_ASIDE if least else 0, 2), np.int32)
+    nodes, packets, count = _count(binary, solids, 0, least, aside, *_scratch())
+    roots = aside[:count].tolist()
+    sizes = team.each(lambda root: _count(binary, solids, root[0], 0, aside[:0], *_scratch()), roots)
+    first_node = list(accumulate((nodes - 1 for nodes, _, _ in sizes), initial=nodes))
+    first_packet = list(accumulate((packets for _, packets, _ in sizes), initial=packets))
+    node = np.empty((first_node[-1], NODE_ROWS, WIDTH), np.float32)
+    packet = np.empty((first_packet[-1], PACKET_ROWS, WIDTH), np.float32)
+    _fold(binary, shapes, 0, 0, least, 1, 0, node, packet, *_scratch())
+    team.each(
+        lambda job: _fold(binary, shapes, *job[0], 0, *job[1:], node, packet, *_scratch()),
+        zip(roots, first_node, first_packet, strict=False),
+    )
+    return node, packet
+
+
+def _scratch() -> tuple[Array, Array]:
+    """One walk's room: a wide node's members, and a stack of binary nodes with the wide nodes that they become."""
+    return np.empty(WIDTH, np.int64), np.empty((STACK_SIZE, 2), np.int64)
 
 
 @device
-def half_area(box, i):
-    """Half the surface of box i, kept as (-lower, upper)."""
-    dx = box[i, 0] + box[i, 4]
-    dy = box[i, 1] + box[i, 5]
-    dz = box[i, 2] + box[i, 6]
-    return dx * dy + dy * dz + dz * dx
-
-
-@device
-def _open(tree_box, tree, root, members):
+def _open(binary, root, members):
     """The up to eight binary nodes that become the children of one wide node; opens the largest first. Returns how many."""
     members[0] = root
     count = 1
@@ -32,77 +85,85 @@ def _open(tree_box, tree, root, members):
         largest = -1
         area = np.float32(-1.0)
         for i in range(count):
-            if tree[members[i], 0] >= 0 and half_area(tree_box, members[i]) > area:
-                largest = i
-                area = half_area(tree_box, members[i])
+            if binary.tree[members[i], 0] >= 0:
+                of_this = half_area(load(binary.box, np.uintp(members[i]) * _EIGHT))
+                if of_this > area:
+                    largest, area = i, of_this
         if largest < 0:
             break
-        child = tree[members[largest], 0]
+        child = binary.tree[members[largest], 0]
         members[largest] = child
         members[count] = child + 1
         count += 1
     return count
 
 
-@builder
-def count_wide_nodes(tree_box, tree, order, solids):
-    """How many wide nodes and packets the folded tree has. solids: the number of triangles and spheres."""
-    members = np.empty(WIDTH, np.int32)
-    stack = np.empty(STACK_SIZE, np.int32)
-    stack[0] = 0
+@entry
+def _count(binary, solids, root, least, aside, members, stack):
+    """What folding from a binary node on makes: (wide nodes, its own among them, packets, how many are put aside).
+
+    Children over at most `least` primitives are put aside: listed in `aside` with the number of the wide node that each
+    becomes, and not looked into.
+    """
+    stack[0, 0] = root
     top = 1
-    nodes = 0
-    packets = 0
+    nodes, packets, put_aside = 1, 0, 0
     while top > 0:
         top -= 1
-        nodes += 1
-        for i in range(_open(tree_box, tree, stack[top], members)):
-            if tree[members[i], 0] >= 0:
-                stack[top] = members[i]
-                top += 1
-            elif order[tree[members[i], 1]] < solids:
+        for i in range(_open(binary, stack[top, 0], members)):
+            member = members[i]
+            if binary.tree[member, 0] >= 0:
+                if binary.tree[member, 2] > least:
+                    stack[top, 0] = member
+                    top += 1
+                else:
+                    aside[put_aside, 0] = member
+                    aside[put_aside, 1] = nodes
+                    put_aside += 1
+                nodes += 1
+            elif binary.order[binary.tree[member, 1]] < solids:
                 packets += 1
-    return nodes, packets
+    return nodes, packets, put_aside
 
 
 @device
-def _fill_packet(packet, p, order, first, count, position, triangle, sphere, first_sphere):
+def _fill_packet(packet, p, order, first, count, shapes):
     """Writes the primitives order[first : first + count], all of one kind, into packet p."""
-    triangles = len(triangle)
-    packet[p] = np.float32(np.nan)
+    triangles = len(shapes.triangle)
+    for row in range(PACKET_ROWS):
+        store(packet, np.uintp(p * PACKET_SIZE + row * WIDTH), splat(np.float32(np.nan)))
     for lane in range(count):
         primitive = order[first + lane]
         number = primitive
         if primitive < triangles:
             for corner in range(3):
+                vertex = shapes.triangle[primitive, corner]
                 for k in range(3):
-                    packet[p, 3 * corner + k, lane] = position[triangle[primitive, corner], k]
+                    packet[p, 3 * corner + k, lane] = shapes.position[vertex, k]
         else:
-            number += first_sphere - triangles
+            number += shapes.first_sphere - triangles
             for k in range(4):
-                packet[p, k, lane] = sphere[primitive - triangles, k]
+                packet[p, k, lane] = shapes.sphere[primitive - triangles, k]
         store_int(packet, np.uintp(p * PACKET_SIZE + ROW_PRIMITIVE * WIDTH + lane), np.int32(number))
 
 
-@builder
-def fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, packet):
-    """Fills `node` and `packet`, of the sizes that `count_wide_nodes` gave, from the binary tree.
+@entry
+def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet, members, stack):
+    """Fills wide node `wide_root` from the binary node `root`, and what is below it into nodes and packets from these on.
 
-    order: which triangle, sphere (from len(triangle) on) or instance (from there on) stands where; first_sphere: the
-    primitive number of the first sphere.
+    Goes the way that `_count` went, and leaves out what it put aside.
     """
-    solids = len(triangle) + len(sphere)
-    members = np.empty(WIDTH, np.int32)
-    stack = np.empty((STACK_SIZE, 2), np.int32)  # a binary node, the wide node it becomes
-    stack[0, 0] = 0
-    stack[0, 1] = 0
+    triangles = len(shapes.triangle)
+    solids = triangles + len(shapes.sphere)
+    stack[0, 0] = root
+    stack[0, 1] = wide_root
     top = 1
-    nodes = 1
-    packets = 0
+    nodes = first_node
+    packets = first_packet
     while top > 0:
         top -= 1
-        wide = np.int64(stack[top, 1])
-        count = _open(tree_box, tree, stack[top, 0], members)
+        wide = stack[top, 1]
+        count = _open(binary, stack[top, 0], members)
         for lane in range(WIDTH):
             if lane >= count:
                 for k in range(3):
@@ -112,20 +173,22 @@ def fold(tree_box, tree, order, position, triangle, sphere, first_sphere, node, 
                 continue
             member = members[lane]
             for k in range(3):
-                lower = -tree_box[member, k]
-                upper = tree_box[member, 4 + k]
+                lower = -binary.box[member, k]
+                upper = binary.box[member, 4 + k]
                 node[wide, 2 * k, lane] = lower - abs(lower) * _SLACK
                 node[wide, 2 * k + 1, lane] = upper + abs(upper) * _SLACK
-            if tree[member, 0] >= 0:
+            first = binary.tree[member, 1]
+            if binary.tree[member, 0] >= 0:
                 child = nodes
-                stack[top, 0] = member
-                stack[top, 1] = nodes
-                top += 1
+                if binary.tree[member, 2] > least:
+                    stack[top, 0] = member
+                    stack[top, 1] = nodes
+                    top += 1
                 nodes += 1
-            elif order[tree[member, 1]] >= solids:
-                child = ~(4 * (order[tree[member, 1]] - solids) + INSTANCE)
+            elif binary.order[first] >= solids:
+                child = ~(4 * (binary.order[first] - solids) + INSTANCE)
             else:
-                _fill_packet(packet, packets, order, tree[member, 1], tree[member, 2], position, triangle, sphere, first_sphere)
-                child = ~(4 * packets + (TRIANGLES if order[tree[member, 1]] < len(triangle) else SPHERES))
+                _fill_packet(packet, packets, binary.order, first, binary.tree[member, 2], shapes)
+                child = ~(4 * packets + (TRIANGLES if binary.order[first] < triangles else SPHERES))
                 packets += 1
             store_int(node, np.uintp(wide * NODE_SIZE + ROW_CHILD * WIDTH + lane), np.int32(child))

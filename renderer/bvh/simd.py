@@ -24,7 +24,9 @@ __all__ = [
     "address",
     "beyond",
     "bits",
+    "call",
     "extract",
+    "f32x8",
     "flip",
     "fma",
     "key_limit",
@@ -40,6 +42,7 @@ __all__ = [
     "nearest",
     "product",
     "ranked",
+    "row_at",
     "select",
     "splat",
     "sqrt",
@@ -94,7 +97,7 @@ _operator(operator.and_, lambda builder, a, b: builder.and_(a, b), mask8)
 _operator(operator.or_, lambda builder, a, b: builder.or_(a, b), mask8)
 
 
-def _row(context: Any, builder: Any, array_type: Any, array: Any, index: Any, element: ir.Type) -> Any:
+def row_at(context: Any, builder: Any, array_type: Any, array: Any, index: Any, element: ir.Type) -> Any:
     """A pointer to the array's element at a flat index, as one to `element`."""
     data = context.make_array(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
@@ -129,7 +132,7 @@ def load(typingctx, array, index):
     """Eight float32 from a C-contiguous array, from its flat element `index` on. Unchecked."""
 
     def codegen(context, builder, sig, args):
-        pointer = _row(context, builder, sig.args[0], *args, ir.VectorType(_FLOAT, LANES))
+        pointer = row_at(context, builder, sig.args[0], *args, ir.VectorType(_FLOAT, LANES))
         value = builder.load(pointer)
         value.align = 4
         return value
@@ -142,7 +145,7 @@ def store(typingctx, array, index, value):
     """Eight float32 into a C-contiguous array, from its flat element `index` on. Unchecked."""
 
     def codegen(context, builder, sig, args):
-        pointer = _row(context, builder, sig.args[0], args[0], args[1], ir.VectorType(_FLOAT, LANES))
+        pointer = row_at(context, builder, sig.args[0], args[0], args[1], ir.VectorType(_FLOAT, LANES))
         builder.store(args[2], pointer).align = 4
         return context.get_dummy_value()
 
@@ -154,7 +157,7 @@ def load_int(typingctx, array, index):
     """The int32 whose bits a float32 array keeps at its flat element `index`. Unchecked."""
 
     def codegen(context, builder, sig, args):
-        return builder.load(_row(context, builder, sig.args[0], *args, _I32))
+        return builder.load(row_at(context, builder, sig.args[0], *args, _I32))
 
     return types.int32(array, types.uintp), codegen
 
@@ -164,7 +167,7 @@ def store_int(typingctx, array, index, value):
     """Keeps an int32's bits in a float32 array at its flat element `index`. Unchecked."""
 
     def codegen(context, builder, sig, args):
-        builder.store(args[2], _row(context, builder, sig.args[0], args[0], args[1], _I32))
+        builder.store(args[2], row_at(context, builder, sig.args[0], args[0], args[1], _I32))
         return context.get_dummy_value()
 
     return types.void(array, types.uintp, types.int32), codegen
@@ -183,7 +186,7 @@ def splat(typingctx, value):
     return f32x8(types.float32), codegen
 
 
-def _call(builder: Any, name: str, arguments: Any) -> Any:
+def call(builder: Any, name: str, arguments: Any) -> Any:
     """A call of one of LLVM's vector intrinsics: all operands and the result are of one type."""
     vector = arguments[0].type
     suffix = "f32" if vector.element == _FLOAT else "f64"
@@ -196,7 +199,7 @@ def _call(builder: Any, name: str, arguments: Any) -> Any:
 @intrinsic
 def fma(typingctx, a, b, c):
     """a * b + c, rounded once."""
-    return a(a, b, c), lambda context, builder, sig, args: _call(builder, "fma", args)
+    return a(a, b, c), lambda context, builder, sig, args: call(builder, "fma", args)
 
 
 @intrinsic
@@ -204,7 +207,7 @@ def product(typingctx, a, b):
     """a * b, rounded before anything else is done with it: the compiler may not fuse it into a fused multiply-add."""
 
     def codegen(context, builder, sig, args):
-        return _call(builder, "arithmetic.fence", [builder.fmul(*args)])
+        return call(builder, "arithmetic.fence", [builder.fmul(*args)])
 
     return a(a, b), codegen
 
@@ -212,7 +215,7 @@ def product(typingctx, a, b):
 @intrinsic
 def sqrt(typingctx, a):
     """The square root, correctly rounded; NaN of negative numbers."""
-    return a(a), lambda context, builder, sig, args: _call(builder, "sqrt", args)
+    return a(a), lambda context, builder, sig, args: call(builder, "sqrt", args)
 
 
 @intrinsic

@@ -2,7 +2,9 @@
 
 After Wald, "On fast construction of SAH-based bounding volume hierarchies" (2007). A node's primitives are put into bins by their
 centroids along each axis; a sweep over the bins finds the cheapest plane between two; the primitives are partitioned by it.
-Boxes are kept as (-lower, upper), so that one 8-lane maximum grows one by another.
+
+A node of n primitives has 2 n - 2 rows of the tree for what is below it, and fills them from the front. So threads that split
+several nodes of one tree (top.py) need not agree on anything.
 """
 
 from __future__ import annotations
@@ -11,47 +13,63 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.bvh.fold import half_area
-from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
-from renderer.bvh.simd import load, maximum, store
-from renderer.jit import builder, device
+from renderer.bvh.boxes import (
+    bound,
+    clear,
+    doubled_centroid,
+    exchange,
+    first_kind,
+    grow,
+    grow_by,
+    half_area,
+    last_kind,
+    number_of,
+)
+from renderer.bvh.layout import INSTANCE
+from renderer.bvh.simd import extract, load, maximum, minimum, splat
+from renderer.jit import device, entry
 
-__all__ = ["split"]
+__all__ = [
+    "BINS",
+    "SAH_DEPTH",
+    "STACK",
+    "Bins",
+    "Plane",
+    "bound_sides",
+    "cheapest_plane",
+    "fill_bins",
+    "lay_grid",
+    "partition",
+    "split",
+]
 
-_BINS = 16
-_SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
+BINS = 16
+SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
+_FEW_BINS = 8
+_FEW = 24  # primitives, up to which so few bins find as good a plane
 _NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
 _LEAF_SIZE = 8
+STACK = 128  # nodes that wait: one a level at most
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
 _NOTHING = np.float32(-np.inf)
-_WITHIN = np.float32(_BINS * (1.0 - 1e-6))  # the greatest centroid still falls into the last bin
+_BELOW_ONE = np.float32(1.0 - 1e-6)  # the greatest centroid still falls into the last bin
 
 
-class _Bins(NamedTuple):
+class Bins(NamedTuple):
     """One node's bins, those of an axis after those of another; its arrays are used again for every node."""
 
-    box: Any  # (3 * _BINS, 8) f32
-    count: Any  # (3 * _BINS,) i64, of primitives; an instance counts for eight
-    lower: Any  # (3,) f32: where an axis' first bin begins,
-    scale: Any  # (3,) f32: and bins per length; 0 where all centroids are in one plane
-    sweep: Any  # (2, 8) f32: the boxes of what is to the right and to the left
-    right_area: Any  # (_BINS,) f32, of bin b and all to the right of it
-    right_count: Any  # (_BINS,) i64
+    box: Any  # (3 * BINS, 8) f32
+    count: Any  # (3 * BINS,) i64, of primitives; an instance counts for eight
+    grid: (
+        Any  # (2, 8) f32, lanes 4 ... 6: where an axis' first bin begins; bins per length, 0 where all centroids are in one plane
+    )
+    right_cost: Any  # (BINS,) f32, of bin b and all to the right of it
 
 
-class _Range(NamedTuple):
-    """A node's primitives: order[first : end]."""
-
-    first: int
-    end: int
-    first_kind: int  # the least and the greatest kind among them
-    last_kind: int
-
-
-class _Plane(NamedTuple):
+class Plane(NamedTuple):
     """What divides a node: below `bin` along `axis`. axis -1: nothing does."""
 
     axis: int
@@ -59,190 +77,173 @@ class _Plane(NamedTuple):
     cost: float  # of both sides, in packets' tests times half their areas
 
 
-@device
-def _packets(count):
-    """Packets that so many primitives fill, as float32; an instance counts for eight."""
-    return np.float32((count + 7) >> 3)
+def new_bins() -> Bins:
+    """Room for one thread's bins."""
+    return Bins(
+        np.empty((3 * BINS, 8), np.float32),
+        np.empty(3 * BINS, np.int64),
+        np.zeros((2, 8), np.float32),
+        np.empty(BINS, np.float32),
+    )
 
 
 @device
-def _kind(primitive, triangles, solids):
-    return TRIANGLES if primitive < triangles else (SPHERES if primitive < solids else INSTANCE)
+def lay_grid(grid, spread, i, bins):
+    """Lays so many bins along each axis from the least centroid to the greatest: row i of `spread` is their box."""
+    for k in range(4, 7):
+        grid[0, k] = -spread[i, k - 4]
+        scale = np.float32(bins) * _BELOW_ONE / (spread[i, k] + spread[i, k - 4])
+        # An extent of 0, or so small that its reciprocal overflows, is not divided.
+        grid[1, k] = scale if np.isfinite(scale) else _ZERO
 
 
 @device
-def _clear(boxes, i):
-    for k in range(8):
-        boxes[i, k] = _NOTHING
+def _place(row, grid, last):
+    """The bins of a box (an f32x8 of a row) along the axes, in lanes 4 ... 6, as floats yet to be cut."""
+    place = (doubled_centroid(row) - load(grid, np.uintp(0))) * load(grid, np.uintp(8))
+    return maximum(minimum(place, last), splat(_ZERO))
 
 
 @device
-def _grow(boxes, i, others, j):
-    store(boxes, np.uintp(i * 8), maximum(load(boxes, np.uintp(i * 8)), load(others, np.uintp(j * 8))))
-
-
-@device
-def _swap(box, order, i, j):
-    a = load(box, np.uintp(i * 8))
-    store(box, np.uintp(i * 8), load(box, np.uintp(j * 8)))
-    store(box, np.uintp(j * 8), a)
-    order[i], order[j] = order[j], order[i]
-
-
-@device
-def _bin(box, i, axis, lower, scale):
-    """The bin of primitive i by its centroid along an axis; centroids are kept doubled."""
-    return min(np.int64((box[i, axis + 4] - box[i, axis] - lower) * scale), _BINS - 1)
-
-
-@device
-def _bound(box, order, first, end, triangles, solids, tree_box, node):
-    """Grows the node's box around its primitives: (its _Range, least centroid, greatest centroid)."""
-    _clear(tree_box, node)
-    first_kind = INSTANCE
-    last_kind = TRIANGLES
-    low0 = low1 = low2 = _INF
-    high0 = high1 = high2 = _NOTHING
-    for i in range(first, end):
-        _grow(tree_box, node, box, i)
-        kind = _kind(order[i], triangles, solids)
-        first_kind, last_kind = min(first_kind, kind), max(last_kind, kind)
-        c0 = box[i, 4] - box[i, 0]
-        c1 = box[i, 5] - box[i, 1]
-        c2 = box[i, 6] - box[i, 2]
-        low0, low1, low2 = min(low0, c0), min(low1, c1), min(low2, c2)
-        high0, high1, high2 = max(high0, c0), max(high1, c1), max(high2, c2)
-    return _Range(first, end, first_kind, last_kind), (low0, low1, low2), (high0, high1, high2)
-
-
-@device
-def _fill_bins(bins, box, order, node, low, high, solids):
-    """Puts a node's primitives into the bins of all three axes."""
-    for axis in range(3):
-        bins.lower[axis] = low[axis]
-        extent = high[axis] - low[axis]
-        bins.scale[axis] = _WITHIN / extent if extent > _ZERO else _ZERO
-        if not np.isfinite(bins.scale[axis]):  # an extent so small that its reciprocal overflows
-            bins.scale[axis] = _ZERO
-    for b in range(3 * _BINS):
-        _clear(bins.box, b)
+def fill_bins(bins, box, first, end, solids):
+    """Puts boxes first ... end - 1 into the bins of all three axes."""
+    for b in range(3 * BINS):
+        clear(bins.box, b)
         bins.count[b] = 0
-    for i in range(node.first, node.end):
-        for axis in range(3):
-            b = axis * _BINS + _bin(box, i, axis, bins.lower[axis], bins.scale[axis])
-            _grow(bins.box, b, box, i)
-            bins.count[b] += 1 if order[i] < solids else 8
+    last = splat(np.float32(BINS - 1))
+    for i in range(first, end):
+        place = _place(load(box, np.uintp(i * 8)), bins.grid, last)
+        weight = 1 if number_of(box, i) < solids else 8
+        x = np.int64(extract(place, np.uint32(4)))
+        y = np.int64(extract(place, np.uint32(5))) + BINS
+        z = np.int64(extract(place, np.uint32(6))) + 2 * BINS
+        grow(bins.box, x, box, i)
+        grow(bins.box, y, box, i)
+        grow(bins.box, z, box, i)
+        bins.count[x] += weight
+        bins.count[y] += weight
+        bins.count[z] += weight
 
 
 @device
-def _cheapest_plane(bins):
-    """The _Plane between two bins for which the surface area heuristic expects the least work."""
+def _cost(box, count):
+    """Of testing the packets that `count` primitives in a box fill; infinite for none."""
+    return half_area(box) * np.float32((count + 7) >> 3) if count > 0 else _INF
+
+
+@device
+def cheapest_plane(bins, used):
+    """The Plane between two of the bins, of which `used` are in use, for which the heuristic expects the least work."""
     best_axis, best_bin, best_cost = -1, 0, _INF
     for axis in range(3):
-        if bins.scale[axis] == _ZERO:
+        if bins.grid[1, 4 + axis] == _ZERO:
             continue
-        _clear(bins.sweep, 0)
-        total = 0
-        for b in range(_BINS - 1, 0, -1):
-            _grow(bins.sweep, 0, bins.box, axis * _BINS + b)
-            total += bins.count[axis * _BINS + b]
-            bins.right_area[b] = half_area(bins.sweep, 0)
-            bins.right_count[b] = total
-        _clear(bins.sweep, 1)
-        total = 0
-        for b in range(1, _BINS):
-            _grow(bins.sweep, 1, bins.box, axis * _BINS + b - 1)
-            total += bins.count[axis * _BINS + b - 1]
-            if total == 0 or bins.right_count[b] == 0:
-                continue
-            cost = half_area(bins.sweep, 1) * _packets(total) + bins.right_area[b] * _packets(bins.right_count[b])
+        first = axis * BINS
+        side, count = splat(_NOTHING), 0
+        for b in range(used - 1, 0, -1):
+            side = maximum(side, load(bins.box, np.uintp((first + b) * 8)))
+            count += bins.count[first + b]
+            bins.right_cost[b] = _cost(side, count)
+        side, count = splat(_NOTHING), 0
+        for b in range(1, used):
+            side = maximum(side, load(bins.box, np.uintp((first + b - 1) * 8)))
+            count += bins.count[first + b - 1]
+            cost = _cost(side, count) + bins.right_cost[b]
             if cost < best_cost:
                 best_cost, best_axis, best_bin = cost, axis, b
-    return _Plane(best_axis, best_bin, best_cost)
+    return Plane(best_axis, best_bin, best_cost)
 
 
 @device
-def _partition_by_plane(box, order, node, bins, plane):
-    """Sorts a node's primitives to both sides of the plane: where the right side begins."""
-    lower, scale = bins.lower[plane.axis], bins.scale[plane.axis]
-    i, j = node.first, node.end - 1
-    while i <= j:
-        if _bin(box, i, plane.axis, lower, scale) < plane.bin:
-            i += 1
-        else:
-            _swap(box, order, i, j)
-            j -= 1
-    return i
+def bound_sides(bins, axis, bin, used, tree_box, rows):
+    """Writes the boxes of both sides of a plane into the two rows from `rows` on."""
+    clear(tree_box, rows)
+    clear(tree_box, rows + 1)
+    for b in range(used):
+        grow(tree_box, rows if b < bin else rows + 1, bins.box, axis * BINS + b)
 
 
 @device
-def _partition_by_kind(box, order, node, triangles, solids):
-    """As `_partition_by_plane`, those of the least kind to the left."""
-    i, j = node.first, node.end - 1
-    while i <= j:
-        if _kind(order[i], triangles, solids) == node.first_kind:
-            i += 1
-        else:
-            _swap(box, order, i, j)
-            j -= 1
-    return i
+def partition(box, first, end, grid, axis, bin, spread, left, right):
+    """Sorts boxes first ... end - 1 to both sides of a plane: where the right side begins.
 
-
-@builder
-def split(box, order, triangles, solids, tree_box, tree):
-    """Splits until every leaf is one packet's worth of one kind, or one instance. Reorders `box` and `order`; fills the tree.
-
-    tree: left child (the right one is the next) or -1, first in `order`, count; tree_box: the nodes' boxes.
+    Rows left and right of `spread` grow around the doubled centroids of either side. Every box is exchanged with the first
+    one of the right side, whether it needs to be or not: a branch that is guessed wrong half of the time costs more.
     """
-    bins = _Bins(
-        np.empty((3 * _BINS, 8), np.float32),
-        np.empty(3 * _BINS, np.int64),
-        np.empty(3, np.float32),
-        np.empty(3, np.float32),
-        np.empty((2, 8), np.float32),
-        np.empty(_BINS, np.float32),
-        np.empty(_BINS, np.int64),
-    )
-    stack = np.empty((128, 2), np.int32)  # a node, its depth
-    tree[0, 1] = 0
-    tree[0, 2] = len(order)
-    used = 1
-    stack[0, 0] = 0
-    stack[0, 1] = 0
+    lower, scale = grid[0, 4 + axis], grid[1, 4 + axis]
+    limit = np.float32(bin)
+    middle = first
+    for i in range(first, end):
+        is_left = (box[i, 4 + axis] - box[i, axis] - lower) * scale < limit
+        grow_by(spread, left if is_left else right, doubled_centroid(load(box, np.uintp(i * 8))))
+        exchange(box, i, middle)
+        middle += np.int64(is_left)
+    return middle
+
+
+@device
+def _partition_by_kind(box, first, end, kind, triangles, solids):
+    """Sorts those of the kind to the left: where the others begin."""
+    middle = first
+    for i in range(first, end):
+        if last_kind(box, i, triangles, solids) == kind:
+            exchange(box, i, middle)
+            middle += 1
+    return middle
+
+
+@entry
+def split(box, order, task, bins, spread, stack, triangles, solids, tree_box, tree):
+    """Splits a node until every leaf is one packet's worth of one kind, or one instance.
+
+    task: the node, its first box, their end, the first of its rows, its depth; row 0 of `spread`: its doubled centroids' box.
+    tree: left child (the right one is the next) or -1, first in `order`, count; tree_box: the nodes' boxes.
+    stack: (STACK, 4) i64, of nodes that wait, their first box, end and depth; spread: (STACK, 8) f32, beside it.
+    Reorders the node's boxes, and writes their numbers into its part of `order`.
+    """
+    root, first_box, end_box, rows, root_depth = task
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = root, first_box, end_box, root_depth
     top = 1
     while top > 0:
         top -= 1
-        number = stack[top, 0]
-        depth = stack[top, 1]
-        first = np.int64(tree[number, 1])
-        count = np.int64(tree[number, 2])
-        node, low, high = _bound(box, order, first, first + count, triangles, solids, tree_box, number)
-        tree[number, 0] = -1
+        node, first, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+        count = end - first
+        tree[node, 0] = -1
+        tree[node, 1] = first
+        tree[node, 2] = count
         if count == 1:
             continue
 
-        plane = _Plane(-1, 0, _INF)
-        if depth < _SAH_DEPTH:
-            _fill_bins(bins, box, order, node, low, high, solids)
-            plane = _cheapest_plane(bins)
-        mixed = node.first_kind < node.last_kind
-        fits = count <= _LEAF_SIZE and node.last_kind != INSTANCE and not mixed
-        if fits and (plane.axis < 0 or half_area(tree_box, number) * (_ONE - _NODE_COST) <= plane.cost):
+        plane = Plane(-1, 0, _INF)
+        used = BINS if count > _FEW else _FEW_BINS
+        if depth < SAH_DEPTH:
+            lay_grid(bins.grid, spread, top, used)
+            fill_bins(bins, box, first, end, solids)
+            plane = cheapest_plane(bins, used)
+        least = first_kind(tree_box, node, triangles, solids)
+        most = last_kind(tree_box, node, triangles, solids)
+        fits = count <= _LEAF_SIZE and least == most and most != INSTANCE
+        area = half_area(load(tree_box, np.uintp(node * 8)))
+        if fits and (plane.axis < 0 or area * (_ONE - _NODE_COST) <= plane.cost):
             continue
 
-        if mixed and count <= _LEAF_SIZE:
-            middle = _partition_by_kind(box, order, node, triangles, solids)
+        right, left = top, top + 1  # on the stack: the left one is next
+        if least < most and count <= _LEAF_SIZE:
+            middle = _partition_by_kind(box, first, end, least, triangles, solids)
         elif plane.axis >= 0:
-            middle = _partition_by_plane(box, order, node, bins, plane)
+            bound_sides(bins, plane.axis, plane.bin, used, tree_box, rows)
+            clear(spread, left)
+            clear(spread, right)
+            middle = partition(box, first, end, bins.grid, plane.axis, plane.bin, spread, left, right)
         else:
-            middle = node.first + count // 2
-        tree[number, 0] = used
-        tree[used, 1] = node.first
-        tree[used, 2] = middle - node.first
-        tree[used + 1, 1] = middle
-        tree[used + 1, 2] = node.end - middle
-        for side in range(2):  # the left one is on top
-            stack[top, 0] = used + 1 - side
-            stack[top, 1] = depth + 1
-            top += 1
-        used += 2
+            middle = first + count // 2
+        if plane.axis < 0 or (least < most and count <= _LEAF_SIZE):
+            for side in range(2):
+                bound(box, middle if side else first, end if side else middle, tree_box, rows + side, spread, left - side)
+        tree[node, 0] = rows
+        stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = rows, first, middle, depth + 1
+        stack[right, 0], stack[right, 1], stack[right, 2], stack[right, 3] = rows + 1, middle, end, depth + 1
+        rows += 2
+        top += 2
+    for i in range(first_box, end_box):
+        order[i] = number_of(box, i)

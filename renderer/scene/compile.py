@@ -25,6 +25,7 @@ from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
+from renderer.threads import Team
 
 __all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
 
@@ -33,18 +34,25 @@ AUTO_CAMERA = "auto"
 Progress = Callable[[str, float], None]
 
 
-def compile_scene(description: SceneDescription, progress: Progress | None = None, brute: bool = False) -> CompiledScene:
+def compile_scene(
+    description: SceneDescription, progress: Progress | None = None, brute: bool = False, threads: int | None = None
+) -> CompiledScene:
     """The compiled scene, every array C-contiguous and read-only.
 
     progress: told each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
+    threads: None for one per core; the scene does not depend on it.
     Raises SceneError where there is nothing to see or too much to hold.
     """
-    say = progress or (lambda step, fraction: None)
+    with Team(threads) as team:
+        return _compiled(description, progress or (lambda step, fraction: None), brute, team)
+
+
+def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team) -> CompiledScene:
     say("placing meshes", 0.0)
-    geometry, placement = place(description)
+    geometry, placement = place(description, team)
     sphere = _spheres(description)
     sphere_material = np.array([s.material for s in description.spheres], np.int32)
-    bounds = _bounds(description.name, geometry, placement, sphere)
+    bounds = _bounds(description.name, geometry, placement, sphere, team)
     say("packing textures", 0.25)
     packed = pack(description)
     say("listing lights", 0.4)
@@ -60,7 +68,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
     chance = choose_environment(environment, lights.power, bounds)
     say("building the BVH", 0.5)
     instances = Instances(placement.first, placement.group, placement.to_world) if len(placement.group) else None
-    bvh = build(geometry.position, geometry.triangle, sphere, instances, brute)
+    bvh = build(geometry.position, geometry.triangle, sphere, instances, brute, team)
     scene = CompiledScene(
         bvh=bvh,
         to_world=placement.to_world,
@@ -74,7 +82,7 @@ def compile_scene(description: SceneDescription, progress: Progress | None = Non
         color=geometry.color,
         tangent=geometry.tangent,
         triangle=geometry.triangle,
-        triangle_margin=edge_margins(geometry.position, geometry.triangle),
+        triangle_margin=edge_margins(geometry.position, geometry.triangle, team),
         triangle_material=geometry.triangle_material,
         triangle_light=lights.triangle_light,
         triangle_object=geometry.triangle_object,
@@ -149,8 +157,8 @@ def _spheres(description: SceneDescription) -> F32:
     return found.astype(np.float32)
 
 
-def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32) -> F32:
-    corners: list[np.ndarray] = [*bounds_of(geometry, placement)]
+def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32, team: Team) -> F32:
+    corners: list[np.ndarray] = [*bounds_of(geometry, placement, team)]
     if len(sphere):
         corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
     if not corners:
@@ -162,7 +170,7 @@ def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32) ->
 
 
 def _visible_points(compiled: CompiledScene) -> np.ndarray:
-    world = compiled.triangle[compiled.triangle_object >= 0]
+    world = compiled.triangle[: np.count_nonzero(compiled.triangle_object >= 0)]  # the others, of groups, come behind
     points = [compiled.position[world[:: max(len(world) // 50_000, 1)].reshape(-1)]]
     directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)

@@ -9,11 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.kernel.mesh.faces import find_corners, find_solid
+from renderer.kernel.mesh.vertices import place_normals, place_points
 from renderer.scene.description import F32, I32, Mesh, SceneDescription
 from renderer.scene.instances import share
 from renderer.scene.normals import cofactors, face_normals
 from renderer.scene.objects import number_objects
+from renderer.scene.readable import read_only
 from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_set, vertex_tangents
+from renderer.threads import PART, Team, parts_of
 
 __all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "Placement", "bounds_of", "flatten", "place"]
 
@@ -47,7 +51,7 @@ class Placement(NamedTuple):
     object: I32  # (I,)
 
 
-def place(description: SceneDescription) -> tuple[Geometry, Placement]:
+def place(description: SceneDescription, team: Team) -> tuple[Geometry, Placement]:
     """Copies meshes into the world, or keeps them once, as renderer/scene/instances.py decides.
 
     Raises SceneError where more than MAX_TRIANGLES are left, or a place is beyond the range of float32.
@@ -70,7 +74,7 @@ def place(description: SceneDescription) -> tuple[Geometry, Placement]:
         instance = description.instances[n]
         mesh = description.meshes[instance.mesh]
         material = mesh.material if instance.material is None else instance.material
-        parts.append(_placed(description, mesh, instance.transform, material, [material], objects[n]))
+        parts.append(_placed(description, mesh, instance.transform, material, [material], objects[n], team))
     first = [sum(len(p.triangle) for p in parts)]
     for group in sharing.groups:
         for m in group.meshes:
@@ -78,7 +82,7 @@ def place(description: SceneDescription) -> tuple[Geometry, Placement]:
             own = [description.instances[n].material for n in group.instances]
             used = sorted({mesh.material if number is None else number for number in own})
             material = mesh.material if mesh.material in used else used[0]
-            parts.append(_placed(description, mesh, np.eye(4), material, used, -1))
+            parts.append(_placed(description, mesh, np.eye(4), material, used, -1, team))
         first.append(sum(len(p.triangle) for p in parts))
     which = [(g, n) for g, group in enumerate(sharing.groups) for n in group.instances]
     shown = [description.instances[n] for _, n in which]
@@ -96,15 +100,18 @@ def flatten(description: SceneDescription) -> Geometry:
     """Copies every instance into the world."""
     objects = number_objects(description).instance
     parts = []
+    team = Team(1)
     for instance, number in zip(description.instances, objects, strict=True):
         mesh = description.meshes[instance.mesh]
         material = mesh.material if instance.material is None else instance.material
-        parts.append(_placed(description, mesh, instance.transform, material, [material], number))
+        parts.append(_placed(description, mesh, instance.transform, material, [material], number, team))
     return _joined(parts)
 
 
 def _joined(parts: list[Geometry]) -> Geometry:
     """The parts as one. What only some of them have the others get neutral values for; for the second UVs, the first."""
+    if len(parts) == 1:
+        return parts[0]
     first = np.cumsum([0] + [len(p.position) for p in parts])
     vertices = int(first[-1])
 
@@ -144,31 +151,29 @@ def _placed(
     material: int,
     materials: list[int],
     number: int,
+    team: Team,
 ) -> Geometry:
     """A mesh of one material and object; materials: all that instances may give it, which decides on its tangents."""
-    transform = np.asarray(transform, np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):
-        position = (mesh.positions @ transform[:3, :3].T + transform[:3, 3]).astype(np.float32)
-    if not np.isfinite(position).all() or np.abs(position).max(initial=0) > MAX_COORDINATE:
-        raise SceneError(f"Mesh {mesh.name}: its place in the world is beyond what numbers hold; give it a sane transform")
-    triangle = np.ascontiguousarray(mesh.triangles, np.int32)
+    transform = np.ascontiguousarray(transform, np.float64)
+    position = _placed_points(mesh, transform, team)
+    triangle = read_only(mesh.triangles.astype(np.int32, copy=False))
     mirrors = bool(np.linalg.det(transform[:3, :3]) < 0)
     if mirrors:
-        triangle = np.ascontiguousarray(triangle[:, [0, 2, 1]])
-    face = face_normals(position, triangle)
-    area = np.linalg.norm(face, axis=1)
-    solid = area > 0
-    dropped = int(len(solid) - np.count_nonzero(solid))
+        triangle = read_only(triangle[:, [0, 2, 1]])
+    solid = np.empty(len(triangle), bool)
+    with_area = team.each(lambda part: find_solid(position, triangle, *part, solid), parts_of(0, len(triangle), PART))
+    dropped = len(triangle) - sum(with_area)
     if dropped:
-        triangle, face, area = np.ascontiguousarray(triangle[solid]), face[solid], area[solid]
+        triangle = np.ascontiguousarray(triangle[solid])
     # Each vertex's number in the mesh: the attributes follow wherever vertices are split.
+    vertex: slice | npt.NDArray[np.int64] = slice(None)
     if mesh.normals is None:  # flat: no vertex is shared, each has its face's normal
+        face = face_normals(position, triangle)
         vertex = triangle.reshape(-1).astype(np.int64)
-        normal = np.repeat((face / area[:, None]).astype(np.float32), 3, axis=0)
+        normal = np.repeat((face / np.linalg.norm(face, axis=1)[:, None]).astype(np.float32), 3, axis=0)
         triangle = np.arange(len(vertex), dtype=np.int32).reshape(-1, 3)
     else:
-        vertex = np.arange(len(position))
-        normal = _unit_normals(mesh.normals.astype(np.float64) @ cofactors(transform).T, triangle, face)
+        normal = _placed_normals(mesh.normals, transform, position, triangle, team)
     tangent = np.zeros((0, 4), np.float32)
     bent = [description.materials[m] for m in materials if needs_tangents(description.materials[m])]
     if bent and mesh.tangents is not None and mesh.normals is not None:
@@ -177,7 +182,7 @@ def _placed(
         uvs = mesh.uvs1 if tangent_uv_set(description, bent[0]) else mesh.uvs
         uv = _finite(uvs, len(mesh.positions), 2)[vertex]
         kept, triangle = split_mirrored(uv, triangle)
-        vertex, normal = vertex[kept], normal[kept]
+        vertex, normal = np.arange(len(position))[vertex][kept], normal[kept]
         tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
     none = np.zeros((0, 4), np.float32)
     return Geometry(
@@ -194,10 +199,15 @@ def _placed(
     )
 
 
-def bounds_of(geometry: Geometry, placement: Placement) -> list[npt.NDArray[np.float64]]:
+def bounds_of(geometry: Geometry, placement: Placement, team: Team) -> list[npt.NDArray[np.float64]]:
     """(n, 3) points in the world whose box holds all triangles: tight, but for many instances of large groups."""
-    world = geometry.triangle[: placement.first[0]].reshape(-1)
-    points = [_corners(geometry.position[world])] if len(world) else []
+    position, triangle = read_only(geometry.position), read_only(geometry.triangle)
+    parts = parts_of(0, int(placement.first[0]), PART)
+    points: list[npt.NDArray[np.float64]] = []
+    if parts:
+        corner = np.empty((len(parts), 2, 3), np.float32)
+        team.each(lambda job: find_corners(position, triangle, *job[0], job[1]), zip(parts, corner, strict=True))
+        points.append(_corners(corner.reshape(-1, 3)))
     for g, (a, b) in enumerate(pairwise(placement.first)):
         if a == b:
             continue
@@ -219,7 +229,37 @@ def _finite(values: np.ndarray | None, count: int, width: int) -> F32:
     """(count, width) float32: zeros where there are no values, and for those that are no numbers."""
     if values is None:
         return np.zeros((count, width), np.float32)
-    return np.where(np.isfinite(values), values, 0).astype(np.float32)
+    if not np.isfinite(values).all():
+        values = np.where(np.isfinite(values), values, 0)
+    return np.asarray(values, np.float32)
+
+
+def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -> F32:
+    """The mesh's positions in the world."""
+    point = read_only(mesh.positions.astype(np.float32, copy=False))
+    placed = np.empty((len(point), 3), np.float32)
+    largest = team.each(lambda part: place_points(point, transform, *part, placed), parts_of(0, len(point), PART))
+    if not all(each <= MAX_COORDINATE for each in largest):
+        raise SceneError(f"Mesh {mesh.name}: its place in the world is beyond what numbers hold; give it a sane transform")
+    return read_only(placed)
+
+
+def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: F32, triangle: I32, team: Team) -> F32:
+    """A mesh's normals in the world, unit. Files do hold zero normals: the faces around the vertex stand in."""
+    own, matrix = read_only(normals.astype(np.float32, copy=False)), np.ascontiguousarray(cofactors(transform))
+    placed, length = np.empty((len(own), 3), np.float32), np.empty(len(own))
+    team.each(lambda part: place_normals(own, matrix, *part, placed, length), parts_of(0, len(own), PART))
+    most = float(np.max(length, initial=0, where=np.isfinite(length)))
+    bad = np.flatnonzero(~(np.isfinite(length) & (length > 1e-12 * max(most, 1e-300))))
+    if len(bad):
+        around = np.zeros((len(own), 3))
+        face = face_normals(position, triangle)
+        for k in range(3):
+            np.add.at(around, triangle[:, k], face)
+        around = around[bad]
+        size = np.linalg.norm(around, axis=1, keepdims=True)
+        placed[bad] = np.divide(around, size, out=np.tile([0.0, 1.0, 0.0], (len(bad), 1)), where=size > 0)
+    return placed
 
 
 def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
@@ -229,16 +269,3 @@ def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F3
     unit = np.divide(direction, length, out=np.tile([[1.0, 0.0, 0.0]], (len(direction), 1)), where=length > 0)
     sign = np.where((tangents[:, 3] < 0) != mirrors, -1.0, 1.0)
     return np.column_stack([unit, sign]).astype(np.float32)
-
-
-def _unit_normals(normal: np.ndarray, triangle: I32, face: np.ndarray) -> F32:
-    length = np.linalg.norm(normal, axis=1)
-    good = np.isfinite(length) & (length > 1e-12 * max(float(np.max(length, initial=0, where=np.isfinite(length))), 1e-300))
-    if not good.all():  # files do hold zero normals: the faces around the vertex stand in
-        around = np.zeros_like(normal)
-        for k in range(3):
-            np.add.at(around, triangle[:, k], face)
-        around[np.linalg.norm(around, axis=1) == 0] = (0.0, 1.0, 0.0)
-        normal = np.where(good[:, None], normal, around)
-        length = np.linalg.norm(normal, axis=1)
-    return (normal / length[:, None]).astype(np.float32)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.kernel.mesh.faces import fill_margins
 from renderer.scene.description import F32, I32
+from renderer.scene.readable import read_only
+from renderer.threads import PART, Team, parts_of
 
 __all__ = ["edge_margins"]
 
-_TINY = 1e-30
-_SLIVER = 0.25 * 2.0**-24
-_AT_MOST = 0.125  # of the inscribed circle's radius
 
-
-def edge_margins(position: F32, triangle: I32) -> F32:
+def edge_margins(position: F32, triangle: I32, team: Team) -> F32:
     """(T, 2): an upper bound of one over the inscribed circle's radius; how far off the triangle a ray may find it.
 
     That is much only in slivers, where float32 is worse than elsewhere at the distance at which a ray meets the triangle: by
     its length squared over its width.
     """
-    a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))
-    perimeter = sum(np.abs(edge).max(axis=1) for edge in (b - a, c - a, c - b))
-    twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    curvature = np.sqrt(3.0) * perimeter / np.maximum(twice_area, _TINY)
-    miss = np.minimum(_SLIVER * perimeter * perimeter * curvature, _AT_MOST / np.maximum(curvature, _TINY))
-    return np.minimum(np.stack([curvature, miss], axis=1), np.finfo(np.float32).max).astype(np.float32)
+    position, triangle = read_only(position), read_only(triangle)
+    margin = np.empty((len(triangle), 2), np.float32)
+    team.each(lambda part: fill_margins(position, triangle, *part, margin), parts_of(0, len(triangle), PART))
+    return margin

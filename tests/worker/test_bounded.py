@@ -15,7 +15,8 @@ import pytest
 from tests.helpers import ROOT
 
 PROGRAM = """
-import errno, json, os, resource, signal, sys, time
+import errno, json, os, resource, signal, sys, threading, time
+from concurrent.futures import ThreadPoolExecutor
 from renderer.errors import SceneError
 from worker.bounded import run_bounded
 from worker.errors import MachineError, WorkError
@@ -61,6 +62,12 @@ def chatty(send):
     for _ in range(3):
         send({"step": "reading", "fraction": 0.5})
     return {"triangles": 12}
+
+def threaded(send):
+    all_here = threading.Barrier(6)
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(lambda size: (all_here.wait(), bytearray(size)), [5000] * 6))
+        return {"sum": len(bytearray(150 << 20))}
 
 def last_signal(send):
     os.kill(os.getpid(), signal.SIGRTMAX)
@@ -154,3 +161,8 @@ def test_any_signal_has_a_name() -> None:
 def test_who_hears_of_the_progress_may_be_slow() -> None:
     """A Redis that is away while the child works: three seconds of waiting for it are none of the child's two."""
     assert run("chatty")["answer"] == {"triangles": 12}
+
+
+def test_threads_leave_the_memory_to_who_needs_it() -> None:
+    """Six threads that allocate next to nothing, and then most of the child's 256 MiB."""
+    assert run("threaded") == {"answer": {"sum": 150 << 20}, "said": []}

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from renderer.bvh.build import build
 from renderer.bvh.layout import MAX_LEVELS, ROW_CHILD, ROW_PRIMITIVE, SPHERES, STACK_SIZE, TRIANGLES, WIDTH
+from renderer.bvh.top import part_size
+from renderer.threads import Team
 from tests.renderer.bvh.rays import NO_SPHERES, trace, without_a_tree
 
 NONE = np.zeros((0, 3), np.float32)
@@ -48,8 +50,8 @@ def leaves(bvh):
     assert deepest < MAX_LEVELS
 
 
-def assert_whole(position, triangle, sphere):
-    bvh = build(position, triangle, sphere)
+def assert_whole(position, triangle, sphere, team=None):
+    bvh = build(position, triangle, sphere, team=team)
     seen = []
     for primitive, shape, boxes, is_sphere in leaves(bvh):
         seen.append(primitive)
@@ -93,6 +95,42 @@ def test_a_random_soup_makes_a_whole_tree_and_always_the_same():
     assert one.packet.tobytes() == two.packet.tobytes()
     assert not one.node.flags.writeable
     assert not one.packet.flags.writeable
+
+
+def soup():
+    """Triangles and spheres of all sizes, a heap of equal ones among them that no plane divides."""
+    rng = np.random.default_rng(4)
+    position = rng.standard_normal((3000, 3)).astype(np.float32)
+    triangle = rng.integers(0, 3000, (6000, 3)).astype(np.int32)
+    triangle[1000:3000] = triangle[0]
+    sphere = np.abs(rng.standard_normal((700, 4))).astype(np.float32)
+    return position, triangle, sphere
+
+
+def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_threads(monkeypatch):
+    monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
+    built = []
+    for threads in (1, 2, 3):
+        with Team(threads) as team:
+            built.append(assert_whole(*soup(), team))
+    for array, second, third in zip(*built, strict=True):
+        assert array.tobytes() == second.tobytes() == third.tobytes()
+
+
+def test_a_tree_of_several_parts_is_the_same_by_any_number_of_threads():
+    count = 90_000
+    assert part_size(count) < count / 2
+    rng = np.random.default_rng(5)
+    position = np.repeat(rng.uniform(-1, 1, (count, 3)), 3, axis=0) + rng.normal(0, 0.01, (3 * count, 3))
+    triangle = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    built = []
+    for threads in (1, 2, 3):
+        with Team(threads) as team:
+            built.append(build(position.astype(np.float32), triangle, NO_SPHERES, team=team))
+    for array, second, third in zip(*built, strict=True):
+        assert array.tobytes() == second.tobytes() == third.tobytes()
+    numbers = built[0].packet[:, ROW_PRIMITIVE][~np.isnan(built[0].packet[:, 0])].view(np.int32)
+    assert sorted(numbers) == list(range(count))
 
 
 def test_many_equal_primitives_do_not_deepen_the_tree():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer import film
-from renderer.arrays.scene import seal
+from renderer.arrays.scene import flat, seal
 from renderer.errors import SceneError
 from renderer.render import render_frame
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
@@ -249,6 +249,28 @@ def test_every_array_is_read_only_and_the_same_twice():
         assert a.flags.c_contiguous
         assert not a.flags.writeable
         assert a.tobytes() == b.tobytes()
+
+
+def test_the_scene_does_not_depend_on_the_number_of_threads():
+    """Of a mesh that is cut into several parts: its vertices, its triangles, its tree."""
+    rng = np.random.default_rng(6)
+    count = 70_000
+    positions = (np.repeat(rng.uniform(-1, 1, (count, 3)), 3, axis=0) + rng.normal(0, 0.01, (3 * count, 3))).astype(np.float32)
+    normals = rng.standard_normal((3 * count, 3)).astype(np.float32)
+    triangles = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    triangles[::7, 1] = triangles[::7, 0]  # without an area
+    turned = np.array([[0, -2, 0, 1], [1, 0, 0, 2], [0, 0, 3, 3], [0, 0, 0, 1]], float)
+    description = described(Mesh("m", positions, triangles, normals), transforms=[turned], environment=Environment())
+    scenes = [compile_scene(description, threads=threads) for threads in (1, 2, 3)]
+    assert len(scenes[0].triangle) == count - len(triangles[::7])
+    for name, array in flat(scenes[0]).items():
+        assert all(flat(scene)[name].tobytes() == array.tobytes() for scene in scenes[1:]), name
+
+
+def test_a_normal_of_no_length_becomes_that_of_the_faces_around_it():
+    normals = np.array([(0, 0, 2), (0, 0, 0), (np.nan, 0, 0)], np.float32)
+    geometry = flatten(described(Mesh("m", np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), ONE, normals)))
+    np.testing.assert_array_equal(geometry.normal, [(0, 0, 1)] * 3)
 
 
 def test_progress_is_told_in_order():

@@ -3,12 +3,13 @@
 import numpy as np
 
 from renderer.scene.margins import edge_margins
+from renderer.threads import Team
 
 
 def margins(corners):
     """(T, 2) of triangles (T, 3, 3)."""
     position = np.asarray(corners, np.float32).reshape(-1, 3)
-    return edge_margins(position, np.arange(len(position), dtype=np.int32).reshape(-1, 3))
+    return edge_margins(position, np.arange(len(position), dtype=np.int32).reshape(-1, 3), Team(1))
 
 
 def inscribed_radius(corners):

@@ -51,14 +51,14 @@ class Accessors:
             raise SceneError(f"{self._file}: {accessor.where} holds values that are not finite numbers; export the file again")
         return values
 
-    def integers(self, index: int) -> npt.NDArray[np.int64]:
-        """(count,) integers: indices."""
+    def integers(self, index: int) -> npt.NDArray[np.integer]:
+        """(count,) integers of the file's own type: indices."""
         values = self._values(index, (1,))
         if values.dtype.kind == "f":
             raise SceneError(
                 f"{self._file}: {self.accessors[index].where} holds floats where indices belong; export the file again"
             )
-        return values.reshape(-1).astype(np.int64)
+        return values.reshape(-1)
 
     def view_bytes(self, index: int) -> memoryview:
         """The bytes of a buffer view."""

@@ -40,7 +40,7 @@ def read_primitive(source: Json, name: str, accessors: Accessors, shelf: Texture
     if positions is None:
         shelf.warn(f"Mesh {name}: has no positions and is left out.")
         return None
-    indices = attributes.indices
+    indices: npt.NDArray[np.integer] | None = attributes.indices
     if indices is None:
         at = source.index("indices", accessors.accessors)
         indices = np.arange(len(positions), dtype=np.int64) if at is None else accessors.integers(at)
@@ -109,7 +109,7 @@ def _with_alpha(colors: F32 | None) -> F32 | None:
     return None if (colors == 1).all() else colors  # white changes nothing
 
 
-def _triangles(indices: npt.NDArray[np.int64], mode: int) -> I32:
+def _triangles(indices: npt.NDArray[np.integer], mode: int) -> I32:
     if mode == _LIST:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3).astype(np.int32)
     count = max(len(indices) - 2, 0)

@@ -1,0 +1,115 @@
+"""Boxes as the builder keeps them: rows of eight float32, (-lower x y z, n, upper x y z, -n).
+
+So one 8-lane maximum grows a box by another, and tells the greatest and the least primitive number n among what it holds,
+and with them which kinds: triangles come first, then spheres, then instances. Numbers are kept as the bits of floats from
+1 up, in whose order they are, and never as those of a denormal number, which some processors are slow to look at.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.growing import raise_to, swapped
+from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
+from renderer.bvh.simd import extract, load, load_int, splat, store, store_int
+from renderer.jit import device
+
+__all__ = [
+    "bound",
+    "clear",
+    "doubled_centroid",
+    "exchange",
+    "first_kind",
+    "grow",
+    "grow_by",
+    "half_area",
+    "last_kind",
+    "number_of",
+    "set_number",
+]
+
+_NUMBER = 3  # the lane of n
+_MINUS_NUMBER = 7
+_ONE_BITS = np.int32(0x3F800000)  # of 1.0
+_SIGN = np.int32(-(2**31))
+_NOTHING = np.float32(-np.inf)
+
+
+@device
+def clear(boxes, i):
+    """Makes row i the box of nothing."""
+    store(boxes, np.uintp(i * 8), splat(_NOTHING))
+
+
+@device
+def grow(boxes, i, others, j):
+    """Grows box i so that it holds box j of the others."""
+    raise_to(boxes, np.uintp(i * 8), load(others, np.uintp(j * 8)))
+
+
+@device
+def grow_by(boxes, i, other):
+    """Grows box i so that it holds another, an f32x8."""
+    raise_to(boxes, np.uintp(i * 8), other)
+
+
+@device
+def exchange(boxes, i, j):
+    """Boxes i and j change places."""
+    a = load(boxes, np.uintp(i * 8))
+    store(boxes, np.uintp(i * 8), load(boxes, np.uintp(j * 8)))
+    store(boxes, np.uintp(j * 8), a)
+
+
+@device
+def doubled_centroid(box):
+    """(-c, c) of an f32x8, c being its centroid twice over."""
+    return box - swapped(box)
+
+
+@device
+def half_area(box):
+    """Half the surface of an f32x8."""
+    size = box + swapped(box)
+    dx, dy, dz = extract(size, np.uint32(0)), extract(size, np.uint32(1)), extract(size, np.uint32(2))
+    return dx * dy + dy * dz + dz * dx
+
+
+@device
+def set_number(box, i, number):
+    """Says which primitive box i is of."""
+    store_int(box, np.uintp(i * 8 + _NUMBER), np.int32(number) + _ONE_BITS)
+    store_int(box, np.uintp(i * 8 + _MINUS_NUMBER), (np.int32(number) + _ONE_BITS) | _SIGN)
+
+
+@device
+def number_of(box, i):
+    """The primitive that box i is of; the greatest that it holds."""
+    return load_int(box, np.uintp(i * 8 + _NUMBER)) - _ONE_BITS
+
+
+@device
+def _kind(number, triangles, solids):
+    return TRIANGLES if number < triangles else (SPHERES if number < solids else INSTANCE)
+
+
+@device
+def first_kind(box, i, triangles, solids):
+    """The least kind of what box i holds."""
+    return _kind((load_int(box, np.uintp(i * 8 + _MINUS_NUMBER)) ^ _SIGN) - _ONE_BITS, triangles, solids)
+
+
+@device
+def last_kind(box, i, triangles, solids):
+    """The greatest kind of what box i holds."""
+    return _kind(number_of(box, i), triangles, solids)
+
+
+@device
+def bound(box, first, end, whole, i, spread, j):
+    """Makes row i of `whole` the box of boxes first ... end - 1, and row j of `spread` that of their doubled centroids."""
+    clear(whole, i)
+    clear(spread, j)
+    for k in range(first, end):
+        grow(whole, i, box, k)
+        grow_by(spread, j, doubled_centroid(load(box, np.uintp(k * 8))))

@@ -1,0 +1,34 @@
+"""A mesh's vertices carried into the world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import entry
+
+__all__ = ["place_normals", "place_points"]
+
+
+@entry
+def place_points(point, transform, first, end, placed):
+    """Rows first ... end - 1 of `placed`: points through a 4x4 transform. Their largest coordinate; NaN if one is."""
+    largest = 0.0
+    for i in range(first, end):
+        x, y, z = np.float64(point[i, 0]), np.float64(point[i, 1]), np.float64(point[i, 2])
+        for k in range(3):
+            value = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
+            placed[i, k] = value
+            largest = largest if abs(value) <= largest else abs(value)
+    return largest
+
+
+@entry
+def place_normals(normal, matrix, first, end, placed, length):
+    """Rows first ... end - 1 of `placed`: normals through a 3x3 matrix, made unit; `length`: what they were long before that."""
+    for i in range(first, end):
+        x, y, z = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
+        nx = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z
+        ny = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z
+        nz = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z
+        length[i] = np.sqrt(nx * nx + ny * ny + nz * nz)
+        placed[i, 0], placed[i, 1], placed[i, 2] = nx / length[i], ny / length[i], nz / length[i]

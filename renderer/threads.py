@@ -1,0 +1,50 @@
+"""Threads that share a job's parts, for compiled code that runs without the GIL."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+__all__ = ["PART", "Team", "cores", "parts_of"]
+
+PART = 1 << 16  # vertices or triangles of one part: some tenths of a millisecond's work
+
+_Part = TypeVar("_Part")
+_Result = TypeVar("_Result")
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def parts_of(first: int, end: int, size: int) -> list[tuple[int, int]]:
+    """first ... end - 1 in parts of `size`, the last of them smaller: how a job is cut must not depend on who does it."""
+    return [(at, min(at + size, end)) for at in range(first, end, size)]
+
+
+class Team:
+    """So many threads, kept from one job to the next; None for one per core. A context manager."""
+
+    def __init__(self, threads: int | None = None) -> None:
+        self._threads = threads or cores()
+        self._pool: ThreadPoolExecutor | None = None
+
+    def each(self, work: Callable[[_Part], _Result], parts: Iterable[_Part]) -> list[_Result]:
+        """What `work` gives for every part, in their order. The first of them are begun first; a lone one is done right here."""
+        parts = list(parts)
+        if self._threads == 1 or len(parts) < 2:
+            return [work(part) for part in parts]
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="team")
+        return list(self._pool.map(work, parts))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> Any:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
