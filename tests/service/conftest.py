@@ -112,11 +112,15 @@ def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_r
     server.stop()
 
 
+def empty(server: running_redis) -> None:
+    """Forget what earlier tests left: a worker that was paused stays so for whoever has its name."""
+    with redis.Redis.from_url(server.url) as client:
+        client.flushall()
+
+
 @pytest.fixture
 def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
-    client = redis.Redis.from_url(redis_server.url)
-    client.flushall()
-    client.close()
+    empty(redis_server)
     database = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # a PostgreSQL that may be emptied; SQLite where not set
     if database:
         engine = create_engine(database)
