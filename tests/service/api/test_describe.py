@@ -9,11 +9,12 @@ import pytest
 from sqlalchemy import text
 
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service, until
+from tests.service.conftest import OBJ, Service, empty, until
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    empty(redis_server)
     service = Service(tmp_path_factory.mktemp("describe") / "data", redis_server.url)
     with service.worker():
         yield service

@@ -12,11 +12,12 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from tests.helpers import running_redis
-from tests.service.conftest import Service, until
+from tests.service.conftest import Service, empty, until
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    empty(redis_server)
     service = Service(tmp_path_factory.mktemp("door") / "data", redis_server.url)
     yield service
     service.stop()
