@@ -38,7 +38,8 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What runs in one process where the tests are spread over several: all that share the farm or the browser, else a file.
 
-    Those that wait for other processes come first, so that the others fill the time.
+    Those that wait for other processes come first, so that the others fill the time. With pytest 9.2 and xdist 3.8 the groups
+    have no effect: xdist writes them into a node's id, and that no longer shows; so every process has a farm of its own.
     """
     for item in items:
         shares = {"farm", "browser"} & set(getattr(item, "fixturenames", ()))
