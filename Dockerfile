@@ -35,6 +35,6 @@ COPY renderer renderer
 COPY worker worker
 USER rayfarm
 # The kernels are compiled here, so that no container compiles them; the volume holds fetched scenes alone.
-RUN python3 -c "from renderer.render import warm_up; warm_up()" && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
+RUN python3 -c "from renderer.render import EDITIONS, warm_up; [warm_up(edition=name) for name in EDITIONS]" && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
 VOLUME /home/rayfarm/.cache/rayfarm/blobs
 CMD ["python3", "-m", "worker", "--service", "http://service:8000"]

@@ -56,13 +56,14 @@ def load_scene(
     return compiled, summary
 
 
-def load_kernels(settings: RenderSettings, clock: Clock) -> None:
-    """Makes the kernels of these settings ready. After the scene is read: a wrong file is told before the wait."""
+def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock) -> None:
+    """Makes the kernel for these settings and this scene ready. After the scene is read: a wrong file is told before the wait."""
+    from renderer.arrays.edition import edition_of
     from renderer.render import warm_up
 
     with bar() as progress:
-        progress.add_task("loading the kernels (the first time compiles them: half a minute)", total=None)
-        warm_up(settings)
+        progress.add_task("loading the kernel (the first time compiles it: up to half a minute)", total=None)
+        warm_up(settings, edition_of(compiled))
     clock.mark("compile_s")
 
 

@@ -1,6 +1,6 @@
-"""Machine code as one file: what one host compiled, for every other of its kind to load.
+"""A kernel's machine code as one file: what one host compiled, for every other of its kind to load.
 
-The file is a signed zip of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a key that both ends know, then the zip.
+The file is a signed zip out of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a key that both ends know, then the zip.
 Numba keeps machine code as pickles, and whoever loads a pickle runs what is in it: so nothing is unpacked whose signature is
 not right.
 Needs no numba: folder and name come from the caller.
@@ -24,18 +24,18 @@ MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth
 _MAX_UNPACKED = 4 * MAX_BYTES
 _SIGNATURE = 32
 _CHUNK = 1 << 20
-_NAME = re.compile(r"[0-9a-f]{16}-[a-z]+\d+")
-_MEMBER = re.compile(r"\w+(\.\w+)*/\w[\w.-]*\.nb[ic]|\w+\.done", re.ASCII)
+_NAME = re.compile(r"[0-9a-f]{16}-[a-z]+\d+-\w{1,40}-\w{1,40}", re.ASCII)
+_MEMBER = re.compile(r"\w+(\.\w+)*/\w[\w.-]*\.code|\w+-\w+\.done", re.ASCII)
 
 
 class ArtefactError(Exception):
     """The file is damaged, or not signed with this key."""
 
 
-def name_of(folder: Path) -> str:
-    """An artefact's name: the folder's, a hash of sources, compiler and target, and the Python whose pickles it holds."""
+def name_of(folder: Path, kernel: str) -> str:
+    """An artefact's name: the folder's, a hash of sources, compiler and target; the Python whose pickles it holds; the kernel."""
     implementation = sys.implementation
-    return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}"
+    return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}-{kernel}"
 
 
 def is_name(text: str) -> bool:
@@ -43,15 +43,18 @@ def is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
-def pack(folder: Path, key: str, out: IO[bytes]) -> None:
-    """Write a folder's machine code, signed, to a file that is open for reading and writing."""
+def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
+    """Write the machine code that a kernel consists of, signed, to a file that is open for reading and writing.
+
+    Raises OSError where the folder has not all of it.
+    """
     start = out.tell()
     out.write(bytes(_SIGNATURE))
     with zipfile.ZipFile(out, "w") as archive:
-        for path in sorted(folder.rglob("*")):
-            member = path.relative_to(folder).as_posix()
+        done = f"{kernel}.done"
+        for member in (*(folder / done).read_text().split(), done):
             if _MEMBER.fullmatch(member):  # without its date: the same files make the same artefact
-                archive.writestr(zipfile.ZipInfo(member), path.read_bytes(), zipfile.ZIP_DEFLATED, 1)
+                archive.writestr(zipfile.ZipInfo(member), (folder / member).read_bytes(), zipfile.ZIP_DEFLATED, 1)
     out.seek(start)
     signature = _signature(out, key)
     out.seek(start)

@@ -31,7 +31,7 @@ __all__ = [
     "compiling",
     "device",
     "entry",
-    "is_loaded",
+    "is_ready",
     "kind",
     "local_floats",
     "out_of_line",
@@ -109,6 +109,9 @@ from numba.core import cgutils  # noqa: E402
 from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
+
+from renderer.absent import Compiler  # noqa: E402
+from renderer.machine_code import Kept, noted  # noqa: E402
 
 if TARGET == "x86-64-v3":
     _has = llvm.get_host_cpu_features()
@@ -190,7 +193,6 @@ def local_floats(typingctx: Any, count: Any) -> Any:
 def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool = True) -> Function:
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
     options: Any = {
-        "cache": True,
         "nogil": True,
         "fastmath": _FASTMATH,
         "error_model": "numpy",
@@ -199,8 +201,11 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
         # To take arguments from Python, a scene's forty arrays above all, costs two fifths of the compiler's time (measured).
         "no_cpython_wrapper": not from_python,
         "no_cfunc_wrapper": True,
+        "pipeline_class": Compiler,
     }
-    return njit(**options)(function)
+    made = njit(**options)(function)
+    made._cache = Kept(function)
+    return made
 
 
 def entry(function: Function) -> Function:
@@ -233,7 +238,7 @@ def template(function: Function) -> Function:
     For the largest: nothing of them is compiled twice, arguments may be kernels, and what depends on an argument that is
     None is left out where it is.
     """
-    return njit(inline="always")(function)
+    return njit(inline="always", pipeline_class=Compiler)(function)
 
 
 def subroutine(function: Function) -> Function:
@@ -241,16 +246,21 @@ def subroutine(function: Function) -> Function:
     return _compiled(function, heap=False, inline=False, from_python=False)
 
 
-def is_loaded(kernel: Any) -> bool:
-    """Whether this process has machine code of an `entry` or `builder`."""
-    return bool(kernel.signatures)
+_ready: set[str] = set()
+
+
+def is_ready(name: str) -> bool:
+    """Whether this process, or the one that it was forked from, has been in `compiling` with that name."""
+    return name in _ready
 
 
 @contextlib.contextmanager
-def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[None]:
+def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bool]:
     """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
+    Gives whether it has to be compiled.
 
-    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder.
+    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder. `<name>.done` lists what
+    there is of it, for those that hand it on.
 
     A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it. Who waits
     in vain, because the one is stopped or the file system has no locks, compiles too.
@@ -264,8 +274,19 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[No
             time.sleep(0.1)
         if fetch is not None and not done.exists():
             fetch()
-        yield
-        done.touch()
+        with noted() as files:
+            yield not done.exists()
+        _list(done, {path.relative_to(folder).as_posix() for path in files})
+    _ready.add(name)
+
+
+def _list(done: Path, names: set[str]) -> None:
+    """Add the names to the list, and make it where there is none."""
+    known = set(done.read_text().split()) if done.exists() else None
+    if known is None or names - known:
+        beside = done.with_name(f".part-{os.getpid()}-{done.name}")
+        beside.write_text("".join(f"{name}\n" for name in sorted(names | (known or set()))))
+        beside.replace(done)
 
 
 def _is_taken(lock: IO[bytes]) -> bool:

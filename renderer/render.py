@@ -12,7 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.bvh.top import LEAST_PART
+from renderer.arrays.edition import edition_of, only
+from renderer.arrays.has import EDITIONS
+from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
@@ -22,19 +24,20 @@ from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.options import kernel_options
+from renderer.preparing import prepare, preparing_beside
 from renderer.replay import Replay, read_log
-from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
 from renderer.scene.environment import relit, sampled_alone
 from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.threads import cores
 
-__all__ = ["RenderStats", "is_warm", "render_batch", "render_frame", "replay", "warm_up"]
+__all__ = ["PLAIN", "RenderStats", "is_warm", "kernel_name", "render_batch", "render_frame", "replay", "warm_up"]
 
+PLAIN = next(iter(EDITIONS))
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
+_PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NO_LOG = np.empty((0, record.COLUMNS))
 
 
@@ -52,7 +55,9 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """The scene in the settings' environment, its light tables fit for the settings' way of finding lights."""
     scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = chosen_by(scene, settings.light_choice)
-    return sampled_alone(scene) if settings.sampling == "light" or settings.integrator == "whitted" else scene
+    if settings.sampling == "light" or settings.integrator == "whitted":
+        scene = sampled_alone(scene)
+    return only(scene, edition_of(scene))
 
 
 def _render(
@@ -155,31 +160,29 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     return read_log(batch, settings.film_exponent, log)
 
 
-def is_warm(settings: RenderSettings) -> bool:
-    """Whether this process has the kernel of these settings; else the first batch compiles it, which takes half a minute."""
-    return jit.is_loaded(renderer_of(settings))
+def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:
+    """Of the kernel that `warm_up` gets ready."""
+    return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{edition}"
 
 
-def _of_several_parts() -> Mesh:
-    """A mesh that is large enough to need every kernel that prepares meshes."""
-    count = 2 * LEAST_PART
-    corner = np.random.default_rng(0).random((3 * count, 3), np.float32)
-    return Mesh("soup", corner, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), corner)
+def is_warm(settings: RenderSettings, edition: str) -> bool:
+    """Whether `warm_up` was here; else the first batch compiles the kernel, which takes up to half a minute."""
+    return jit.is_ready(kernel_name(settings, edition))
 
 
-def warm_up(settings: RenderSettings | None = None, fetch: Callable[[], None] | None = None) -> float:
-    """Compiles the kernels for scenes and for these settings (None: for pictures), or loads them: the seconds that took.
+def warm_up(settings: RenderSettings | None = None, edition: str = PLAIN, fetch: Callable[[str], None] | None = None) -> float:
+    """Compiles the kernels that prepare scenes, and that for these settings (None: for pictures) and the scenes of this edition
+    (renderer.arrays.edition), or loads them: the seconds that took.
 
-    fetch: called before anything is compiled that this machine has not compiled yet, to bring it from elsewhere.
-    A parent that does this before it forks shares the machine code with its children.
+    fetch: called with the kernel's name before anything is compiled that this machine has not compiled yet, to bring it from
+    elsewhere. A parent that does this before it forks shares the machine code with its children.
     """
     begin = time.perf_counter()
-    view = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
-    settings = RenderSettings(2, 2, view) if settings is None else replace(settings, width=2, height=2, view=view)
-    with jit.compiling(renderer_of(settings).__name__, fetch):
-        mesh = _of_several_parts()
-        scene = compile_scene(
-            SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment())
-        )
-        render_batch(scene, settings, Tile(0, 0, 2, 2), 0, 1)
+    name = kernel_name(settings, edition)
+    nothing = only(example(), edition)
+    settings = replace(settings or _PICTURE, view=_PICTURE.view)
+    with jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold:
+        with preparing_beside(is_cold):
+            _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
+        prepare()
     return time.perf_counter() - begin

@@ -21,6 +21,8 @@ ROOT = Path(__file__).parent
 # What kernels are compiled from (folders with all that is in them). tests/renderer/test_sources.py holds that nothing else is.
 MACHINE_CODE = (
     "jit.py",
+    "absent.py",
+    "machine_code.py",
     "settings.py",
     "view.py",
     "declared.py",
@@ -33,7 +35,7 @@ MACHINE_CODE = (
     "scene/readers/obj_lines.py",
 )
 # What decides besides them which arrays a kernel reads, and what is asked of it.
-ARRAYS = ("render.py", "work.py", "formats.py", "scene", "image/__init__.py", "image/read.py", "image/tonemap.py")
+ARRAYS = ("render.py", "preparing.py", "work.py", "formats.py", "scene", "image/__init__.py", "image/read.py", "image/tonemap.py")
 
 WORDS = "Shown"  # what is called with what people read of a setting
 

@@ -22,16 +22,15 @@ import time
 from pathlib import Path
 
 from renderer import denoise, jit
-from renderer.render import warm_up
 from worker import app, logs
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
 from worker.errors import RefusedError, WorkerError
 from worker.joining import Joining
-from worker.kernels import fetch_kernels, hand_in_beside
 from worker.link import Link, check_redis_url
 from worker.prepare import memory_budget
+from worker.ready import get_ready
 from worker.status import SlotBoard
 
 EXIT_REFUSED = 3
@@ -58,7 +57,6 @@ def _work(options: argparse.Namespace) -> int:
     link = Link(options.service, options.token)
     host = socket.gethostname()
     kind = jit.kind()
-    kernels = jit.cache_folder()
     started = time.time()
 
     def starting(name: str) -> WorkerReport:
@@ -68,8 +66,7 @@ def _work(options: argparse.Namespace) -> int:
 
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
-    took = warm_up(fetch=lambda: log.info(fetch_kernels(link, options.token, kernels)))
-    log.info("kernels ready after %.1f s (%s)", took, kind)
+    get_ready(link)
     joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0
@@ -85,7 +82,6 @@ def _work(options: argparse.Namespace) -> int:
         board=SlotBoard(options.slots),
         started=started,
     )
-    hand_in_beside(options.service, options.token, kernels)
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
 

@@ -1,7 +1,7 @@
-"""Nobody compiles twice in a farm: a worker fetches the kernels of its kind before it compiles, and hands in what it compiled.
+"""Nobody compiles twice in a farm: a worker fetches a kernel of its kind before it compiles it, and hands in what it compiled.
 
 Handing in is a process of its own, so that the first tile does not wait for it:
-`python -m worker.kernels --service URL --folder FOLDER`, with the farm's token in RAYFARM_TOKEN.
+`python -m worker.kernels --service URL --folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from worker.errors import WorkerError
 from worker.link import Link
 from worker.process import spawn_guard
 
-__all__ = ["fetch_kernels", "hand_in", "hand_in_beside"]
+__all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]
 
 
-def fetch_kernels(link: Link, token: str, folder: Path) -> str:
-    """Fetch the kernels for this folder (renderer.jit.cache_folder), where the farm has them: a sentence on how that went."""
+def fetch_kernel(link: Link, folder: Path, kernel: str) -> str:
+    """Fetch a kernel into this folder (renderer.jit.cache_folder), where the farm has it: a sentence on how that went."""
     with tempfile.TemporaryFile() as file:
         try:
-            if not link.kernels(name_of(folder), file):
-                return "the farm has no kernels of this kind yet"
+            if not link.kernels(name_of(folder, kernel), file):
+                return f"the farm has no kernel {kernel} of this kind yet"
             file.seek(0)
-            return f"fetched the farm's kernels ({unpack(file, token, folder)} files)"
+            return f"fetched the farm's kernel {kernel} ({unpack(file, link.token, folder)} files)"
         except (WorkerError, ArtefactError, OSError) as error:
-            return f"the farm's kernels cannot be fetched: {error}"
+            return f"the farm's kernel {kernel} cannot be fetched: {error}"
 
 
-def hand_in(link: Link, token: str, folder: Path) -> None:
-    """Give the farm the kernels that lie in this folder, unless it has them. Raises WorkerError or OSError."""
-    name = name_of(folder)
+def hand_in(link: Link, folder: Path, kernel: str) -> None:
+    """Give the farm the kernel that lies in this folder, unless it has it. Raises WorkerError or OSError."""
+    name = name_of(folder, kernel)
     if link.has_kernels(name):
         return
     with tempfile.TemporaryFile() as file:
-        pack(folder, token, file)
+        pack(folder, kernel, link.token, file)
         link.store_kernels(name, file)
 
 
-def hand_in_beside(service: str, token: str, folder: Path) -> None:
+def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
     """As `hand_in`, in a process beside this one that ends with it."""
-    command = [sys.executable, "-m", "worker.kernels", f"--service={service}", f"--folder={folder}"]
-    environment = {**os.environ, "RAYFARM_TOKEN": token}
+    command = [sys.executable, "-m", "worker.kernels", f"--service={link.service}", f"--folder={folder}", f"--kernel={kernel}"]
+    environment = {**os.environ, "RAYFARM_TOKEN": link.token}
     subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=spawn_guard())
 
 
@@ -55,10 +55,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m worker.kernels", description="Gives a farm the kernels compiled here.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")
+    parser.add_argument("--kernel", required=True, help="which of them: renderer.render.kernel_name")
     options = parser.parse_args()
     token = os.environ.get("RAYFARM_TOKEN", "")
     try:
-        hand_in(Link(options.service, token), token, options.folder)
+        hand_in(Link(options.service, token), options.folder, options.kernel)
     except (WorkerError, OSError) as error:
         print(f"the kernels are not handed in: {error}", file=sys.stderr)
         return 1

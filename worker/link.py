@@ -48,7 +48,7 @@ class Link:
     def __init__(self, service: str, token: str) -> None:
         """Raises RefusedError where the address or the token cannot be one."""
         self.service = service.rstrip("/")
-        self._token = token
+        self.token = token
         self._client: httpx.Client | None = None
         if not (token.isascii() and token.isprintable()):
             raise RefusedError("The token has characters that no token has. Take the one that `rayfarm up` shows.")
@@ -56,13 +56,13 @@ class Link:
             raise RefusedError(f"{service!r} is no address of a service; give one as http://host:8000")
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"service": self.service, "_token": self._token, "_client": None}
+        return {"service": self.service, "token": self.token, "_client": None}
 
     @property
     def client(self) -> httpx.Client:
         """The connection pool, opened on first use."""
         if self._client is None:
-            headers = {"Authorization": f"Bearer {self._token}"}
+            headers = {"Authorization": f"Bearer {self.token}"}
             self._client = httpx.Client(base_url=self.service, headers=headers, timeout=TIMEOUT)
         return self._client
 

@@ -7,13 +7,15 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
+from renderer.arrays.edition import edition_of
 from renderer.errors import RayfarmError, SceneError
-from renderer.render import is_warm, render_batch, warm_up
+from renderer.render import is_warm, render_batch
 from renderer.scene.compiled import CompiledScene, load
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums
 from worker.errors import MachineError, RefusedError, Trouble, is_of_machine
 from worker.patience import patiently
+from worker.ready import get_ready
 from worker.reproduce import batch_command
 
 __all__ = ["batch_event", "failure", "not_understood", "render", "returned"]
@@ -28,13 +30,14 @@ _open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
 def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
-    """The batch's exact sums, or the reason why there are none. compiling: told when a rare kernel is got ready, and is."""
+    """The batch's exact sums, or the reason why there are none. compiling: told when the scene's kernel is got ready, and is."""
     try:
-        if not is_warm(batch.settings):
-            compiling(True)
-            warm_up(batch.settings)
-            compiling(False)
         scene = patiently(lambda: _scene(worker, batch.compiled), PATIENCE_S)
+        edition = edition_of(scene)
+        if not is_warm(batch.settings, edition):
+            compiling(True)
+            get_ready(worker.link, batch.settings, edition)
+            compiling(False)
         begun = time.perf_counter()
         sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
     except Trouble as error:

@@ -126,7 +126,7 @@ def render(
     settings = picture.settings(summary["cameras"], summary["defaults"])
     count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
     done = RenderStats()
-    load_kernels(settings, clock)
+    load_kernels(settings, compiled, clock)
     if tile is None and first == 0:
         sums = whole_frame(compiled, settings, count, threads, picture.noise, picture.time_limit, done)
     else:
@@ -150,7 +150,7 @@ def _replay(scene: Path, variant: str | None, picture: Picture, pixel: str, samp
     settings = picture.settings(summary["cameras"], summary["defaults"])
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
-    load_kernels(settings, Clock())
+    load_kernels(settings, compiled, Clock())
     show_path(compiled, settings, summary, x, y, sample, as_json)
 
 

@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.arrays.has import EVERYTHING, Has
 from renderer.arrays.rows import ABOVE, COLUMNS, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 
-__all__ = ["LAYOUT", "CompiledScene", "check", "flat", "nested", "seal"]
+__all__ = ["LAYOUT", "CompiledScene", "check", "example", "flat", "nested", "seal"]
 
 Array = npt.NDArray[Any]
 
@@ -79,6 +80,8 @@ class CompiledScene(NamedTuple):
 
     bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
 
+    has: Has = EVERYTHING  # which parts of the kernel the scene needs
+
 
 # Each array's element type and shape, in the file's order: what rays touch most comes first, where it is best aligned.
 # A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E, E? is E or 0.
@@ -136,8 +139,19 @@ def flat(scene: CompiledScene) -> dict[str, Array]:
 
 def nested(arrays: dict[str, Array]) -> CompiledScene:
     """The scene of these arrays: the reverse of `flat`."""
-    rest = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
-    return CompiledScene(bvh=Bvh(*(arrays[f"bvh.{name}"] for name in Bvh._fields)), **rest)
+    bvh: dict[str, Any] = {name[4:]: array for name, array in arrays.items() if name.startswith("bvh.")}
+    rest: dict[str, Any] = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
+    return CompiledScene(bvh=Bvh(**bvh), **rest)
+
+
+def example() -> CompiledScene:
+    """A scene of the arrays' types and with nothing in them, to compile kernels with."""
+    return nested({name: _read_only(np.zeros([2] * len(shape), kind)) for name, (kind, shape) in LAYOUT.items()})
+
+
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
 
 
 def seal(scene: CompiledScene) -> CompiledScene:
@@ -147,9 +161,7 @@ def seal(scene: CompiledScene) -> CompiledScene:
     """
     arrays = {}
     for name, array in flat(scene).items():
-        array = np.ascontiguousarray(array, LAYOUT[name][0]).view()
-        array.flags.writeable = False
-        arrays[name] = array
+        arrays[name] = _read_only(np.ascontiguousarray(array, LAYOUT[name][0]).view())
     check(arrays)
     return nested(arrays)
 

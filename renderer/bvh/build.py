@@ -114,7 +114,7 @@ def _sealed(bvh: Bvh, brute: bool) -> Bvh:
         used = bvh.node[:, 0] <= bvh.node[:, 1]
         for row in range(6):
             bvh.node[:, row][used] = np.inf if row & 1 else -np.inf
-    for array in bvh:
+    for array in (bvh.node, bvh.packet, bvh.instance_root, bvh.to_local):
         array.flags.writeable = False
     return bvh
 

@@ -62,3 +62,4 @@ class Bvh(NamedTuple):
     packet: npt.NDArray[Any]  # (P, 10, 8) f32
     instance_root: npt.NDArray[Any]  # (I,) i32
     to_local: npt.NDArray[Any]  # (I, 3, 4) f64
+    instances: Any = True  # None: the kernel need not know of any (renderer/arrays/has.py)

@@ -278,7 +278,7 @@ def closest_hit(bvh, stack, o, d, t_max):
             keys, key = _enter(bvh.node, base, x, y, z, best)
             continue
         leaf = ~child
-        if leaf & INSTANCE:
+        if bvh.instances is not None and leaf & INSTANCE:
             found = _closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best)
             if found[1] != NO_PRIMITIVE:
                 best, primitive, u, v = found
@@ -339,7 +339,7 @@ def any_hit(bvh, stack, o, d, t_max):
                 top += np.uintp(1)
                 continue
             leaf = ~child
-            if leaf & INSTANCE:
+            if bvh.instances is not None and leaf & INSTANCE:
                 if _any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
                     return True
             elif bits(_met(bvh.packet, leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):

@@ -14,7 +14,7 @@ from service.store.whole import write_whole
 
 __all__ = ["KernelStore"]
 
-KEPT = 8  # artefacts: kinds that work side by side are few; older ones are of releases that are gone
+KEPT = 24  # artefacts: a few kernels of each kind, and few kinds work side by side; older ones are of releases that are gone
 
 
 class KernelStore:

@@ -13,12 +13,14 @@ from rayfarm.client import Client
 from tests.helpers import ROOT, Farm, wait_until
 from worker.process import spawn_guard
 
+PLAIN = "render_path-plain"
+
 pytestmark = pytest.mark.farm
 
 
 def test_a_machine_that_joins_compiles_nothing(farm: Farm, tmp_path: Path) -> None:
     kernels = farm.data / "kernels"
-    wait_until(lambda: any(kernels.glob("*-cpython*")), 60, "the farm's own worker has handed in its kernels")
+    wait_until(lambda: any(kernels.glob(f"*-{PLAIN}")), 60, "the farm's own worker has handed in its kernels")
     log = tmp_path / "worker.log"
     with log.open("wb") as out:
         joining = subprocess.Popen(
@@ -32,11 +34,13 @@ def test_a_machine_that_joins_compiles_nothing(farm: Farm, tmp_path: Path) -> No
     try:
         with Client(farm.url) as client:
             wait_until(lambda: _is_ready(client), 120, f"the worker is ready\n{log.read_text()}")
-        assert "fetched the farm's kernels" in log.read_text()
+        assert f"fetched the farm's kernel {PLAIN}" in log.read_text()
         # Whatever this worker compiled would lie in its folder, and not in what it fetched.
         (folder,) = (tmp_path / "cache" / "kernels").iterdir()
-        fetched = next(kernels.glob("*-cpython*")).read_bytes()
-        assert all(path.name.encode() in fetched for path in folder.rglob("*.nb[ic]"))
+        fetched = next(kernels.glob(f"*-{PLAIN}")).read_bytes()
+        code = list(folder.rglob("*.code"))
+        assert code
+        assert all(path.name.encode() in fetched for path in code)
     finally:
         joining.terminate()
         joining.wait(30)

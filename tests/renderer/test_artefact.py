@@ -10,10 +10,10 @@ import pytest
 
 from renderer.artefact import ArtefactError, is_name, is_signed, name_of, pack, unpack
 
+KERNEL = "render_path-plain"
 FILES = {
-    "kernel.path/path._render-1.py311.nbi": b"index",
-    "kernel.path/path._render-1.py311.1.nbc": b"code" * 999,
-    "_render_path.done": b"",
+    "kernel.path/path._render-1.py311.0123456789abcdef.code": b"code" * 999,
+    "render_path-plain.done": b"kernel.path/path._render-1.py311.0123456789abcdef.code\n",
 }
 
 
@@ -24,14 +24,16 @@ def folder(tmp_path: Path) -> Path:
         path = made / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    (made / "_render_path.lock").touch()
+    (made / "render_path-plain.lock").touch()
     (made / "kernel.path" / ".part-x").touch()
+    (made / "kernel.path" / "path._render-1.py311.00000000000000ff.code").write_bytes(b"of another kernel")
+    (made / "render_path-full.done").touch()
     return made
 
 
 def packed(folder: Path, key: str = "token") -> io.BytesIO:
     file = io.BytesIO()
-    pack(folder, key, file)
+    pack(folder, KERNEL, key, file)
     file.seek(0)
     return file
 
@@ -65,7 +67,7 @@ def test_nothing_is_unpacked_that_is_not_signed_with_the_key(folder: Path, tmp_p
     assert not (tmp_path / "other").exists()
 
 
-@pytest.mark.parametrize("name", ["../outside.nbi", "/etc/passwd", "a/b/c.nbi", "a/evil.py", "a\\..\\b.nbi", "x.done/y"])
+@pytest.mark.parametrize("name", ["../outside.code", "/etc/passwd", "a/b/c.code", "a/evil.py", "a\\..\\b.code", "x.done/y"])
 def test_names_that_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
@@ -80,6 +82,14 @@ def test_bytes_that_are_no_archive_are_refused(tmp_path: Path) -> None:
 
 
 def test_names(folder: Path) -> None:
-    assert is_name(name_of(folder))
-    for name in ("", "..", "0123456789abcdef", "0123456789abcdef-cpython311/x", "0123456789ABCDEF-cpython311", "x" * 300):
+    assert is_name(name_of(folder, KERNEL))
+    for name in (
+        "",
+        "..",
+        "0123456789abcdef",
+        "0123456789abcdef-cpython311",
+        "0123456789abcdef-cpython311-a-b/x",
+        "0123456789ABCDEF-cpython311-a-b",
+        "x" * 300,
+    ):
         assert not is_name(name)

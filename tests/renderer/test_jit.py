@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from renderer import jit
+from renderer import jit, machine_code
 
 
 def test_one_process_compiles_and_the_others_load_side_by_side(monkeypatch, tmp_path):
@@ -28,6 +28,17 @@ def test_one_process_compiles_and_the_others_load_side_by_side(monkeypatch, tmp_
         other.join(30)
     assert order == ["compiled", "loads", "loads"]
     assert not together.broken
+
+
+def test_the_list_of_a_kernels_files_grows(monkeypatch, tmp_path):
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(jit, "_ready", set())
+    for names in ({"b.code"}, {"a.code"}, set()):
+        with jit.compiling("kernel"):
+            machine_code._noted.update(tmp_path / name for name in names)
+    assert (tmp_path / "kernel.done").read_text().split() == ["a.code", "b.code"]
+    assert jit.is_ready("kernel")
+    assert not jit.is_ready("another")
 
 
 def test_a_kernel_that_does_not_compile_is_not_taken_for_compiled(monkeypatch, tmp_path):

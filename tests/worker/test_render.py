@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.render import is_warm, render_batch
+from renderer.arrays.edition import edition_of
+from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
 from renderer.settings import RenderSettings, Tile, View
 from tests.renderer.builders import emitter, scene, square
@@ -25,25 +26,26 @@ TILE = Tile(0, 0, 8, 8)
 
 
 @pytest.fixture
-def worker(tmp_path: Path) -> Any:
+def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: True)
     made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
     compiled_file.save(made, tmp_path / "compiled")
     slot._open.clear()
-    return SimpleNamespace(name="w", cache=SimpleNamespace(path=lambda sha256: tmp_path / "compiled"), made=made)
+    return SimpleNamespace(name="w", link=object(), cache=SimpleNamespace(path=lambda sha256: tmp_path / "compiled"), made=made)
 
 
 def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
     told: list[Any] = []
-    monkeypatch.setattr(slot, "is_warm", lambda settings: False)
-    monkeypatch.setattr(slot, "warm_up", told.append)
+    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: False)
+    monkeypatch.setattr(slot, "get_ready", lambda *arguments: told.append(arguments))
     result = slot.render(worker, batch, told.append)
-    assert told == [True, SETTINGS, False]
+    assert told == [True, (worker.link, SETTINGS, edition_of(worker.made)), False]
     assert result.sums is not None
     np.testing.assert_array_equal(unpack_sums(result.sums, TILE), render_batch(worker.made, SETTINGS, TILE, 0, 2).sums)
 
     told.clear()
-    monkeypatch.setattr(slot, "is_warm", is_warm)
+    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: True)
     assert slot.render(worker, batch, told.append).sums == result.sums
     assert told == []
 

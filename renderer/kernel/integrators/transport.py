@@ -89,7 +89,7 @@ def _absorbed(throughput, a, start, end):
 @device
 def _attenuated(scene, material, throughput, start, end):
     """What is left of the throughput on the way from start to end, through the inside of a material: Beer's law."""
-    if scene.material_flags[material] & ABSORBING == 0:
+    if scene.has.layers is None or scene.material_flags[material] & ABSORBING == 0:
         return throughput
     return _absorbed(throughput, absorption(scene, material), start, end)
 
@@ -100,7 +100,7 @@ def reach(scene, surface, path, options, stream, row):
 
     row: how many surfaces it has met before.
     """
-    through = options.transparent and _is_passed(scene, surface, stream, row)
+    through = scene.has.textures is not None and options.transparent and _is_passed(scene, surface, stream, row)
     throughput = path.throughput
     if not (surface.front or through):
         throughput = _attenuated(scene, surface.material, throughput, path.vertex, surface.point)
@@ -110,7 +110,7 @@ def reach(scene, surface, path, options, stream, row):
 @device
 def one_color(scene, surface, material, throughput, stream, segment):
     """As `disperse`, with a number of the segment's own."""
-    if scene.material_flags[surface.material] & DISPERSIVE == 0:
+    if scene.has.layers is None or scene.material_flags[surface.material] & DISPERSIVE == 0:
         return material, throughput
     u = draw1(stream, np.uint32(np.uint32(COLOR_BLOCK) + segment))
     return disperse(scene, surface, material, throughput, u)

@@ -49,6 +49,6 @@ def transmittance(scene, stack, start, end, transparent):
 
     transparent: whether anything in the scene lets light pass by its alpha; if not, one look is enough.
     """
-    if transparent:
+    if scene.has.textures is not None and transparent:
         return _through(scene, stack, start, end)
     return _ZERO if any_hit(scene.bvh, stack, start, vec.sub(end, start), _ONE) else _ONE

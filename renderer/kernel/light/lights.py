@@ -84,9 +84,12 @@ def _sample_triangle(scene, number, area, p, u):
     if not (square > _ZERO and abs(projected) > _ZERO):
         return _nothing()
     material = np.uint32(scene.triangle_material[number])
-    uv = triangle_uv(scene.uv, scene.triangle, number, b, c) if scene.material_flags[material] & TEXTURED != 0 else _NO_UV
-    uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
-    alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else _ONE
+    uv = uv1 = _NO_UV
+    alpha = _ONE
+    if scene.has.textures is not None:
+        uv = triangle_uv(scene.uv, scene.triangle, number, b, c) if scene.material_flags[material] & TEXTURED != 0 else _NO_UV
+        uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
+        alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else _ONE
     radiance = _emitted(scene, material, uv, uv1, alpha, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
@@ -144,7 +147,7 @@ def _sample_sphere(scene, number, p, u):
 @device
 def choose_light(scene, p, n, choice):
     """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
-    if len(scene.light_node) > 0:
+    if scene.has.lights is not None and len(scene.light_node) > 0:
         return choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
     light, _, chance = choose(scene.light_cdf, choice)
     return light, chance
@@ -159,6 +162,8 @@ def sample_one_light(scene, light, p, u):
         return _sample_triangle(scene, primitive, scene.light_area[light], p, u)
     if primitive < triangles + len(scene.sphere):
         return _sample_sphere(scene, primitive - triangles, p, u)
+    if scene.has.lights is None:
+        return _nothing()
     number = primitive - triangles - len(scene.sphere)
     w, end, radiance, density = sample_punctual(scene.punctual_kind, scene.punctual, number, p, u)
     return LightSample(w, end, radiance, density, True)
@@ -201,7 +206,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
     """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
 
     cosine: under which p sees the light's surface."""
-    if len(scene.light_node) > 0:
+    if scene.has.lights is not None and len(scene.light_node) > 0:
         chance = tree_chance(scene.light_node, scene.light_child, p, n, light)
     else:
         chance = scene.light_cdf[light + 1] - scene.light_cdf[light]

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, FILM_MEAN, IS_PANE
+from renderer.arrays.has import Has
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, IS_PANE
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.bsdf.layer_balance import fresnels
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
@@ -27,7 +28,8 @@ _HALF = np.float32(0.5)
 class Textures(NamedTuple):
     """What a surface's textures are looked up with: the scene's arrays, the material's number, both texture coordinates."""
 
-    slots: Any  # the scene's material_texture
+    has: Has  # the scene's, as are the arrays
+    slots: Any  # material_texture
     texture: Any
     transform: Any
     texel: Any
@@ -52,23 +54,32 @@ def _multiply(m, column, color):
 
 
 @subroutine
-def resolve(material, textures, base, metallic, roughness, pane, m):
+def resolve(kind, material, textures, base, metallic, roughness, pane, m):
     """Fills m (LAYER_SLOTS,) with the row of the material; base, metallic and roughness are looked up already.
 
-    pane: whether its glass does not refract. COAT_NORMAL is set to the shading normal.
+    pane: whether its glass does not refract. COAT_NORMAL is set to the shading normal. Of a conductor, only what it has.
     """
     out_of_line()
-    for column in range(rows.COLUMNS):
+    for column in range(rows.ANISOTROPY if kind == CONDUCTOR else 0, rows.COLUMNS):
         m[column] = material[textures.material, column]
+    if textures.has.textures is not None:
+        _turn(textures, m)
+    if textures.has.layers is not None and kind != CONDUCTOR:
+        _resolve_layers(textures, base, metallic, pane, m)
+    _spread(m, roughness)
+    if textures.has.layers is not None and m[rows.IRIDESCENCE] > _ZERO:
+        _film_means(m)
+
+
+@device
+def _resolve_layers(textures, base, metallic, pane, m):
     m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2] = base
     m[rows.METALLIC] = metallic
     m[IS_PANE] = _ONE if pane else _ZERO
     m[COAT_NORMAL] = m[COAT_NORMAL + 1] = _ZERO
     m[COAT_NORMAL + 2] = _ONE
-    _look_up(textures, m)
-    _spread(m, roughness)
-    if m[rows.IRIDESCENCE] > _ZERO:
-        _film_means(m)
+    if textures.has.textures is not None:
+        _look_up(textures, m)
 
 
 @subroutine
@@ -86,6 +97,11 @@ def _look_up(textures, m):
     m[rows.DIFFUSE_TRANSMISSION] *= _texel(textures, rows.DIFFUSE_TRANSMISSION_TEXTURE)[3]
     color = _texel(textures, rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE)
     _multiply(m, rows.DIFFUSE_TRANSMISSION_COLOR, color)
+
+
+@subroutine
+def _turn(textures, m):
+    """The anisotropy's texture: where it points, and how strong it is."""
     if textures.slots[textures.material, rows.ANISOTROPY_TEXTURE] >= 0:
         r, g, b, _ = _texel(textures, rows.ANISOTROPY_TEXTURE)
         x = _TWO * r - _ONE

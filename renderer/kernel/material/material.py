@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
+from renderer.arrays.has import Has
 from renderer.arrays.rows import (
     ALPHA_X,
     ALPHA_Y,
@@ -78,6 +79,7 @@ class Material(NamedTuple):
     eta: float  # index of refraction beyond the surface over the one on the viewer's side
     two_sided: bool
     layers: Any  # (LAYER_SLOTS,), of the rarer kinds; else not filled
+    has: Has  # of its scene
 
 
 @device
@@ -107,7 +109,7 @@ def fetch_material(scene, surface, frame, layers):
     flags = scene.material_flags[number]
     base = _rgb(row, number, rows.BASE)
     metallic, roughness, ior = columns(row, number, COLUMNS, rows.METALLIC, 3)
-    if flags & rows.TEXTURED != 0:
+    if scene.has.textures is not None and flags & rows.TEXTURED != 0:
         texture = _texture(scene, number, rows.BASE_TEXTURE)
         if texture >= 0:
             r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
@@ -117,19 +119,20 @@ def fetch_material(scene, surface, frame, layers):
             _, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
             roughness *= g
             metallic *= b
-    base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
+    if scene.has.textures is not None:
+        base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
     f90 = _value(row, number, rows.SPECULAR)
     f0 = vec.scale(_rgb(row, number, rows.F0), f90)
     eta = ior if surface.front else _ONE / ior
     if kind >= CONDUCTOR:
         pane = flags & rows.THIN != 0 or abs(ior - _ONE) < _MATCHED
-        textures = Textures(
-            scene.material_texture, scene.texture, scene.texture_transform, scene.texel, number, surface.uv, surface.uv1
-        )
-        resolve(row, textures, base, metallic, roughness, pane, layers)
-        if kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0:
+        arrays = scene.has, scene.material_texture, scene.texture, scene.texture_transform, scene.texel
+        textures = Textures(*arrays, number, surface.uv, surface.uv1)
+        resolve(kind, row, textures, base, metallic, roughness, pane, layers)
+        coated = kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0
+        if scene.has.layers is not None and coated:
             layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = coat_normal(scene, surface, frame)
-    return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers)
+    return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers, scene.has)
 
 
 @device
@@ -178,6 +181,7 @@ def disperse(scene, surface, material, throughput, u):
             eta,
             material.two_sided,
             material.layers,
+            material.has,
         ),
         throughput,
     )
@@ -192,6 +196,8 @@ def is_transparent(scene, number):
 @device
 def opacity(scene, number, uv, uv1, vertex_alpha):
     """The chance, 0 ... 1, that light meets material `number` there rather than pass as if it were not."""
+    if scene.has.textures is None:
+        return _ONE
     flags = scene.material_flags[number]
     if flags & rows.TRANSPARENT == 0:
         return _ONE
@@ -218,10 +224,11 @@ def emission(scene, number, uv, uv1, front):
     if not (front or _value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO):
         return _BLACK
     radiance = _rgb(scene.material, number, rows.EMISSION)
-    texture = _texture(scene, number, rows.EMISSION_TEXTURE)
-    if texture >= 0:
-        r, g, b, _ = sample_texture(scene, texture, uv, uv1)
-        radiance = (radiance[0] * r, radiance[1] * g, radiance[2] * b)
+    if scene.has.textures is not None:
+        texture = _texture(scene, number, rows.EMISSION_TEXTURE)
+        if texture >= 0:
+            r, g, b, _ = sample_texture(scene, texture, uv, uv1)
+            radiance = (radiance[0] * r, radiance[1] * g, radiance[2] * b)
     return radiance
 
 
@@ -262,24 +269,24 @@ def _kd_ks(m):
 
 
 @subroutine
-def _eval_rare(kind, m, eta, wo, wi):
+def _eval_rare(has, kind, m, eta, wo, wi):
     out_of_line()
-    if kind == LAYERED:
+    if has.layers is not None and kind == LAYERED:
         return eval_and_pdf_layered(m, eta, wo, wi)
     if kind == CONDUCTOR:
         index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
         o, i = _turned(m, wo, _ONE), _turned(m, wi, _ONE)
         return eval_and_pdf_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, i)
-    if kind == BLINN_PHONG:
+    if has.layers is not None and kind == BLINN_PHONG:
         kd, ks = _kd_ks(m)
         return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
     return _BLACK, _ZERO
 
 
 @subroutine
-def _sample_rare(kind, m, eta, wo, choose, u):
+def _sample_rare(has, kind, m, eta, wo, choose, u):
     out_of_line()
-    if kind == LAYERED:
+    if has.layers is not None and kind == LAYERED:
         return sample_layered(m, eta, wo, choose, u)
     if kind == CONDUCTOR:
         index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
@@ -289,7 +296,7 @@ def _sample_rare(kind, m, eta, wo, choose, u):
         o = _turned(m, wo, _ONE)
         i, weight, pdf = sample_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
         return _turned(m, i, -_ONE), weight, pdf, _ONE
-    if kind == BLINN_PHONG:
+    if has.layers is not None and kind == BLINN_PHONG:
         kd, ks = _kd_ks(m)
         wi, weight, pdf = sample_blinn_phong(kd, ks, m[rows.SHININESS], wo, choose, u)
         return wi, weight, pdf, _ONE
@@ -306,7 +313,7 @@ def eval_material(material, wo, wi):
     if material.kind == DIFFUSE:
         return eval_diffuse(material.base, wo, wi), pdf_diffuse(wo, wi)
     if material.kind >= CONDUCTOR:
-        return _eval_rare(material.kind, material.layers, material.eta, wo, wi)
+        return _eval_rare(material.has, material.kind, material.layers, material.eta, wo, wi)
     return _BLACK, _ZERO
 
 
@@ -324,7 +331,7 @@ def sample_material(material, wo, choose, u):
         )
         return wi, weight, pdf, _ONE
     if material.kind >= CONDUCTOR:
-        return _sample_rare(material.kind, material.layers, material.eta, wo, choose, u)
+        return _sample_rare(material.has, material.kind, material.layers, material.eta, wo, choose, u)
     if material.kind == MIRROR:
         wi, weight = sample_mirror(material.base, wo)
         return wi, weight, _ZERO, _ONE

@@ -67,7 +67,7 @@ def shading_frame(scene, surface, wo):
     """
     n = surface.shading
     flags = scene.material_flags[surface.material]
-    if flags & (NORMAL_MAPPED | NEEDS_TANGENT) == 0:
+    if scene.has.textures is None or flags & (NORMAL_MAPPED | NEEDS_TANGENT) == 0:
         s, t = vec.basis(n)
         return s, t, n
     # Seen from behind, the whole frame is turned over: the map's bumps are then dents.

@@ -87,7 +87,7 @@ def triangle_point(position, triangle, number, u, v):
 
 
 @subroutine
-def _inward(position, triangle, to_world, hit, error, curvature):
+def _inward(scene, hit, error, curvature):
     """The way by which a point beside an edge is moved towards its triangle's centroid, in the world.
 
     Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
@@ -96,12 +96,12 @@ def _inward(position, triangle, to_world, hit, error, curvature):
     be seen.
     """
     out_of_line()
-    i, j, k = row(triangle, hit.primitive, 3)
-    a, b, c = row(position, i, 3), row(position, j, 3), row(position, k, 3)
+    i, j, k = row(scene.triangle, hit.primitive, 3)
+    a, b, c = row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
     u, v = hit.u - _THIRD, hit.v - _THIRD
     inward = vec.add(vec.scale(vec.sub(a, b), u), vec.scale(vec.sub(a, c), v))
-    if hit.instance >= 0:
-        inward = point_to_world(to_world, hit.instance, inward, _ZERO)
+    if scene.has.instances is not None and hit.instance >= 0:
+        inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
     fraction = min(_INWARD * error * curvature, _QUARTER)
     far = _magnitude(inward)
     if fraction * far > _FURTHEST * error:
@@ -180,7 +180,7 @@ def hit_material(scene, hit):
     primitive = np.uint32(hit.primitive)
     if primitive >= triangles:
         return np.uint32(scene.sphere_material[primitive - triangles])
-    if hit.instance >= 0 and scene.instance_material[hit.instance] >= 0:
+    if scene.has.instances is not None and hit.instance >= 0 and scene.instance_material[hit.instance] >= 0:
         return np.uint32(scene.instance_material[hit.instance])
     return np.uint32(scene.triangle_material[primitive])
 
@@ -200,7 +200,7 @@ def surface_at(scene, o, d, hit):
         curvature, miss = row(scene.triangle_margin, primitive, 2)
         error = max(error, miss)
         upright = normal
-        if hit.instance >= 0:
+        if scene.has.instances is not None and hit.instance >= 0:
             normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
         square = vec.dot(normal, normal)
         if square == _ZERO:  # so small that its area is 0 in float32
@@ -211,7 +211,7 @@ def surface_at(scene, o, d, hit):
         geometric = vec.scale(normal, away if front else -away)
         i, j, k = row(scene.triangle, primitive, 3)
         shading = _mix3(row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3), u, v)
-        if len(scene.tangent) > 0:
+        if scene.has.textures is not None and len(scene.tangent) > 0:
             tangent = _tangent(scene.tangent, i, j, k, u, v)
         length2 = vec.dot(shading, shading)
         smooth = not abs(length2 - _ONE) <= _UNIT  # or no normal at all; flat meshes are spared the root
@@ -220,7 +220,7 @@ def surface_at(scene, o, d, hit):
             if hit.instance < 0:
                 shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
         number = scene.triangle_object[primitive]
-        if hit.instance >= 0:
+        if scene.has.instances is not None and hit.instance >= 0:
             point = point_to_world(scene.to_world, hit.instance, point, _ONE)
             lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
             error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * _magnitude(point)
@@ -228,14 +228,16 @@ def surface_at(scene, o, d, hit):
             shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
             shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
-            if len(scene.tangent) > 0:
+            if scene.has.textures is not None and len(scene.tangent) > 0:
                 tangent = tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
         if min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature:  # else it is as far from the edges as it would be moved
-            point = vec.add(point, _inward(scene.position, scene.triangle, scene.to_world, hit, error, curvature))
-        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
-        uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
-        if len(scene.color) > 0:
+            point = vec.add(point, _inward(scene, hit, error, curvature))
+        uv = uv1 = _NO_UV
+        if scene.has.textures is not None:
+            uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
+            uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
+        if scene.has.textures is not None and len(scene.color) > 0:
             color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
         light = scene.triangle_light[primitive]
     else:
@@ -244,7 +246,7 @@ def surface_at(scene, o, d, hit):
         front = vec.dot(normal, wo) > _ZERO
         geometric = normal if front else vec.neg(normal)
         shading = normal
-        uv = sphere_uv(normal) if _is_textured(scene, material) else _NO_UV
+        uv = sphere_uv(normal) if scene.has.textures is not None and _is_textured(scene, material) else _NO_UV
         uv1 = uv
         light = scene.sphere_light[ball]
         number = scene.sphere_object[ball]

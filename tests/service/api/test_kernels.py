@@ -8,18 +8,20 @@ from pathlib import Path
 import pytest
 
 from renderer.artefact import pack
+from service.store.kernels import KEPT
 from tests.service.conftest import TOKEN, Service
 
-NAME = "0123456789abcdef-cpython311"
+KERNEL = "render_path-plain"
+NAME = f"0123456789abcdef-cpython311-{KERNEL}"
 SHOWN = {"Authorization": f"Bearer {TOKEN}"}
 
 
 def artefact(tmp_path: Path, key: str = TOKEN) -> bytes:
     folder = tmp_path / "kernels"
     folder.mkdir(exist_ok=True)
-    (folder / "_render_path.done").touch()
+    (folder / f"{KERNEL}.done").touch()
     file = io.BytesIO()
-    pack(folder, key, file)
+    pack(folder, KERNEL, key, file)
     return file.getvalue()
 
 
@@ -32,7 +34,7 @@ def test_what_one_worker_hands_in_another_fetches(service: Service, tmp_path: Pa
     assert service.http.get(url, headers=SHOWN).content == artefact(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["x", "..%2Ftoken", "0123456789abcdef-cpython311%00"])
+@pytest.mark.parametrize("name", ["x", "..%2Ftoken", "0123456789abcdef-cpython311", f"{NAME}%00"])
 def test_names_that_are_none(service: Service, tmp_path: Path, name: str) -> None:
     assert service.http.put(f"/api/farm/kernels/{name}", content=artefact(tmp_path), headers=SHOWN).status_code in (404, 405, 422)
     assert service.http.get(f"/api/farm/kernels/{name}", headers=SHOWN).status_code == 404
@@ -55,8 +57,8 @@ def test_strangers_neither_fetch_nor_hand_in(service: Service, tmp_path: Path) -
 
 
 def test_kernels_of_releases_that_are_gone_are_forgotten(service: Service, tmp_path: Path) -> None:
-    for number in range(12):
-        url = f"/api/farm/kernels/{number:016x}-cpython311"
+    for number in range(KEPT + 4):
+        url = f"/api/farm/kernels/{number:016x}-cpython311-{KERNEL}"
         assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
-    assert len(list((Path(service.options["data"]) / "kernels").iterdir())) == 8
+    assert len(list((Path(service.options["data"]) / "kernels").iterdir())) == KEPT
     assert service.http.get(url, headers=SHOWN).status_code == 200

@@ -1,0 +1,37 @@
+"""Which edition of the kernels renders a scene: a function of the scene alone, so that all its samples come from one.
+
+Two editions may differ in the last bit of a sample, where the compiler merges other multiplications with additions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.has import EDITIONS
+from renderer.arrays.scene import CompiledScene
+
+__all__ = ["edition_of", "only"]
+
+_TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
+_LAYERS = rows.DISPERSIVE | rows.ABSORBING
+_LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
+
+
+def edition_of(scene: CompiledScene) -> str:
+    """The name of the first of EDITIONS that has all the parts which the scene needs."""
+    flags = int(np.bitwise_or.reduce(scene.material_flags))
+    needs = {
+        "textures": bool(flags & _TEXTURES) or len(scene.color) > 0,
+        "lights": len(scene.light_node) > 0 or len(scene.punctual) > 0,
+        "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
+        "instances": len(scene.to_world) > 0,
+    }
+    wanted = {part for part, needed in needs.items() if needed}
+    return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))
+
+
+def only(scene: CompiledScene, edition: str) -> CompiledScene:
+    """The scene as the kernels of that edition are given it."""
+    has = EDITIONS[edition]
+    return scene._replace(has=has, bvh=scene.bvh._replace(instances=has.instances))

@@ -1,0 +1,29 @@
+"""What a scene needs of the kernels, and the few editions of them that there are: what a scene lacks is not compiled for it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+__all__ = ["EDITIONS", "EVERYTHING", "Has"]
+
+
+class Has(NamedTuple):
+    """Each True, or None where the scene has none of it.
+
+    None has a type of its own: what stands under `if scene.has.textures is not None` is left out of a kernel whose scenes have
+    none (renderer/absent.py), and costs neither time to compile nor registers.
+    """
+
+    textures: Any  # and what goes with them: normal maps, vertex colours, alpha
+    lights: Any  # without a body, or so many that a tree chooses among them
+    layers: Any  # materials of many properties, what they absorb, and how they spread colours
+    instances: Any
+
+
+# From what compiles and runs fastest to what does all. One for every set of parts would be 16, each compiled when it is first
+# wanted, and somebody waits for each.
+EDITIONS = {
+    "plain": Has(None, None, None, None),
+    "full": Has(True, True, True, True),
+}
+EVERYTHING = EDITIONS["full"]

@@ -1,0 +1,94 @@
+"""Where Numba keeps what it has compiled: a file for each function and signature, under a name that follows from both.
+
+Numba's own cache numbers its files and lists them in an index. Two processes that compile at the same time lose each other's
+entries there, and what two machines compiled cannot be laid in one folder: here the same name is the same code.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import pickle
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import FunctionCache
+from numba.core.serialize import dumps
+
+__all__ = ["SUFFIX", "Kept", "noted"]
+
+SUFFIX = ".code"
+
+_noted: set[Path] | None = None
+
+
+@contextlib.contextmanager
+def noted() -> Iterator[set[Path]]:
+    """The files that are read or written meanwhile, by any thread of this process."""
+    global _noted
+    files: set[Path] = set()
+    _noted = files
+    try:
+        yield files
+    finally:
+        _noted = None
+
+
+class Kept(FunctionCache):
+    """A function's machine code. Numba's, but for the files."""
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(Path(self.cache_path), self._impl.filename_base, self._impl.locator.get_source_stamp())
+
+
+class _Files:
+    """What FunctionCache asks of its files. A key is (signature, target, hashes of the function's byte code and cells).
+
+    stamp: what else the code depends on.
+    """
+
+    def __init__(self, folder: Path, stem: str, stamp: Any) -> None:
+        self._folder = folder
+        self._stem = stem
+        self._stamp = stamp
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep it, whole or not at all: where there is no room for it, the next process compiles it again."""
+        path = self._path(key)
+        beside = path.with_name(f".part-{os.getpid()}-{threading.get_ident()}-{path.name}")
+        try:
+            beside.write_bytes(dumps(data))
+            beside.replace(path)
+        except OSError:
+            return
+        finally:
+            beside.unlink(missing_ok=True)
+        self._note(path)
+
+    def load(self, key: Any) -> Any:
+        """What was kept, or None. A file that a power cut left damaged counts as none."""
+        path = self._path(key)
+        try:
+            data = pickle.loads(path.read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):
+            return None
+        self._note(path)
+        return data
+
+    def flush(self) -> None:
+        """Forget what is kept of this function."""
+        for path in self._folder.glob(f"{self._stem}.*{SUFFIX}"):
+            path.unlink(missing_ok=True)
+
+    def _path(self, key: Any) -> Path:
+        signature, *rest = key
+        name = hashlib.sha256(repr(([str(t) for t in signature], rest, self._stamp)).encode()).hexdigest()
+        return self._folder / f"{self._stem}.{name[:16]}{SUFFIX}"
+
+    def _note(self, path: Path) -> None:
+        if _noted is not None:
+            _noted.add(path)

@@ -1,0 +1,92 @@
+"""Which kernel a scene gets: the plainest that has all it needs; and all render the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer import render
+from renderer.arrays.edition import edition_of, only
+from renderer.arrays.has import EDITIONS
+from renderer.film import mean
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Image, Instance, Light, Material, SceneDescription, Sphere, Texture
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import gray, icosphere, square
+
+PLAIN = (
+    Material(base_color=gray(0.5)),
+    Material(kind="mirror"),
+    Material(kind="glass", roughness=0.0),
+    Material(kind="metallic_roughness", metallic=0.5, roughness=0.3),
+    Material(kind="conductor", roughness=0.3, eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6)),
+)
+NEEDS_MORE = {
+    "a texture": Material(base_color_texture=0),
+    "alpha": Material(opacity=0.5, alpha_mode="blend"),
+    "a brushed metal": Material(kind="conductor", roughness=0.3, anisotropy=0.5),
+    "layers": Material(kind="metallic_roughness", clearcoat=1.0),
+    "coloured glass": Material(kind="glass", roughness=0.0, attenuation_color=(0.5, 0.9, 0.9), attenuation_distance=1.0),
+    "a prism": Material(kind="glass", roughness=0.0, dispersion=1.0),
+    "a highlight of Blinn's": Material(kind="blinn_phong"),
+}
+
+
+def described(*materials: Material) -> SceneDescription:
+    """A floor of the first material, a ball of each, and one that shines."""
+    materials = (*materials, Material(base_color=gray(0.0), emission=gray(5.0)))
+    return SceneDescription(
+        meshes=[square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)],
+        instances=[Instance(0)],
+        spheres=[Sphere((i - 1.0, 0.5, 0.0), 0.4, i) for i in range(len(materials))],
+        materials=list(materials),
+        images=[Image("white", np.ones((2, 2, 3), np.float32), srgb=False)],
+        textures=[Texture(0)],
+    )
+
+
+def test_what_is_common_is_plain() -> None:
+    assert edition_of(compile_scene(described(*PLAIN))) == "plain"
+
+
+@pytest.mark.parametrize("name", NEEDS_MORE)
+def test_what_asks_for_more_gets_it(name: str) -> None:
+    assert edition_of(compile_scene(described(NEEDS_MORE[name]))) == "full"
+
+
+def test_lights_without_a_body_and_copies_ask_for_more() -> None:
+    scene = described(PLAIN[0])
+    scene.lights.append(Light("point", position=(0, 3, 0)))
+    assert edition_of(compile_scene(scene)) == "full"
+    scene = described(PLAIN[0])
+    scene.meshes.append(icosphere(4))
+    for i in range(20):
+        place = np.eye(4)
+        place[0, 3] = 3.0 * i
+        scene.instances.append(Instance(1, place))
+    compiled = compile_scene(scene)
+    assert len(compiled.to_world) == 20
+    assert edition_of(compiled) == "full"
+
+
+def test_a_kernel_is_told_what_the_scene_has() -> None:
+    scene = compile_scene(described(*PLAIN))
+    for name, has in EDITIONS.items():
+        given = only(scene, name)
+        assert given.has == has
+        assert (given.bvh.instances is None) == (has.instances is None)
+
+
+def test_the_editions_render_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """But for last bits, where the compiler merged other operations: a path that they send elsewhere is rare."""
+    scene = compile_scene(described(*PLAIN))
+    settings = RenderSettings(48, 32, View((0.5, 2.5, 5.0), (0.8, 0.3, 0.0), fov=45), max_depth=6)
+    pictures = []
+    for name in EDITIONS:
+        monkeypatch.setattr(render, "edition_of", lambda _, name=name: name)
+        pictures.append(mean(render_frame(scene, settings, 8), settings.film_exponent))
+    plain, full = pictures
+    assert plain.mean() > 0.05
+    same = np.isclose(plain, full, rtol=1e-3, atol=1e-4).all(axis=-1)
+    assert same.mean() > 0.99

@@ -1,0 +1,56 @@
+"""What is None in a kernel's arguments is not compiled."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.jit import device, entry
+
+
+class Parts(NamedTuple):
+    table: Any
+    more: Any
+
+
+class Whole(NamedTuple):
+    parts: Parts
+    otherwise: float
+
+
+@device
+def _first(whole):
+    # Indexing None does not compile: that it does is the proof that this branch is left out.
+    if whole.parts.table is not None:
+        return whole.parts.table[0]
+    return whole.otherwise
+
+
+@entry
+def _read(whole):
+    if whole.parts.more is None:
+        return _first(whole)
+    return whole.parts.more[0]
+
+
+@entry
+def _both(whole, number):
+    if whole.parts.table is not None and number > 0:
+        return whole.parts.table[number]
+    return whole.otherwise
+
+
+def test_a_branch_on_a_field_that_is_none_is_left_out_also_in_functions_called() -> None:
+    table = np.array([1.0, 5.0])
+    assert _read(Whole(Parts(None, None), 3.0)) == 3
+    assert _read(Whole(Parts(table, None), 3.0)) == 1
+    assert _read(Whole(Parts(table, np.array([2.0])), 3.0)) == 2
+    assert _read(Whole(Parts(None, np.array([2.0])), 3.0)) == 2
+
+
+def test_a_condition_may_ask_more() -> None:
+    table = np.array([1.0, 5.0])
+    assert _both(Whole(Parts(None, None), 3.0), 1) == 3
+    assert _both(Whole(Parts(table, None), 3.0), 1) == 5
+    assert _both(Whole(Parts(table, None), 3.0), 0) == 3

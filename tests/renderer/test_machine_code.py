@@ -1,0 +1,59 @@
+"""Machine code in files: found again, by other processes too, and by nobody for whom it is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from renderer import machine_code
+from renderer.machine_code import noted
+
+KEY = (("int64", "float32"), ("x86-64", "v3"), ("ab", "cd"))
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Any:
+    return machine_code._Files(tmp_path, "path._render-1.py311", "stamp")
+
+
+def test_what_is_saved_is_loaded_under_its_own_key_alone(files: Any, tmp_path: Path) -> None:
+    assert files.load(KEY) is None
+    files.save(KEY, {"code": b"x"})
+    assert files.load(KEY) == {"code": b"x"}
+    assert machine_code._Files(tmp_path, "path._render-1.py311", "stamp").load(KEY) == {"code": b"x"}
+    others = [(("int64",), *KEY[1:]), (KEY[0], ("arm", ""), KEY[2]), (*KEY[:2], ("ab", "ce"))]
+    assert all(files.load(other) is None for other in others)
+    assert machine_code._Files(tmp_path, "path._render-1.py311", "another stamp").load(KEY) is None
+    assert machine_code._Files(tmp_path, "path._other-1.py311", "stamp").load(KEY) is None
+
+
+@pytest.mark.parametrize("left", [b"", b"\x80\x05\x95", b"no pickle"])
+def test_a_damaged_file_is_none(files: Any, tmp_path: Path, left: bytes) -> None:
+    files.save(KEY, 1)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(left)
+    assert files.load(KEY) is None
+    files.save(KEY, 2)
+    assert files.load(KEY) == 2
+
+
+def test_where_there_is_no_room_nothing_is_kept(tmp_path: Path) -> None:
+    files = machine_code._Files(tmp_path / "gone", "path._render-1.py311", "stamp")
+    files.save(KEY, 1)
+    assert files.load(KEY) is None
+
+
+def test_what_is_touched_is_noted(files: Any, tmp_path: Path) -> None:
+    files.save(KEY, 1)
+    with noted() as paths:
+        assert paths == set()
+        files.load(KEY)
+        files.load((("nobody",), *KEY[1:]))
+        read = set(paths)
+        files.save((("int32",), *KEY[1:]), 2)
+    assert len(read) == 1
+    assert read < paths == set(tmp_path.iterdir())
+    files.flush()
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,24 @@
+"""A kernel got ready: fetched from the farm where it has it, else compiled, and given to the farm."""
+
+from __future__ import annotations
+
+import logging
+
+from renderer import jit
+from renderer.render import PLAIN, kernel_name, warm_up
+from renderer.settings import RenderSettings
+from worker.kernels import fetch_kernel, hand_in_beside
+from worker.link import Link
+
+__all__ = ["get_ready"]
+
+_log = logging.getLogger("worker")
+
+
+def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN) -> None:
+    """As `warm_up`, with the farm's help."""
+    folder = jit.cache_folder()
+    took = warm_up(settings, edition, lambda kernel: _log.info(fetch_kernel(link, folder, kernel)))
+    kernel = kernel_name(settings, edition)
+    _log.info("kernel %s ready after %.1f s", kernel, took)
+    hand_in_beside(link, folder, kernel)
