@@ -4,6 +4,10 @@
 
 from __future__ import annotations
 
+# Columns of `part`, int32: what all triangles of a part have in common.
+PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
+PART_COLUMNS = 3
+
 # Kinds: how a material scatters.
 DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED = range(8)
 

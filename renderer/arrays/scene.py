@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.has import EVERYTHING, Has
-from renderer.arrays.rows import ABOVE, COLUMNS, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
+from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 class CompiledScene(NamedTuple):
     """What the kernel reads.
 
-    I instances, V vertices, T triangles, S spheres, M materials, X textures, L lights, K of them punctual.
+    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, L lights, K of them punctual.
     """
 
     bvh: Bvh
@@ -41,11 +41,9 @@ class CompiledScene(NamedTuple):
     uv1: Array  # (V, 2) f32, or no rows where no texture looks there
     color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
     tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
-    triangle: Array  # (T, 3) i32 into the vertices
-    triangle_margin: Array  # (T, 2) f32: renderer/scene/margins.py
-    triangle_material: Array  # (T,) i32
-    triangle_light: Array  # (T,) i32: its light, or -1
-    triangle_object: Array  # (T,) i32: the object that it is part of (renderer/scene/objects.py); an instance's counts instead
+    triangle: Array  # (T, 4) i32: three vertices, and its part
+    part: Array  # (P, 3) i32: PART_MATERIAL, PART_OBJECT (renderer/scene/objects.py; an instance's counts instead), PART_SHINES
+    triangle_light: Array  # (T,) i32: its light, or -1; no rows where no part shines
     sphere: Array  # (S, 4) f32: centre, radius
     sphere_material: Array  # (S,) i32
     sphere_light: Array  # (S,) i32: its light, or -1
@@ -87,7 +85,7 @@ class CompiledScene(NamedTuple):
 # A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E, E? is E or 0.
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
-    "bvh.packet": ("<f4", ("P", PACKET_ROWS, WIDTH)),
+    "bvh.packet": ("<f4", ("B", PACKET_ROWS, WIDTH)),
     "bvh.to_local": ("<f8", ("I", 3, 4)),
     "to_world": ("<f8", ("I", 3, 4)),
     "bvh.instance_root": ("<i4", ("I",)),
@@ -100,11 +98,9 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "uv1": ("<f4", ("V?", 2)),
     "color": ("<f4", ("V?", 4)),
     "tangent": ("<f4", ("V?", 4)),
-    "triangle": ("<i4", ("T", 3)),
-    "triangle_margin": ("<f4", ("T", 2)),
-    "triangle_material": ("<i4", ("T",)),
-    "triangle_light": ("<i4", ("T",)),
-    "triangle_object": ("<i4", ("T",)),
+    "triangle": ("<i4", ("T", 4)),
+    "part": ("<i4", ("P", 3)),
+    "triangle_light": ("<i4", ("T?",)),
     "sphere": ("<f4", ("S", 4)),
     "sphere_material": ("<i4", ("S",)),
     "sphere_light": ("<i4", ("S",)),
@@ -184,8 +180,6 @@ def check(arrays: dict[str, Array]) -> None:
                 raise SceneError(f"{name} has the shape {actual}; {expected} belongs where {length} stands")
     primitives = lengths["T"] + lengths["S"]
     for name, lower, upper in (
-        ("triangle", 0, lengths["V"]),
-        ("triangle_material", 0, lengths["M"]),
         ("sphere_material", 0, lengths["M"]),
         ("instance_material", -1, lengths["M"]),
         ("bvh.instance_root", 0, lengths["N"]),
@@ -196,9 +190,12 @@ def check(arrays: dict[str, Array]) -> None:
         ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
     ):
-        array = arrays[name]
-        if array.size and not lower <= int(array.min()) <= int(array.max()) < upper:
-            raise SceneError(f"{name} points outside {lower} ... {upper - 1}")
+        _check_range(name, arrays[name], lower, upper)
+    _check_range("triangle", arrays["triangle"][:, :3], 0, lengths["V"])
+    _check_range("a triangle's part", arrays["triangle"][:, 3], 0, lengths["P"])
+    _check_range("a part's material", arrays["part"][:, PART_MATERIAL], 0, lengths["M"])
+    if not len(arrays["triangle_light"]) and arrays["part"][:, PART_SHINES].any():
+        raise SceneError("a part shines, and none of its triangles is a light")
     texture = arrays["texture"].astype(np.int64)
     if len(texture) and not (
         texture[:, :3].min() >= 0
@@ -213,9 +210,14 @@ def check(arrays: dict[str, Array]) -> None:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
-    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["P"])
+    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["B"])
     if int(children.max()) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
         raise SceneError("the BVH names a primitive that is not there")
+
+
+def _check_range(name: str, array: Array, lower: int, upper: int) -> None:
+    if array.size and not lower <= int(array.min()) <= int(array.max()) < upper:
+        raise SceneError(f"{name} points outside {lower} ... {upper - 1}")

@@ -16,6 +16,7 @@ __all__ = [
     "is_finite",
     "length",
     "luminance",
+    "magnitude",
     "maximum",
     "mul",
     "neg",
@@ -85,6 +86,12 @@ def normalize(a):
 def length(a):
     """The length."""
     return math.sqrt(dot(a, a))
+
+
+@device
+def magnitude(a):
+    """The greatest size of a component."""
+    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
 
 
 @device

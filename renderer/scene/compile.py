@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES
 from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
 from renderer.errors import SceneError
-from renderer.scene.description import F32, Camera, SceneDescription
+from renderer.scene.description import F32, I32, Camera, SceneDescription
 from renderer.scene.emitters import emitted_by_triangles
 from renderer.scene.environment import are_accents, choose_environment, tabulate_environment
 from renderer.scene.framing import frame
-from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, place
+from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, by_triangle, place
 from renderer.scene.guides import list_guides
 from renderer.scene.lights import list_lights
-from renderer.scene.margins import edge_margins
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
@@ -81,11 +82,9 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
         color=geometry.color,
         tangent=geometry.tangent,
-        triangle=geometry.triangle,
-        triangle_margin=edge_margins(geometry.position, geometry.triangle, team),
-        triangle_material=geometry.triangle_material,
+        triangle=_with_part(geometry),
+        part=_parts(geometry, lights.triangle_light),
         triangle_light=lights.triangle_light,
-        triangle_object=geometry.triangle_object,
         sphere=sphere,
         sphere_material=sphere_material,
         sphere_light=lights.sphere_light,
@@ -157,6 +156,23 @@ def _spheres(description: SceneDescription) -> F32:
     return found.astype(np.float32)
 
 
+def _with_part(geometry: Geometry) -> I32:
+    """A triangle's vertices and its part side by side: a hit reads one row."""
+    triangle = np.empty((len(geometry.triangle), 4), np.int32)
+    triangle[:, :3] = geometry.triangle
+    triangle[:, 3] = by_triangle(geometry, np.arange(len(geometry.material), dtype=np.int32))
+    return triangle
+
+
+def _parts(geometry: Geometry, triangle_light: I32) -> I32:
+    part = np.zeros((len(geometry.material), PART_COLUMNS), np.int32)
+    part[:, PART_MATERIAL] = geometry.material
+    part[:, PART_OBJECT] = geometry.object
+    if len(triangle_light):
+        part[:, PART_SHINES] = [(triangle_light[a:b] >= 0).any() for a, b in pairwise(geometry.first)]
+    return part
+
+
 def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32, team: Team) -> F32:
     corners: list[np.ndarray] = [*bounds_of(geometry, placement, team)]
     if len(sphere):
@@ -170,7 +186,8 @@ def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32, te
 
 
 def _visible_points(compiled: CompiledScene) -> np.ndarray:
-    world = compiled.triangle[: np.count_nonzero(compiled.triangle_object >= 0)]  # the others, of groups, come behind
+    in_world = compiled.part[compiled.triangle[:, 3], PART_OBJECT] >= 0
+    world = compiled.triangle[: np.count_nonzero(in_world), :3]  # the others, of groups, come behind
     points = [compiled.position[world[:: max(len(world) // 50_000, 1)].reshape(-1)]]
     directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.kernel.light.mean_emission import mean_texels
-from renderer.scene.geometry import Geometry
+from renderer.scene.geometry import Geometry, by_triangle
 from renderer.scene.lights import luminance
 from renderer.scene.packing import Packed
 
@@ -19,10 +19,11 @@ def emitted_by_triangles(packed: Packed, geometry: Geometry) -> np.ndarray:
     """The mean luminance that each triangle emits, (T,) float64, of both sides where both shine."""
     if not len(geometry.triangle):
         return np.zeros(0)
-    emitted = packed.emitted[geometry.triangle_material]
+    material_of = by_triangle(geometry, geometry.material)
+    emitted = packed.emitted[material_of]
     for material in np.flatnonzero((packed.emitted > 0) & (packed.material_texture[:, rows.EMISSION_TEXTURE] >= 0)):
         number = packed.material_texture[material, rows.EMISSION_TEXTURE]
-        of_it = np.flatnonzero(geometry.triangle_material == material)
+        of_it = np.flatnonzero(material_of == material)
         mean = np.zeros((len(of_it), 3), np.float32)
         uv1 = geometry.uv1 if len(geometry.uv1) else geometry.uv
         table = packed.texture, packed.texture_transform, packed.texel

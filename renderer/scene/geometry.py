@@ -19,7 +19,7 @@ from renderer.scene.readable import read_only
 from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_set, vertex_tangents
 from renderer.threads import PART, Team, parts_of
 
-__all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "Placement", "bounds_of", "flatten", "place"]
+__all__ = ["MAX_COORDINATE", "MAX_TRIANGLES", "Geometry", "Placement", "bounds_of", "by_triangle", "flatten", "place"]
 
 MAX_TRIANGLES = 20_000_000
 _MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
@@ -36,9 +36,15 @@ class Geometry(NamedTuple):
     color: F32  # (V or 0, 4)
     tangent: F32  # (V or 0, 4)
     triangle: I32  # (T, 3)
-    triangle_material: I32  # (T,)
-    triangle_object: I32  # (T,); -1 in groups
+    first: I32  # (P + 1,) the first triangle of each part, and the number of all triangles
+    material: I32  # (P,)
+    object: I32  # (P,); -1 in groups
     dropped: int  # how many had no area
+
+
+def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
+    """(T,) what is known of each part, for each of its triangles."""
+    return np.repeat(of_part, np.diff(geometry.first))
 
 
 class Placement(NamedTuple):
@@ -130,6 +136,7 @@ def _joined(parts: list[Geometry]) -> Geometry:
             uv1[at : at + len(part.uv)] = part.uv
     triangles = [np.zeros((0, 3), np.int32)] + [p.triangle + np.int32(f) for p, f in zip(parts, first, strict=False)]
     none = [np.zeros(0, np.int32)]
+    count = [len(p.triangle) for p in parts]
     return Geometry(
         together("position", 3, 0.0),
         together("normal", 3, 0.0),
@@ -138,8 +145,9 @@ def _joined(parts: list[Geometry]) -> Geometry:
         together("color", 4, 1.0),
         together("tangent", 4, 0.0),
         np.concatenate(triangles),
-        np.concatenate(none + [p.triangle_material for p in parts]),
-        np.concatenate(none + [p.triangle_object for p in parts]),
+        np.cumsum([0, *count], dtype=np.int32),
+        np.concatenate(none + [p.material for p in parts]),
+        np.concatenate(none + [p.object for p in parts]),
         sum(p.dropped for p in parts),
     )
 
@@ -193,8 +201,9 @@ def _placed(
         none if mesh.colors is None else np.clip(_finite(mesh.colors, len(mesh.positions), 4), 0, 1)[vertex],
         tangent,
         triangle,
-        np.full(len(triangle), material, np.int32),
-        np.full(len(triangle), number, np.int32),
+        np.array([0, len(triangle)], np.int32),
+        np.array([material], np.int32),
+        np.array([number], np.int32),
         dropped,
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import F32, I32
-from renderer.scene.geometry import Geometry
+from renderer.scene.geometry import Geometry, by_triangle
 from renderer.scene.light_tree import LightBounds, build_light_tree
 from renderer.scene.punctual import Punctual
 
@@ -29,7 +29,7 @@ class LightList(NamedTuple):
     primitive: I32  # (L,)
     cdf: F32  # (L + 1,)
     area: F32  # (L,)
-    triangle_light: I32  # (T,)
+    triangle_light: I32  # (T,), or no rows where no triangle emits
     sphere_light: I32  # (S,)
     node: F32  # (Y, 12)
     child: I32  # (Y, 3)
@@ -66,7 +66,7 @@ def list_lights(
     area = np.concatenate([area, np.zeros(len(rest))])
     node, child = np.zeros((0, 12), np.float32), np.zeros((0, 3), np.int32)
     if len(primitive) >= TREE_FROM or (len(primitive) == 2 and len(triangles) < 2):
-        both = double_sided[geometry.triangle_material[triangles]]
+        both = double_sided[by_triangle(geometry, geometry.material)[triangles]]
         bounds = (
             _triangle_bounds(corners, cross, triangle_area * radiance[: len(triangles)], both),
             _sphere_bounds(sphere[spheres], sphere_area / 4 * radiance[len(triangles) :]),
@@ -81,7 +81,7 @@ def list_lights(
         primitive.astype(np.int32),
         cumulative(chance),
         area.astype(np.float32),
-        light[: len(geometry.triangle)],
+        light[: len(geometry.triangle)] if len(triangles) else light[:0],
         light[len(geometry.triangle) : len(geometry.triangle) + len(sphere)],
         node,
         child,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import TEXTURED
+from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
@@ -62,7 +62,7 @@ def _nothing():
 
 @device
 def _vertex_alpha(scene, number, b, c):
-    i, j, k = row(scene.triangle, number, 3)
+    i, j, k, _ = row(scene.triangle, number, 4)
     return (_ONE - b - c) * row(scene.color, i, 4)[3] + b * row(scene.color, j, 4)[3] + c * row(scene.color, k, 4)[3]
 
 
@@ -83,7 +83,8 @@ def _sample_triangle(scene, number, area, p, u):
     projected = -vec.dot(normal, w)  # twice the area, seen from p
     if not (square > _ZERO and abs(projected) > _ZERO):
         return _nothing()
-    material = np.uint32(scene.triangle_material[number])
+    part = row(scene.triangle, number, 4)[3]
+    material = np.uint32(row(scene.part, part, PART_COLUMNS)[PART_MATERIAL])
     uv = uv1 = _NO_UV
     alpha = _ONE
     if scene.has.textures is not None:

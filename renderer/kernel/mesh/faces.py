@@ -1,4 +1,4 @@
-"""What is asked of every triangle: whether it has an area, how far rays keep from its edges, which box holds it."""
+"""What is asked of every triangle: whether it has an area, which box holds it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,7 @@ import numpy as np
 
 from renderer.jit import device, entry
 
-__all__ = ["fill_margins", "find_corners", "find_solid"]
-
-_TINY = 1e-30
-_SLIVER = 0.25 * 2.0**-24
-_AT_MOST = 0.125  # of the inscribed circle's radius
-_MOST = np.finfo(np.float32).max
-_ROOT_3 = np.sqrt(3.0)
+__all__ = ["find_corners", "find_solid"]
 
 
 @device
@@ -27,16 +21,6 @@ def _edges(position, triangle, i):
     )
 
 
-@device
-def _cross(u, v):
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-
-
-@device
-def _largest(v):
-    return max(abs(v[0]), abs(v[1]), abs(v[2]))
-
-
 @entry
 def find_solid(position, triangle, first, end, solid):
     """Marks which of the triangles first ... end - 1 have an area: how many."""
@@ -47,20 +31,6 @@ def find_solid(position, triangle, first, end, solid):
         solid[i] = u[1] * v[2] != u[2] * v[1] or u[2] * v[0] != u[0] * v[2] or u[0] * v[1] != u[1] * v[0]
         count += solid[i]
     return count
-
-
-@entry
-def fill_margins(position, triangle, first, end, margin):
-    """Rows first ... end - 1 of what renderer/scene/margins.py says."""
-    for i in range(first, end):
-        u, v = _edges(position, triangle, i)
-        n = _cross(u, v)
-        perimeter = _largest(u) + _largest(v) + _largest((v[0] - u[0], v[1] - u[1], v[2] - u[2]))
-        twice_area = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-        curvature = _ROOT_3 * perimeter / max(twice_area, _TINY)
-        miss = min(_SLIVER * perimeter * perimeter * curvature, _AT_MOST / max(curvature, _TINY))
-        margin[i, 0] = np.float32(min(curvature, _MOST))
-        margin[i, 1] = np.float32(min(miss, _MOST))
 
 
 @entry

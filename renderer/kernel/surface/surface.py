@@ -7,16 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import DIFFUSE, TEXTURED
+from renderer.arrays.rows import DIFFUSE, PART_COLUMNS, TEXTURED
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
 from renderer.kernel.surface.carry import normal_to_world, point_to_world, tangent_to_world
 from renderer.kernel.surface.consistent import consistent_normal
+from renderer.kernel.surface.margins import edge_margins
 from renderer.kernel.surface.terminator import lifted
 
-__all__ = ["Surface", "departure", "hit_material", "leave", "leaves", "sphere_uv", "surface_at", "triangle_point"]
+__all__ = ["Surface", "departure", "leave", "leaves", "sphere_uv", "surface_at", "triangle_point"]
 
 _ZERO = np.float32(0.0)
 _THIRD = np.float32(1.0 / 3.0)
@@ -30,6 +31,7 @@ _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
+_NO_LIGHT = np.int32(-1)
 _UNIT = np.float32(1e-6)
 _LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
@@ -73,16 +75,11 @@ def _mix4(a, b, c, u, v):
 
 
 @device
-def _magnitude(a):
-    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
-
-
-@device
 def triangle_point(position, triangle, number, u, v):
     """The point of a triangle at barycentric (u, v): (point, error, cross product of its edges)."""
-    i, j, k = row(triangle, number, 3)
+    i, j, k, _ = row(triangle, number, 4)
     a, b, c = row(position, i, 3), row(position, j, 3), row(position, k, 3)
-    error = _ERROR * ((_ONE - u - v) * _magnitude(a) + u * _magnitude(b) + v * _magnitude(c))
+    error = _ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
 
 
@@ -96,14 +93,14 @@ def _inward(scene, hit, error, curvature):
     be seen.
     """
     out_of_line()
-    i, j, k = row(scene.triangle, hit.primitive, 3)
+    i, j, k, _ = row(scene.triangle, hit.primitive, 4)
     a, b, c = row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
     u, v = hit.u - _THIRD, hit.v - _THIRD
     inward = vec.add(vec.scale(vec.sub(a, b), u), vec.scale(vec.sub(a, c), v))
     if scene.has.instances is not None and hit.instance >= 0:
         inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
     fraction = min(_INWARD * error * curvature, _QUARTER)
-    far = _magnitude(inward)
+    far = vec.magnitude(inward)
     if fraction * far > _FURTHEST * error:
         fraction = _FURTHEST * error / far
     return vec.scale(inward, fraction)
@@ -112,7 +109,7 @@ def _inward(scene, hit, error, curvature):
 @device
 def triangle_uv(uv, triangle, number, u, v):
     """The texture coordinates of a triangle at barycentric (u, v)."""
-    i, j, k = row(triangle, number, 3)
+    i, j, k, _ = row(triangle, number, 4)
     a, b, c = row(uv, i, 2), row(uv, j, 2), row(uv, k, 2)
     w = _ONE - u - v
     return w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1]
@@ -141,7 +138,7 @@ def sphere_point(sphere, number, o, d, t):
     point = (np.float32(cx + nx * inward), np.float32(cy + ny * inward), np.float32(cz + nz * inward))
     normal = (np.float32(nx / length), np.float32(ny / length), np.float32(nz / length))
     # Seen from there, float64 rounds the height above a sphere to some 1e-16 of its radius: more, beside the origin.
-    return point, _ERROR * _magnitude(point) + _SPHERE_ERROR * abs(radius), normal
+    return point, _ERROR * vec.magnitude(point) + _SPHERE_ERROR * abs(radius), normal
 
 
 @device
@@ -174,18 +171,6 @@ def _is_textured(scene, material):
 
 
 @device
-def hit_material(scene, hit):
-    """The number of the material at a Hit."""
-    triangles = len(scene.triangle)
-    primitive = np.uint32(hit.primitive)
-    if primitive >= triangles:
-        return np.uint32(scene.sphere_material[primitive - triangles])
-    if scene.has.instances is not None and hit.instance >= 0 and scene.instance_material[hit.instance] >= 0:
-        return np.uint32(scene.instance_material[hit.instance])
-    return np.uint32(scene.triangle_material[primitive])
-
-
-@device
 def surface_at(scene, o, d, hit):
     """The surface that the ray o + t d (d unit) meets at a Hit of `closest_hit`."""
     t, primitive, u, v = hit.t, np.uint32(hit.primitive), hit.u, hit.v
@@ -193,11 +178,13 @@ def surface_at(scene, o, d, hit):
     triangles = len(scene.triangle)
     color, tangent = _WHITE, _NO_TANGENT
     smooth, lift = False, _NOWHERE
-    material = hit_material(scene, hit)
     if primitive < triangles:
+        i, j, k, part = row(scene.triangle, primitive, 4)
+        part_material, number, shines = row(scene.part, part, PART_COLUMNS)
+        material = np.uint32(part_material)
         # All up to the corners' normals is in the instance's space, if the triangle is in one.
         point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
-        curvature, miss = row(scene.triangle_margin, primitive, 2)
+        curvature, miss = edge_margins(row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3), normal)
         error = max(error, miss)
         upright = normal
         if scene.has.instances is not None and hit.instance >= 0:
@@ -209,7 +196,6 @@ def surface_at(scene, o, d, hit):
         front = vec.dot(normal, wo) > _ZERO
         away = _ONE / math.sqrt(square)
         geometric = vec.scale(normal, away if front else -away)
-        i, j, k = row(scene.triangle, primitive, 3)
         shading = _mix3(row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3), u, v)
         if scene.has.textures is not None and len(scene.tangent) > 0:
             tangent = _tangent(scene.tangent, i, j, k, u, v)
@@ -219,11 +205,10 @@ def surface_at(scene, o, d, hit):
             lift = lifted(scene, point, primitive, u, v, shading, upright if front else vec.neg(upright))
             if hit.instance < 0:
                 shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
-        number = scene.triangle_object[primitive]
         if scene.has.instances is not None and hit.instance >= 0:
             point = point_to_world(scene.to_world, hit.instance, point, _ONE)
             lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
-            error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * _magnitude(point)
+            error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)
             curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
             shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
             length2 = vec.dot(shading, shading)
@@ -231,6 +216,8 @@ def surface_at(scene, o, d, hit):
             if scene.has.textures is not None and len(scene.tangent) > 0:
                 tangent = tangent_to_world(scene, hit.instance, tangent)
             number = scene.instance_object[hit.instance]
+            if scene.instance_material[hit.instance] >= 0:
+                material = np.uint32(scene.instance_material[hit.instance])
         if min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature:  # else it is as far from the edges as it would be moved
             point = vec.add(point, _inward(scene, hit, error, curvature))
         uv = uv1 = _NO_UV
@@ -239,9 +226,10 @@ def surface_at(scene, o, d, hit):
             uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
         if scene.has.textures is not None and len(scene.color) > 0:
             color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
-        light = scene.triangle_light[primitive]
+        light = scene.triangle_light[primitive] if shines != 0 else _NO_LIGHT
     else:
         ball = primitive - triangles
+        material = np.uint32(scene.sphere_material[ball])
         point, error, normal = sphere_point(scene.sphere, ball, o, d, t)
         front = vec.dot(normal, wo) > _ZERO
         geometric = normal if front else vec.neg(normal)

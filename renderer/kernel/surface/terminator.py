@@ -39,7 +39,7 @@ def lifted(scene, point, number, u, v, shading, up):
     the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). up: the facet's
     normal, of any length.
     """
-    i, j, k = row(scene.triangle, number, 3)
+    i, j, k, _ = row(scene.triangle, number, 4)
     square = vec.dot(up, up)
     if not square > _ZERO:
         return _NOTHING

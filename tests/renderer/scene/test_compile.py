@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from renderer import film
+from renderer.arrays.rows import PART_OBJECT
 from renderer.arrays.scene import flat, seal
 from renderer.errors import SceneError
 from renderer.render import render_frame
@@ -22,7 +23,7 @@ from renderer.scene.description import (
     Texture,
 )
 from renderer.scene.framing import ASPECT, frame
-from renderer.scene.geometry import flatten
+from renderer.scene.geometry import by_triangle, flatten
 from renderer.scene.lights import luminance
 from renderer.scene.readers import shapes
 from renderer.settings import RenderSettings, View
@@ -102,7 +103,8 @@ def test_an_instances_material_replaces_the_meshs():
     description = described(shapes.quad("a"), shapes.quad("b"))
     description.materials.append(Material("other"))
     description.instances[1].material = 1
-    assert flatten(description).triangle_material.tolist() == [0, 0, 1, 1]
+    geometry = flatten(description)
+    assert by_triangle(geometry, geometry.material).tolist() == [0, 0, 1, 1]
 
 
 def test_lights_are_chosen_by_power():
@@ -245,7 +247,7 @@ def test_a_model_with_weak_lights_gets_the_studios_and_says_so(emission, studio)
 def test_every_array_is_read_only_and_the_same_twice():
     description = described(ellipsoid(), environment=Environment())
     first, second = compile_scene(description), compile_scene(description)
-    for a, b in zip([*first.bvh, *first[1:]], [*second.bvh, *second[1:]], strict=True):
+    for a, b in zip(flat(first).values(), flat(second).values(), strict=True):
         assert a.flags.c_contiguous
         assert not a.flags.writeable
         assert a.tobytes() == b.tobytes()
@@ -312,7 +314,7 @@ def test_objects_and_materials_are_named_in_the_order_of_their_numbers():
     summary = summarise(description, compiled)
     assert summary["objects"] == ["table", "b", "ball", "ball"]
     assert summary["materials"] == ["red", "blue"]
-    assert compiled.triangle_object.tolist() == [0] * 12 + [1] * 2 + [0] * 2
+    assert compiled.part[compiled.triangle[:, 3], PART_OBJECT].tolist() == [0] * 12 + [1] * 2 + [0] * 2
     assert compiled.sphere_object.tolist() == [2, 3]
 
 

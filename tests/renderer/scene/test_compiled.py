@@ -6,7 +6,7 @@ import mmap
 import numpy as np
 import pytest
 
-from renderer.arrays.rows import ABOVE
+from renderer.arrays.rows import ABOVE, PART_MATERIAL, PART_SHINES
 from renderer.arrays.scene import LAYOUT, flat
 from renderer.errors import SceneError
 from renderer.film import digest
@@ -141,9 +141,7 @@ def test_a_file_that_is_not_there_is_the_systems_error(tmp_path):
         load(tmp_path / "nothing")
 
 
-@pytest.mark.parametrize(
-    "name", ["triangle", "triangle_material", "triangle_light", "sphere_material", "sphere_light", "light_primitive"]
-)
+@pytest.mark.parametrize("name", ["triangle", "triangle_light", "sphere_material", "sphere_light", "light_primitive"])
 def test_an_index_that_points_outside_is_refused(made, tmp_path, name):
     """The kernel checks no index: a file that names vertex 10**6 would end the process."""
     for value in (10**6, -2):
@@ -152,6 +150,24 @@ def test_an_index_that_points_outside_is_refused(made, tmp_path, name):
         save(made._replace(**{name: array}), tmp_path / "bad")
         with pytest.raises(SceneError, match=name):
             load(tmp_path / "bad")
+
+
+@pytest.mark.parametrize(("name", "column"), [("triangle", 3), ("part", PART_MATERIAL)])
+def test_a_part_that_is_not_there_is_refused(made, tmp_path, name, column):
+    for value in (10**6, -1):
+        array = getattr(made, name).copy()
+        array[-1, column] = value
+        save(made._replace(**{name: array}), tmp_path / "bad")
+        with pytest.raises(SceneError, match="part"):
+            load(tmp_path / "bad")
+
+
+def test_a_part_that_shines_has_lights(made, tmp_path):
+    part = made.part.copy()
+    part[:, PART_SHINES] = 1
+    save(made._replace(part=part, triangle_light=made.triangle_light[:0]), tmp_path / "bad")
+    with pytest.raises(SceneError, match="shines"):
+        load(tmp_path / "bad")
 
 
 def test_a_bvh_that_points_outside_is_refused(made, tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.arrays.rows import PART_MATERIAL, PART_OBJECT
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Instance, Material, SceneDescription
@@ -53,7 +54,7 @@ def test_meshes_that_always_stand_together_are_one_tree():
     assert len(compiled.to_world) == 61
     assert len(compiled.triangle) == 3 * 1280
     assert len(np.unique(compiled.bvh.instance_root)) == 2
-    assert sorted(np.bincount(compiled.triangle_material)) == [1280, 2560]
+    assert sorted(np.bincount(compiled.part[compiled.triangle[:, 3], PART_MATERIAL])) == [1280, 2560]
 
 
 def test_what_shines_is_copied_into_the_world():
@@ -88,7 +89,7 @@ def test_instances_keep_their_names_and_materials_and_the_scene_its_bounds():
     compiled = compile_scene(description)
     assert compiled.instance_material.tolist() == [1 if i == 5 else -1 for i in range(40)]
     assert compiled.instance_object.tolist() == [0, 1, 2, 3, 4, 5, 5, *range(6, 39)]
-    assert (compiled.triangle_object == -1).all()
+    assert (compiled.part[compiled.triangle[:, 3], PART_OBJECT] == -1).all()
     summary = summarise(description, compiled)
     assert summary["objects"][4:7] == ["copy 4", "copy 5", "copy 7"]
     assert summary["counts"]["triangles"] == 40 * 1280

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.arrays.rows import PART_MATERIAL
 from renderer.jit import entry
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.scene.description import Light, Material, Sphere
@@ -109,10 +110,10 @@ def reaches(made, light, p, n):
 
     primitive, triangles, spheres = made.light_primitive[light], len(made.triangle), len(made.sphere)
     if primitive < triangles:
-        a, b, c = made.position[made.triangle[primitive]].astype(float)
+        a, b, c = made.position[made.triangle[primitive, :3]].astype(float)
         normal = np.cross(b - a, c - a)
         towards = normal @ (p - a) / np.linalg.norm(normal) / np.linalg.norm(p - a)
-        both = made.material[made.triangle_material[primitive], 9] != 0
+        both = made.material[made.part[made.triangle[primitive, 3], PART_MATERIAL], 9] != 0
         return above(np.array([a, b, c])) and (abs(towards) if both else towards) > 1e-3
     if primitive < triangles + spheres:
         x = made.sphere[primitive - triangles].astype(float)

@@ -2,14 +2,26 @@
 
 import numpy as np
 
-from renderer.scene.margins import edge_margins
-from renderer.threads import Team
+from renderer.jit import entry
+from renderer.kernel import vec
+from renderer.kernel.surface.margins import edge_margins
+
+
+@entry
+def _fill(corner, found):
+    for i in range(len(corner)):
+        a = corner[i, 0, 0], corner[i, 0, 1], corner[i, 0, 2]
+        b = corner[i, 1, 0], corner[i, 1, 1], corner[i, 1, 2]
+        c = corner[i, 2, 0], corner[i, 2, 1], corner[i, 2, 2]
+        found[i, 0], found[i, 1] = edge_margins(a, b, c, vec.cross(vec.sub(b, a), vec.sub(c, a)))
 
 
 def margins(corners):
     """(T, 2) of triangles (T, 3, 3)."""
-    position = np.asarray(corners, np.float32).reshape(-1, 3)
-    return edge_margins(position, np.arange(len(position), dtype=np.int32).reshape(-1, 3), Team(1))
+    corner = np.asarray(corners, np.float32)
+    found = np.empty((len(corner), 2), np.float32)
+    _fill(corner, found)
+    return found
 
 
 def inscribed_radius(corners):

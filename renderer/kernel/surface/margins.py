@@ -1,0 +1,33 @@
+"""How far rays keep from a triangle's edges, and how far off it they may find it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+
+__all__ = ["edge_margins"]
+
+_TINY = np.float32(1e-30)
+_MOST = np.float32(np.finfo(np.float32).max)
+_ROOT_3 = np.float32(1.7320509)  # rounded up
+_SLIVER = np.float32(0.25 * 2.0**-24)
+_AT_MOST = np.float32(0.125)  # of the inscribed circle's radius
+_ROUNDED = np.float32(2.0**-23)  # by so much of the perimeter's square the area may be too large
+
+
+@device
+def edge_margins(a, b, c, cross):
+    """(An upper bound of one over the inscribed circle's radius, how far off the triangle a ray may find it).
+
+    cross: the edges' product. The latter is much only in slivers, where float32 is worse than elsewhere at the distance at
+    which a ray meets the triangle: by its length squared over its width. The perimeter is bounded by the edges' largest
+    coordinates.
+    """
+    perimeter = vec.magnitude(vec.sub(b, a)) + vec.magnitude(vec.sub(c, a)) + vec.magnitude(vec.sub(c, b))
+    twice_area = math.sqrt(vec.dot(cross, cross)) - _ROUNDED * perimeter * perimeter
+    curvature = min(_ROOT_3 * perimeter / max(twice_area, _TINY), _MOST)
+    return curvature, min(_SLIVER * perimeter * perimeter * curvature, _AT_MOST / max(curvature, _TINY))
