@@ -10,16 +10,11 @@ import resource
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
+from renderer.arrays.scene import flat
 from renderer.render import warm_up
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
-
-
-def bytes_of(arrays: Any) -> int:
-    """Of all arrays in a tuple of arrays and tuples."""
-    return sum(item.nbytes if hasattr(item, "nbytes") else bytes_of(item) for item in arrays)
 
 
 def main() -> None:
@@ -35,7 +30,7 @@ def main() -> None:
         "read": read_after,
         "user": now.ru_utime - used.ru_utime,
         "system": now.ru_stime - used.ru_stime,
-        "bytes_a_triangle": bytes_of(scene) / len(scene.triangle),
+        "bytes_a_triangle": sum(array.nbytes for array in flat(scene).values()) / len(scene.triangle),
         "most_memory": now.ru_maxrss * 1024,
     }
     print(json.dumps(took))
