@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.has import EVERYTHING, Has
-from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
+from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TEXTURED, TRANSFORM_COLUMNS
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -37,7 +37,7 @@ class CompiledScene(NamedTuple):
 
     position: Array  # (V, 3) f32, world space; an instance's own where its triangles are
     normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
-    uv: Array  # (V, 2) f32
+    uv: Array  # (V, 2) f32, or no rows where there is no texture
     uv1: Array  # (V, 2) f32, or no rows where no texture looks there
     color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
     tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
@@ -94,7 +94,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "instance_object": ("<i4", ("I",)),
     "position": ("<f4", ("V", 3)),
     "normal": ("<f4", ("V", 3)),
-    "uv": ("<f4", ("V", 2)),
+    "uv": ("<f4", ("V?", 2)),
     "uv1": ("<f4", ("V?", 2)),
     "color": ("<f4", ("V?", 4)),
     "tangent": ("<f4", ("V?", 4)),
@@ -196,6 +196,8 @@ def check(arrays: dict[str, Array]) -> None:
     _check_range("a part's material", arrays["part"][:, PART_MATERIAL], 0, lengths["M"])
     if not len(arrays["triangle_light"]) and arrays["part"][:, PART_SHINES].any():
         raise SceneError("a part shines, and none of its triangles is a light")
+    if lengths["T"] and not len(arrays["uv"]) and (arrays["material_flags"] & TEXTURED).any():
+        raise SceneError("a material has a texture, and no vertex has coordinates in it")
     texture = arrays["texture"].astype(np.int64)
     if len(texture) and not (
         texture[:, :3].min() >= 0

@@ -78,7 +78,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         instance_object=placement.object,
         position=geometry.position,
         normal=geometry.normal,
-        uv=geometry.uv,
+        uv=geometry.uv if len(packed.texture) else geometry.uv[:0],
         uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
         color=geometry.color,
         tangent=geometry.tangent,

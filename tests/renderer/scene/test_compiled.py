@@ -194,6 +194,9 @@ def test_a_texture_beyond_the_texels_is_refused(tmp_path):
     )
     save(textured, tmp_path / "good")
     load(tmp_path / "good")
+    save(textured._replace(uv=textured.uv[:0]), tmp_path / "bad")
+    with pytest.raises(SceneError, match="coordinates"):
+        load(tmp_path / "bad")
     texture = textured.texture.copy()
     texture[0, 0] = 1
     save(textured._replace(texture=texture), tmp_path / "bad")
