@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH
 from renderer.arrays.rows import ABOVE, COLUMNS, SLOTS, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
@@ -63,8 +64,7 @@ class CompiledScene(NamedTuple):
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
-    light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
-    light_child: Array  # (Y, 3) i32
+    light_node: Array  # (Y, LIGHT_ROWS, 8) f32: the tree by which many are chosen (renderer/arrays/light_rows.py); or none
     light_area: Array  # (L,) f32, 0 for punctual lights
     guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL
@@ -114,8 +114,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
-    "light_node": ("<f4", ("Y", 12)),
-    "light_child": ("<i4", ("Y", 3)),
+    "light_node": ("<f4", ("Y", LIGHT_ROWS, LIGHT_WIDTH)),
     "light_area": ("<f4", ("L",)),
     "guide": ("<i4", ("G",)),
     "punctual_kind": ("<i4", ("K",)),
@@ -181,7 +180,6 @@ def check(arrays: dict[str, Array]) -> None:
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
         ("guide", 0, primitives),
-        ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
     ):
         array = arrays[name]
@@ -197,6 +195,10 @@ def check(arrays: dict[str, Array]) -> None:
     above = texture[:, ABOVE]
     if not ((above == -1) | ((above > np.arange(len(above))) & (above < len(above)))).all():
         raise SceneError("a texture's layer is not further on in the list of textures")
+    child = arrays["light_node"][:, CHILD].view("<i4")
+    further = (child > np.arange(len(child))[:, None]) & (child < len(child))
+    if not np.where(child < 0, ~child < lengths["L"], further).all():
+        raise SceneError("the light tree points outside its nodes or lights, or back")
     if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")

@@ -100,7 +100,6 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
         light_node=lights.node,
-        light_child=lights.child,
         light_area=lights.area,
         guide=list_guides([s.guide for s in description.spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
         punctual_kind=punctual.kind,

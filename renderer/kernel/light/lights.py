@@ -145,7 +145,7 @@ def _sample_sphere(scene, number, p, u):
 def choose_light(scene, p, n, choice):
     """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
     if len(scene.light_node) > 0:
-        return choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
+        return choose_from_tree(scene.light_node, p, n, choice)
     light, _, chance = choose(scene.light_cdf, choice)
     return light, chance
 
@@ -202,7 +202,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
 
     cosine: under which p sees the light's surface."""
     if len(scene.light_node) > 0:
-        chance = tree_chance(scene.light_node, scene.light_child, p, n, light)
+        chance = tree_chance(scene.light_node, p, n, light)
     else:
         chance = scene.light_cdf[light + 1] - scene.light_cdf[light]
     chance *= _ONE - scene.environment_frame[3]
