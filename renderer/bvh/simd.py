@@ -44,7 +44,6 @@ __all__ = [
     "product",
     "ranked",
     "row_at",
-    "running_sum",
     "select",
     "splat",
     "sqrt",
@@ -348,28 +347,6 @@ def exceeding(typingctx, numbers, number):
         return builder.icmp_signed(">", builder.bitcast(args[0], _KEYS), _all(builder, args[1]))
 
     return mask8(f32x8, types.int32), codegen
-
-
-@intrinsic
-def running_sum(typingctx, a):
-    """f32x8: in each lane the sum of the lanes up to it; the last one's is that of all.
-
-    Where lanes are not negative, the sums do not fall, and do not rise where a lane is 0.
-    """
-
-    def codegen(context, builder, sig, args):
-        nothing = ir.Constant(args[0].type, [0.0] * LANES)
-        none = LANES  # the first lane of the second operand
-        value = args[0]
-        for lanes in (
-            [none, 0, none, 2, none, 4, none, 6],
-            [none, none, 1, 1, none, none, 5, 5],
-            [none, none, none, none, 3, 3, 3, 3],
-        ):
-            value = builder.fadd(value, builder.shuffle_vector(value, nothing, ir.Constant(_KEYS, lanes)))
-        return value
-
-    return f32x8(f32x8), codegen
 
 
 @intrinsic

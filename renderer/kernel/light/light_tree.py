@@ -24,6 +24,7 @@ from renderer.arrays.light_rows import (
     RADIUS,
     SIN_SPREAD,
 )
+from renderer.bvh.lane_sums import running_sum, whole_sum
 from renderer.bvh.simd import (
     bits,
     exceeding,
@@ -36,12 +37,11 @@ from renderer.bvh.simd import (
     lowest_bit,
     maximum,
     product,
-    running_sum,
     select,
     splat,
     sqrt,
 )
-from renderer.jit import device, subroutine
+from renderer.jit import device, out_of_line, subroutine
 
 __all__ = ["choose_from_tree", "tree_chance"]
 
@@ -53,7 +53,7 @@ _INF = np.float32(np.inf)
 _W = np.uintp(LIGHT_WIDTH)
 _NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
 _CHILD = np.uintp(CHILD * LIGHT_WIDTH)
-_LAST = np.uint32(LIGHT_WIDTH - 1)
+_FIRST = np.uint32(0)
 _STEP = np.uint32(1)
 
 
@@ -88,8 +88,8 @@ def _importances(node, base, p, n):
     cos_bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
 
     along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
-    along = maximum(along, along * _row(node, base, MIRROR))
     across = sqrt(maximum(fma(zero - along, along, square), zero))
+    along = maximum(along, along * _row(node, base, MIRROR))
     cos_spread, sin_spread = _row(node, base, COS_SPREAD), _row(node, base, SIN_SPREAD)
     sine = fma(across, cos_spread, product(zero - along, sin_spread))
     cosine = fma(along, cos_spread, product(across, sin_spread))
@@ -110,35 +110,37 @@ def _importances(node, base, p, n):
 def choose_from_tree(node, p, n, choice):
     """The light that `choice` in [0, 1) picks: (its number, its chance). The chance is 0 where the way ends at a node none of
     whose children reaches p."""
+    out_of_line()
     chance = _ONE
     base = np.uintp(0)
     while True:
         weights = _importances(node, base, p, n)
         sums = running_sum(weights)
-        total = extract(sums, _LAST)
-        at = choice * total
-        found = bits(less(splat(at), sums))
+        totals = whole_sum(weights)
+        at = splat(choice) * totals
+        found = bits(less(at, sums))
         if found == 0:
             return 0, _ZERO
         lane = lowest_bit(found)
         weight = extract(weights, lane)
-        chance *= weight / total
+        chance *= weight / extract(totals, _FIRST)
         child = load_int(node, base + _CHILD + np.uintp(lane))
         if child < 0:
             return np.int64(~child), chance
         before = extract(sums, lane - _STEP) if lane > 0 else _ZERO
-        choice = min(max(at - before, _ZERO) / weight, _BELOW_ONE)  # below 0 only where the compiler fuses this
+        choice = min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)  # below 0 only where the compiler fuses this
         base = np.uintp(child) * _NODE
 
 
 @subroutine
 def tree_chance(node, p, n, light):
     """The chance with which `choose_from_tree` picks `light`, to the bit."""
+    out_of_line()
     chance = _ONE
     base = np.uintp(0)
     while True:
         weights = _importances(node, base, p, n)
-        total = extract(running_sum(weights), _LAST)
+        total = extract(whole_sum(weights), _FIRST)
         if not (total > _ZERO and total < _INF):
             return _ZERO
         lane = lowest_bit(bits(exceeding(_row(node, base, END), np.int32(light))))
