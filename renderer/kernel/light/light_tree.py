@@ -85,7 +85,8 @@ def _importances(node, base, p, n):
     least_square = maximum(radius * radius, splat(_TINY))
     among = less_equal(square, least_square)
     inverse = one / maximum(square, least_square)
-    cos_bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
+    bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
+    sin_bound, cos_bound = radius * inverse, bound * inverse
 
     along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
     across = sqrt(maximum(fma(zero - along, along, square), zero))
@@ -93,15 +94,15 @@ def _importances(node, base, p, n):
     cos_spread, sin_spread = _row(node, base, COS_SPREAD), _row(node, base, SIN_SPREAD)
     sine = fma(across, cos_spread, product(zero - along, sin_spread))
     cosine = fma(along, cos_spread, product(across, sin_spread))
-    inside = less_equal(sine, zero) | less_equal(cos_bound, cosine) | among
-    emitted = select(inside, one, fma(cosine, cos_bound, product(sine, radius)) * inverse)
+    inside = less_equal(sine, zero) | less_equal(bound, cosine) | among
+    emitted = select(inside, one, fma(cosine, cos_bound, product(sine, sin_bound)))
     emitted = select(less(emitted, _row(node, base, COS_REACH)), zero, emitted)
 
     facing = n[0] != _ZERO or n[1] != _ZERO or n[2] != _ZERO
     above = zero - _dot(x, y, z, splat(n[0]), splat(n[1]), splat(n[2]))
     beside = sqrt(maximum(fma(zero - above, above, square), zero))
-    received = fma(above, cos_bound, product(beside, radius)) * inverse
-    received = select(less_equal(cos_bound, above) | among, one, received)
+    received = fma(beside, sin_bound, product(above, cos_bound))
+    received = select(less_equal(bound, above) | among, one, received)
     received = maximum(received, splat(_ZERO if facing else _ONE))
     return product(_row(node, base, INTENSITY) * inverse * received, emitted)
 
