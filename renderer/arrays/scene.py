@@ -73,6 +73,8 @@ class CompiledScene(NamedTuple):
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
     environment_conditional: Array  # (H, W + 1) f32: cdf within a row
+    environment_row_start: Array  # (A,) i32: where to search them for a number (renderer/scene/cutpoints.py)
+    environment_column_start: Array  # (H, B) i32
     # (12,) f32: cos and sin of the rotation, mean luminance, probability of choosing it over the lights; the sun's direction 3,
     # 1 - cos of its half angle (0: no sun), its radiance 3, its share of the environment's samples
     environment_frame: Array
@@ -122,6 +124,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
+    "environment_row_start": ("<i4", ("A",)),
+    "environment_column_start": ("<i4", ("H", "B")),
     "environment_frame": ("<f4", (12,)),
     "bounds": ("<f4", (2, 3)),
     "texel": ("|u1", ("Q", 4)),
@@ -181,6 +185,8 @@ def check(arrays: dict[str, Array]) -> None:
         ("light_primitive", 0, primitives + lengths["K"]),
         ("guide", 0, primitives),
         ("material_texture", -1, lengths["X"]),
+        ("environment_row_start", 0, lengths["H"]),
+        ("environment_column_start", 0, lengths["W"]),
     ):
         array = arrays[name]
         if array.size and not lower <= int(array.min()) <= int(array.max()) < upper:
@@ -199,7 +205,7 @@ def check(arrays: dict[str, Array]) -> None:
     further = (child > np.arange(len(child))[:, None]) & (child < len(child))
     if not np.where(child < 0, ~child < lengths["L"], further).all():
         raise SceneError("the light tree points outside its nodes or lights, or back")
-    if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
+    if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]

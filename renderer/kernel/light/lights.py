@@ -16,7 +16,7 @@ from renderer.arrays.rows import TEXTURED
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
-from renderer.kernel.light.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.punctual import sample_punctual
 from renderer.kernel.material.material import emission, opacity
@@ -26,7 +26,7 @@ from renderer.kernel.surface.surface import leave, sphere_uv, triangle_point, tr
 __all__ = [
     "LightSample",
     "choose_light",
-    "environment_light_pdf",
+    "environment_seen",
     "primitive_light_pdf",
     "sample_light",
     "sample_one_light",
@@ -172,7 +172,7 @@ def sample_light(scene, p, n, choice, u):
     environment_chance = scene.environment_frame[3]
     if choice < environment_chance:
         choice /= environment_chance
-        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, choice, u)
+        w, pdf = sample_environment(scene, choice, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
         return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance, False)
     if len(scene.light_primitive) == 0:
@@ -188,12 +188,12 @@ def sample_light(scene, p, n, choice, u):
 
 
 @device
-def environment_light_pdf(scene, w):
-    """The density with which `sample_light` gives the environment's direction w, per steradian."""
-    frame = scene.environment_frame
-    if frame[3] == _ZERO:
-        return _ZERO
-    return frame[3] * environment_pdf(scene.environment_marginal, scene.environment_conditional, frame, w)
+def environment_seen(scene, w, judged):
+    """(radiance from the environment's direction w, the density with which `sample_light` gives w, per steradian: 0 unless
+    `judged`)."""
+    chance = scene.environment_frame[3]
+    radiance, pdf = environment_light(scene, w, judged and chance > _ZERO)
+    return radiance, chance * pdf
 
 
 @device
