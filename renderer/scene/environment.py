@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -147,9 +147,9 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
     return scene._replace(**search_tables(cumulative(weight.mean(axis=1) * solid_angle), cumulative(weight)))
 
 
-def search_tables(marginal: F32, conditional: F32) -> dict[str, np.ndarray]:
+def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:
     """CompiledScene's arrays that tell where to sample an environment of these cdfs, read-only."""
-    tables: dict[str, np.ndarray] = {
+    tables = {
         "environment_marginal": marginal,
         "environment_conditional": conditional,
         "environment_row_start": cutpoints(marginal),

@@ -1,41 +1,32 @@
 """Light from infinitely far: its image stands as described, and its tables choose what they say."""
 
-from typing import NamedTuple
+import functools
 
 import numpy as np
 import pytest
 
+from renderer.arrays.scene import seal
 from renderer.jit import entry
 from renderer.kernel.light.environment import choose, choose_from, environment_light, sample_environment
 from renderer.scene.cutpoints import cutpoints
-from renderer.scene.description import Environment, Image, SceneDescription
+from renderer.scene.description import Environment, Image, Material, SceneDescription
 from renderer.scene.environment import search_tables, tabulate_environment
 from renderer.scene.lights import cumulative
+from tests.renderer.builders import scene, square
 from tests.renderer.judge import chi_squared
 
 N = 300_000
 
 
-class Tables(NamedTuple):
-    """What the kernel's functions read of a scene."""
-
-    environment: np.ndarray
-    environment_frame: np.ndarray
-    environment_marginal: np.ndarray
-    environment_conditional: np.ndarray
-    environment_row_start: np.ndarray
-    environment_column_start: np.ndarray
-
-
 @entry
-def _run(which, tables, given, direction, value):
+def _run(which, made, given, direction, value):
     for i in range(len(given)):
         if which == 0:
-            direction_i, value[i, 0] = sample_environment(tables, given[i, 2], (given[i, 0], given[i, 1]))
+            direction_i, value[i, 0] = sample_environment(made, given[i, 2], (given[i, 0], given[i, 1]))
             for k in range(3):
                 direction[i, k] = direction_i[k]
         else:
-            radiance, value[i, 0] = environment_light(tables, (given[i, 0], given[i, 1], given[i, 2]), True)
+            radiance, value[i, 0] = environment_light(made, (given[i, 0], given[i, 1], given[i, 2]), True)
             for k in range(3):
                 direction[i, k] = radiance[k]
 
@@ -52,6 +43,11 @@ def _choose_from(cdf, start, u, index, rest, width):
         index[i], rest[i], width[i] = choose_from(cdf, start, u[i])
 
 
+@functools.cache
+def _without_sky():
+    return scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),))
+
+
 class Sky:
     """An environment's tables, and the kernel's functions over them."""
 
@@ -60,13 +56,14 @@ class Sky:
         description.environment = Environment(image=0, rotation=rotation)
         tables = tabulate_environment(description)
         self.radiance, self.frame = tables.radiance, tables.frame(1.0)
-        self.tables = Tables(self.radiance, self.frame, **search_tables(tables.marginal, tables.conditional))
+        search = search_tables(tables.marginal, tables.conditional)
+        self.made = seal(_without_sky()._replace(environment=self.radiance, environment_frame=self.frame, **search))
         self.rotation = np.radians(rotation)
 
     def _run(self, which, given):
         given = np.ascontiguousarray(given, np.float32)
         direction, value = np.zeros((len(given), 3), np.float32), np.zeros((len(given), 1), np.float32)
-        _run(which, self.tables, given, direction, value)
+        _run(which, self.made, given, direction, value)
         return direction, value[:, 0]
 
     def sample(self, n=N, seed=0):
