@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.has import EVERYTHING, Has
+from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH
 from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TEXTURED, TRANSFORM_COLUMNS
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
@@ -62,8 +63,7 @@ class CompiledScene(NamedTuple):
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
-    light_node: Array  # (Y, 12) f32: the tree by which many lights are chosen (renderer/scene/light_tree.py); none: by power
-    light_child: Array  # (Y, 3) i32
+    light_node: Array  # (Y, LIGHT_ROWS, 8) f32: the tree by which many are chosen (renderer/arrays/light_rows.py); or none
     light_area: Array  # (L,) f32, 0 for punctual lights
     guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL
@@ -72,6 +72,8 @@ class CompiledScene(NamedTuple):
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
     environment_conditional: Array  # (H, W + 1) f32: cdf within a row
+    environment_row_start: Array  # (A,) i32: where to search them for a number (renderer/scene/cutpoints.py)
+    environment_column_start: Array  # (H, B) i32
     # (12,) f32: cos and sin of the rotation, mean luminance, probability of choosing it over the lights; the sun's direction 3,
     # 1 - cos of its half angle (0: no sun), its radiance 3, its share of the environment's samples
     environment_frame: Array
@@ -113,8 +115,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
     "light_cdf": ("<f4", ("L+1",)),
-    "light_node": ("<f4", ("Y", 12)),
-    "light_child": ("<i4", ("Y", 3)),
+    "light_node": ("<f4", ("Y", LIGHT_ROWS, LIGHT_WIDTH)),
     "light_area": ("<f4", ("L",)),
     "guide": ("<i4", ("G",)),
     "punctual_kind": ("<i4", ("K",)),
@@ -122,6 +123,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
+    "environment_row_start": ("<i4", ("A",)),
+    "environment_column_start": ("<i4", ("H", "B")),
     "environment_frame": ("<f4", (12,)),
     "bounds": ("<f4", (2, 3)),
     "texel": ("|u1", ("Q", 4)),
@@ -187,8 +190,9 @@ def check(arrays: dict[str, Array]) -> None:
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
         ("guide", 0, primitives),
-        ("light_child", -1, max(lengths["Y"], lengths["L"])),
         ("material_texture", -1, lengths["X"]),
+        ("environment_row_start", 0, lengths["H"]),
+        ("environment_column_start", 0, lengths["W"]),
     ):
         _check_range(name, arrays[name], lower, upper)
     _check_range("triangle", arrays["triangle"][:, :3], 0, lengths["V"])
@@ -208,7 +212,11 @@ def check(arrays: dict[str, Array]) -> None:
     above = texture[:, ABOVE]
     if not ((above == -1) | ((above > np.arange(len(above))) & (above < len(above)))).all():
         raise SceneError("a texture's layer is not further on in the list of textures")
-    if lengths["N"] < 1 or lengths["H"] < 1 or lengths["W"] < 1:
+    child = arrays["light_node"][:, CHILD].view("<i4")
+    further = (child > np.arange(len(child))[:, None]) & (child < len(child))
+    if not np.where(child < 0, ~child < lengths["L"], further).all():
+        raise SceneError("the light tree points outside its nodes or lights, or back")
+    if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]

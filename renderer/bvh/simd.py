@@ -25,6 +25,7 @@ __all__ = [
     "beyond",
     "bits",
     "call",
+    "exceeding",
     "extract",
     "f32x8",
     "flip",
@@ -336,6 +337,16 @@ def beyond(typingctx, keys, key):
         return builder.bitcast(kept, args[0].type)
 
     return f32x8(f32x8, types.int32), codegen
+
+
+@intrinsic
+def exceeding(typingctx, numbers, number):
+    """Where one of the int32 whose bits an f32x8 keeps is greater than an int32."""
+
+    def codegen(context, builder, sig, args):
+        return builder.icmp_signed(">", builder.bitcast(args[0], _KEYS), _all(builder, args[1]))
+
+    return mask8(f32x8, types.int32), codegen
 
 
 @intrinsic

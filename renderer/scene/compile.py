@@ -16,7 +16,7 @@ from renderer.bvh.instances import Instances
 from renderer.errors import SceneError
 from renderer.scene.description import F32, I32, Camera, SceneDescription
 from renderer.scene.emitters import emitted_by_triangles
-from renderer.scene.environment import are_accents, choose_environment, tabulate_environment
+from renderer.scene.environment import are_accents, choose_environment, search_tables, tabulate_environment
 from renderer.scene.framing import frame
 from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, by_triangle, place
 from renderer.scene.guides import list_guides
@@ -99,14 +99,12 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         light_primitive=lights.primitive,
         light_cdf=lights.cdf,
         light_node=lights.node,
-        light_child=lights.child,
         light_area=lights.area,
         guide=list_guides([s.guide for s in description.spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,
-        environment_marginal=environment.marginal,
-        environment_conditional=environment.conditional,
+        **search_tables(environment.marginal, environment.conditional),
         environment_frame=environment.frame(chance),
         bounds=bounds,
     )

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.arrays.scene import CompiledScene
 from renderer.image.tonemap import decode_srgb
+from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative, luminance
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
 
-__all__ = ["EnvironmentTables", "are_accents", "choose_environment", "relit", "sampled_alone", "tabulate_environment"]
+__all__ = [
+    "EnvironmentTables",
+    "are_accents",
+    "choose_environment",
+    "relit",
+    "sampled_alone",
+    "search_tables",
+    "tabulate_environment",
+]
 
 _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
 class EnvironmentTables(NamedTuple):
-    """As in CompiledScene, without the probability of choosing it."""
+    """As in CompiledScene, without the probability of choosing it, and what follows from its cdfs."""
 
     radiance: F32  # (H, W, 3)
     marginal: F32  # (H + 1,)
@@ -105,7 +114,6 @@ def relit(
     frame = scene.environment_frame.copy()
     if color is None:
         environment = scene.environment * factor
-        marginal, conditional = scene.environment_marginal, scene.environment_conditional
         frame[2] *= factor
         frame[8:11] *= factor
         cosine, sine = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
@@ -113,18 +121,15 @@ def relit(
         frame[4], frame[6] = frame[4] * cosine + frame[6] * sine, frame[6] * cosine - frame[4] * sine
     else:
         environment = np.array(color, np.float32).reshape(1, 1, 3) * factor
-        marginal, conditional = np.array([0, 1], np.float32), np.array([[0, 1]], np.float32)
         frame[2] = luminance(environment[0, 0])
         frame[4:] = 0
     if not environment.any() and not frame[8:11].any():
         frame[3] = 0.0
     elif frame[3] == 0.0:
         frame[3] = 0.5 if len(scene.light_primitive) else 1.0
-    for array in (environment, marginal, conditional, frame):
-        array.flags.writeable = False
-    return scene._replace(
-        environment=environment, environment_marginal=marginal, environment_conditional=conditional, environment_frame=frame
-    )
+    environment.flags.writeable = frame.flags.writeable = False
+    scene = scene._replace(environment=environment, environment_frame=frame)
+    return scene if color is None else scene._replace(**search_tables(cumulative(np.ones(1)), cumulative(np.ones((1, 1)))))
 
 
 def sampled_alone(scene: CompiledScene) -> CompiledScene:
@@ -139,9 +144,20 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
     padded = np.pad(np.pad(bright, ((1, 1), (0, 0)), "edge"), ((0, 0), (1, 1)), "wrap")
     weight = np.max([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)], axis=0)
     solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))
-    marginal, conditional = cumulative(weight.mean(axis=1) * solid_angle), cumulative(weight)
-    marginal.flags.writeable = conditional.flags.writeable = False
-    return scene._replace(environment_marginal=marginal, environment_conditional=conditional)
+    return scene._replace(**search_tables(cumulative(weight.mean(axis=1) * solid_angle), cumulative(weight)))
+
+
+def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:
+    """CompiledScene's arrays that tell where to sample an environment of these cdfs, read-only."""
+    tables = {
+        "environment_marginal": marginal,
+        "environment_conditional": conditional,
+        "environment_row_start": cutpoints(marginal),
+        "environment_column_start": cutpoints(conditional),
+    }
+    for array in tables.values():
+        array.flags.writeable = False
+    return tables
 
 
 def choose_environment(environment: EnvironmentTables, lights_power: float, bounds: F32) -> float:

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.kernel.light.light_tree_build import build
-from renderer.scene.description import F32, I32
+from renderer.scene.description import F32
 
 __all__ = ["LightBounds", "LightTree", "build_light_tree"]
 
@@ -25,19 +26,17 @@ class LightBounds(NamedTuple):
 
 
 class LightTree(NamedTuple):
-    """The order in which lights are to be numbered, and the arrays of CompiledScene, of Y < 2 L nodes."""
+    """The order in which lights are to be numbered, and the tree's nodes."""
 
     order: np.ndarray  # (L,) int64: the light that becomes number i
-    node: F32  # (Y, 12): centre, squared radius (-1: distant), axis, cos spread, cos reach, intensity, both sides, 0
-    child: I32  # (Y, 3): the first child (-1: a leaf), of how many beside each other, and the first light
+    node: F32  # (Y, LIGHT_ROWS, 8): renderer/arrays/light_rows.py
 
 
 def build_light_tree(bounds: LightBounds) -> LightTree:
     """The tree of at least one light; distant ones come first."""
     distant = bounds.radius < 0
     order = np.argsort(~distant, kind="stable").astype(np.int64)
-    node = np.zeros((2 * len(order) - 1, 12), np.float32)
-    child = np.full((2 * len(order) - 1, 3), -1, np.int32)
+    node = np.zeros((max(len(order) - 1, 1), LIGHT_ROWS, LIGHT_WIDTH), np.float32)
     arrays = (np.ascontiguousarray(array, np.float32) for array in bounds)
-    used = build(*arrays, int(distant.sum()), order, node, child)
-    return LightTree(order, node[:used], child[:used])
+    used = build(*arrays, int(distant.sum()), order, node)
+    return LightTree(order, node[:used])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import F32, I32
 from renderer.scene.geometry import Geometry, by_triangle
@@ -31,8 +32,7 @@ class LightList(NamedTuple):
     area: F32  # (L,)
     triangle_light: I32  # (T,), or no rows where no triangle emits
     sphere_light: I32  # (S,)
-    node: F32  # (Y, 12)
-    child: I32  # (Y, 3)
+    node: F32  # (Y, LIGHT_ROWS, 8)
     power: float
 
 
@@ -64,7 +64,7 @@ def list_lights(
     area = np.concatenate([triangle_area, sphere_area])
     power = np.concatenate([np.pi * area * radiance, punctual.power])
     area = np.concatenate([area, np.zeros(len(rest))])
-    node, child = np.zeros((0, 12), np.float32), np.zeros((0, 3), np.int32)
+    node = np.zeros((0, LIGHT_ROWS, LIGHT_WIDTH), np.float32)
     if len(primitive) >= TREE_FROM or (len(primitive) == 2 and len(triangles) < 2):
         both = double_sided[by_triangle(geometry, geometry.material)[triangles]]
         bounds = (
@@ -72,7 +72,7 @@ def list_lights(
             _sphere_bounds(sphere[spheres], sphere_area / 4 * radiance[len(triangles) :]),
             punctual.bounds,
         )
-        order, node, child = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))
+        order, node = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))
         primitive, area, power = primitive[order], area[order], power[order]
     chance = (1 - _SPREAD) * power / max(power.sum(), 1e-300) + _SPREAD / max(len(power), 1)
     light = np.full(len(geometry.triangle) + len(sphere) + len(rest), -1, np.int32)
@@ -84,7 +84,6 @@ def list_lights(
         light[: len(geometry.triangle)] if len(triangles) else light[:0],
         light[len(geometry.triangle) : len(geometry.triangle) + len(sphere)],
         node,
-        child,
         float(power.sum()),
     )
 
@@ -96,7 +95,7 @@ def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
     """
     if light_choice == "tree":
         return scene
-    scene = scene._replace(light_node=scene.light_node[:0], light_child=scene.light_child[:0])
+    scene = scene._replace(light_node=scene.light_node[:0])
     if light_choice == "power":
         return scene
     count = len(scene.light_primitive)

@@ -25,8 +25,7 @@ from renderer.kernel.integrators.state import (
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, power_heuristic, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
-from renderer.kernel.light.environment import environment_radiance
-from renderer.kernel.light.lights import environment_light_pdf, primitive_light_pdf, sample_light
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
@@ -145,10 +144,10 @@ def _mis_weight(pdf, other_pdf, options, special):
 def _add_environment(scene, path, options, special):
     """The environment's light that the ray meets, weighed against what next-event estimation finds of it."""
     if path.pdf >= _ZERO:
-        emitted = environment_radiance(scene.environment, scene.environment_frame, path.d)
+        emitted, light_pdf = environment_seen(scene, path.d, path.pdf > _ZERO)
         weight = _ONE
         if path.pdf > _ZERO:
-            weight = _mis_weight(path.pdf, environment_light_pdf(scene, path.d), options, special)
+            weight = _mis_weight(path.pdf, light_pdf, options, special)
         path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 

@@ -1,137 +1,152 @@
-"""One light of many, chosen at the point lit: a walk down a tree of lights, at each node by what either side could send there.
+"""One light of many, chosen at the point lit: a walk down a tree of lights, at each node by what either child could send there.
 
-Conty Estevez & Kulla, "Importance Sampling of Many Lights with Adaptive Tree Splitting", 2018; pbrt 4ed, 12.6.3. Lights are
-numbered in the tree's order, so that a light's number tells its way down, and its chance can be had for any point. Four
-children a node instead of two cost no more (twice as many on half as many levels) and are judged by closer bounds.
+Conty Estevez & Kulla, "Importance Sampling of Many Lights with Adaptive Tree Splitting", 2018; pbrt 4ed, 12.6.3. Eight
+children a node are judged at once, lane by lane; renderer/arrays/light_rows.py tells what a node keeps of them. Lights
+are numbered in the tree's order, so that a light's number tells its way down, and its chance can be had for any point.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from renderer.jit import device, subroutine
-from renderer.kernel import vec
+from renderer.arrays.light_rows import (
+    AXIS,
+    CHILD,
+    COS_REACH,
+    COS_SPREAD,
+    END,
+    INTENSITY,
+    LIGHT_ROWS,
+    LIGHT_WIDTH,
+    MIRROR,
+    NEAR,
+    PLACE,
+    RADIUS,
+    SIN_SPREAD,
+)
+from renderer.bvh.lane_sums import running_sum, whole_sum
+from renderer.bvh.simd import (
+    bits,
+    exceeding,
+    extract,
+    fma,
+    less,
+    less_equal,
+    load,
+    load_int,
+    lowest_bit,
+    maximum,
+    product,
+    select,
+    splat,
+    sqrt,
+)
+from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["choose_from_tree", "importance", "tree_chance"]
+__all__ = ["choose_from_tree", "tree_chance"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _TINY = np.float32(1e-20)
+_INF = np.float32(np.inf)
+_W = np.uintp(LIGHT_WIDTH)
+_NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
+_CHILD = np.uintp(CHILD * LIGHT_WIDTH)
+_FIRST = np.uint32(0)
+_STEP = np.uint32(1)
 
 
 @device
-def _sine(cosine):
-    return math.sqrt(max(_ZERO, _ONE - cosine * cosine))
+def _row(node, base, number):
+    return load(node, base + np.uintp(number) * _W)
 
 
 @device
-def _less(sin_a, cos_a, sin_b, cos_b):
-    """(sin, cos) of max(0, a - b), for angles within 0 ... pi."""
-    if cos_a >= cos_b:
-        return _ZERO, _ONE
-    return sin_a * cos_b - cos_a * sin_b, cos_a * cos_b + sin_a * sin_b
+def _dot(x, y, z, a, b, c):
+    return fma(z, c, fma(y, b, x * a))
 
 
 @device
-def importance(node, i, p, n):
-    """About the most irradiance that the lights of node i give at p, facing n (zero: all sides). 0 only where they give none."""
-    squared_radius = node[i, 3]
-    axis = (node[i, 4], node[i, 5], node[i, 6])
-    cos_spread = node[i, 7]
-    intensity = node[i, 9]
+def _importances(node, base, p, n):
+    """f32x8: about the most irradiance that each child's lights give at p, facing n (zero: all sides). 0 only where they give
+    none.
+
+    Sines and cosines are kept multiplied by the distance to the child's middle, differences of angles by its square: so the
+    distance itself is never needed, and each of the three angles takes one root. Every fused multiply-add is spelled out:
+    left to the compiler, what is chosen and what its chance is found to be might differ in the last bit.
+    """
+    zero, one = splat(_ZERO), splat(_ONE)
+    near, radius = _row(node, base, NEAR), _row(node, base, RADIUS)
+    x = fma(splat(p[0]), near, _row(node, base, PLACE))
+    y = fma(splat(p[1]), near, _row(node, base, PLACE + 1))
+    z = fma(splat(p[2]), near, _row(node, base, PLACE + 2))
+    square = _dot(x, y, z, x, y, z)
+    least_square = maximum(radius * radius, splat(_TINY))
+    among = less_equal(square, least_square)
+    inverse = one / maximum(square, least_square)
+    bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
+    sin_bound, cos_bound = radius * inverse, bound * inverse
+
+    along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
+    across = sqrt(maximum(fma(zero - along, along, square), zero))
+    along = maximum(along, along * _row(node, base, MIRROR))
+    cos_spread, sin_spread = _row(node, base, COS_SPREAD), _row(node, base, SIN_SPREAD)
+    sine = fma(across, cos_spread, product(zero - along, sin_spread))
+    cosine = fma(along, cos_spread, product(across, sin_spread))
+    inside = less_equal(sine, zero) | less_equal(bound, cosine) | among
+    emitted = select(inside, one, fma(cosine, cos_bound, product(sine, sin_bound)))
+    emitted = select(less(emitted, _row(node, base, COS_REACH)), zero, emitted)
+
     facing = n[0] != _ZERO or n[1] != _ZERO or n[2] != _ZERO
-    if squared_radius < _ZERO:  # infinitely far: all within the spread about -axis
-        if facing:
-            cosine = -vec.dot(n, axis)
-            _, cosine = _less(_sine(cosine), cosine, _sine(cos_spread), cos_spread)
-            intensity *= max(_ZERO, cosine)
-        return intensity
-    d = (p[0] - node[i, 0], p[1] - node[i, 1], p[2] - node[i, 2])
-    square = vec.dot(d, d)
-    if square <= squared_radius:  # among them
-        return intensity / max(squared_radius, _TINY)
-    away = vec.scale(d, _ONE / math.sqrt(square))
-    sine2 = squared_radius / square
-    sin_bound = math.sqrt(sine2)  # the angle under which p sees the node's sphere
-    cos_bound = math.sqrt(_ONE - sine2)
-    cosine = vec.dot(axis, away)
-    if node[i, 10] != _ZERO:  # shines to both sides
-        cosine = abs(cosine)
-    sine, cosine = _less(_sine(cosine), cosine, _sine(cos_spread), cos_spread)
-    _, cosine = _less(sine, cosine, sin_bound, cos_bound)
-    if cosine < node[i, 8]:
-        return _ZERO
-    intensity *= max(_ZERO, cosine)
-    if facing:
-        cosine = -vec.dot(n, away)
-        _, cosine = _less(_sine(cosine), cosine, sin_bound, cos_bound)
-        intensity *= max(_ZERO, cosine)
-    return intensity / max(square, _TINY)
-
-
-@device
-def _weights(node, child, i, p, n):
-    """The importances of node i's two to four children; 0 for those that it has not."""
-    first, count = np.int64(child[i, 0]), child[i, 1]
-    a = importance(node, first, p, n)
-    b = importance(node, first + 1, p, n)
-    c = importance(node, first + 2, p, n) if count > 2 else _ZERO
-    d = importance(node, first + 3, p, n) if count > 3 else _ZERO
-    return a, b, c, d, a + b + c + d
+    above = zero - _dot(x, y, z, splat(n[0]), splat(n[1]), splat(n[2]))
+    beside = sqrt(maximum(fma(zero - above, above, square), zero))
+    received = fma(beside, sin_bound, product(above, cos_bound))
+    received = select(less_equal(bound, above) | among, one, received)
+    received = maximum(received, splat(_ZERO if facing else _ONE))
+    return product(_row(node, base, INTENSITY) * inverse * received, emitted)
 
 
 @subroutine
-def choose_from_tree(node, child, p, n, choice):
+def choose_from_tree(node, p, n, choice):
     """The light that `choice` in [0, 1) picks: (its number, its chance). The chance is 0 where the way ends at a node none of
     whose children reaches p."""
+    out_of_line()
     chance = _ONE
-    i = 0
-    while child[i, 0] >= 0:
-        a, b, c, d, total = _weights(node, child, i, p, n)
-        if not total > _ZERO:
+    base = np.uintp(0)
+    while True:
+        weights = _importances(node, base, p, n)
+        sums = running_sum(weights)
+        totals = whole_sum(weights)
+        at = splat(choice) * totals
+        found = bits(less(at, sums))
+        if found == 0:
             return 0, _ZERO
-        at = choice * total
-        i = child[i, 0]
-        weight = a
-        if at >= weight:
-            at -= weight
-            weight = b
-            i += 1
-            if at >= weight:
-                at -= weight
-                weight = c
-                i += 1
-                if at >= weight:
-                    at -= weight
-                    weight = d
-                    i += 1
-        if not weight > _ZERO:  # only where `at` was rounded up
-            return 0, _ZERO
-        chance *= weight / total
-        choice = min(at / weight, _BELOW_ONE)
-    return child[i, 2], chance
+        lane = lowest_bit(found)
+        weight = extract(weights, lane)
+        chance *= weight / extract(totals, _FIRST)
+        child = load_int(node, base + _CHILD + np.uintp(lane))
+        if child < 0:
+            return np.int64(~child), chance
+        before = extract(sums, lane - _STEP) if lane > 0 else _ZERO
+        choice = min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)  # below 0 only where the compiler fuses this
+        base = np.uintp(child) * _NODE
 
 
 @subroutine
-def tree_chance(node, child, p, n, light):
+def tree_chance(node, p, n, light):
     """The chance with which `choose_from_tree` picks `light`, to the bit."""
+    out_of_line()
     chance = _ONE
-    i = 0
-    while child[i, 0] >= 0:
-        a, b, c, d, total = _weights(node, child, i, p, n)
-        if not total > _ZERO:
+    base = np.uintp(0)
+    while True:
+        weights = _importances(node, base, p, n)
+        total = extract(whole_sum(weights), _FIRST)
+        if not (total > _ZERO and total < _INF):
             return _ZERO
-        first, count = np.int64(child[i, 0]), child[i, 1]
-        if light < child[first + 1, 2]:
-            i, weight = first, a
-        elif count < 3 or light < child[first + 2, 2]:
-            i, weight = first + 1, b
-        elif count < 4 or light < child[first + 3, 2]:
-            i, weight = first + 2, c
-        else:
-            i, weight = first + 3, d
-        chance *= weight / total
-    return chance
+        lane = lowest_bit(bits(exceeding(_row(node, base, END), np.int32(light))))
+        chance *= extract(weights, lane) / total
+        child = load_int(node, base + _CHILD + np.uintp(lane))
+        if child < 0:
+            return chance
+        base = np.uintp(child) * _NODE

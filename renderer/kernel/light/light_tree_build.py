@@ -1,6 +1,7 @@
 """Builds the tree of lights: every light a leaf, split so that both sides stay small, dim and narrow.
 
-Conty Estevez & Kulla 2018, section 4.4: the surface area orientation heuristic, binned.
+Conty Estevez & Kulla 2018, section 4.4: the surface area orientation heuristic, binned. A node's eight children come of seven
+such splits.
 """
 
 from __future__ import annotations
@@ -9,6 +10,21 @@ import math
 
 import numpy as np
 
+from renderer.arrays.light_rows import (
+    AXIS,
+    CHILD,
+    COS_REACH,
+    COS_SPREAD,
+    END,
+    INTENSITY,
+    LIGHT_WIDTH,
+    MIRROR,
+    NEAR,
+    NO_END,
+    PLACE,
+    RADIUS,
+    SIN_SPREAD,
+)
 from renderer.jit import builder, device
 from renderer.kernel.polynomial import acos, sincos_turns
 
@@ -53,8 +69,8 @@ def _cost(count, power, low, high, axis_sum, spread, reach):
 
 
 @builder
-def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end, row):
-    """Fills a node's row with the bounds of the lights order[begin:end]."""
+def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end, row, lane):
+    """Fills a lane of a node's rows with the bounds of the lights order[begin:end]."""
     low = np.empty(3, np.float32)
     high = np.empty(3, np.float32)
     mean = np.zeros(3, np.float32)
@@ -77,25 +93,33 @@ def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end
             mean[k] += sign * axis[i, k]
     length = math.sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2])
     for k in range(3):
-        row[k] = (low[k] + high[k]) * _HALF
-        row[4 + k] = mean[k] / length if length > _ZERO else axis[first, k]
+        low[k] = (low[k] + high[k]) * _HALF
+        mean[k] = mean[k] / length if length > _ZERO else axis[first, k]
     reached = _ZERO
     widest = _ZERO
     for at in range(begin, end):
         i = order[at]
-        x, y, z = center[i, 0] - row[0], center[i, 1] - row[1], center[i, 2] - row[2]
+        x, y, z = center[i, 0] - low[0], center[i, 1] - low[1], center[i, 2] - low[2]
         reached = max(reached, math.sqrt(x * x + y * y + z * z) + max(_ZERO, radius[i]))
-        cosine = axis[i, 0] * row[4] + axis[i, 1] * row[5] + axis[i, 2] * row[6]
+        cosine = axis[i, 0] * mean[0] + axis[i, 1] * mean[1] + axis[i, 2] * mean[2]
         if two_sided != _ZERO:
             cosine = abs(cosine)
         widest = max(widest, acos(cosine) + spread[i])
-    reached *= _WIDER
-    row[3] = reached * reached if radius[first] >= _ZERO else -_ONE
-    _, row[7] = sincos_turns(min(widest + _SLACK, _PI) * _INV_2PI)
-    _, cos_reach = sincos_turns(most_reach * _INV_2PI)
-    row[8] = cos_reach - _ROUNDING
-    row[9] = total
-    row[10] = two_sided
+    widest = min(widest + _SLACK, _PI)
+    sine, cosine = sincos_turns(widest * _INV_2PI)
+    sine = max(sine, _ZERO)
+    near = radius[first] >= _ZERO
+    row[NEAR, lane] = _ONE if near else _ZERO
+    row[RADIUS, lane] = reached * _WIDER if near else (sine if cosine > _ZERO else _TWO)
+    for k in range(3):
+        row[PLACE + k, lane] = -low[k] if near else mean[k]
+        row[AXIS + k, lane] = mean[k] if near else _ZERO
+    row[MIRROR, lane] = -_ONE if two_sided != _ZERO else _ONE
+    row[COS_SPREAD, lane] = cosine if near else -_ONE
+    row[SIN_SPREAD, lane] = sine if near else _ZERO
+    _, cosine = sincos_turns(most_reach * _INV_2PI)
+    row[COS_REACH, lane] = max(cosine - _ROUNDING, _ZERO)
+    row[INTENSITY, lane] = total
 
 
 @builder
@@ -196,44 +220,76 @@ def _part(center, radius, axis, spread, reach, intensity, both, distant, order, 
     return (begin + end) // 2 if middle in (begin, end) else middle
 
 
+@device
+def _sum(intensity, order, begin, end):
+    total = _ZERO
+    for at in range(begin, end):
+        total += intensity[order[at]]
+    return total
+
+
+@device
+def _to_part(border, strength, parts):
+    """Which part becomes two: the strongest of those of more lights than a node has children, or else of the others. -1 where
+    each is one light.
+
+    By strength, for lights that are often chosen to lie near the root; large ones first, for the last nodes to be full.
+    """
+    for fitting in (LIGHT_WIDTH, 1):
+        chosen = -1
+        for k in range(parts):
+            if border[k + 1] - border[k] > fitting and (chosen < 0 or strength[k] > strength[chosen]):
+                chosen = k
+        if chosen >= 0:
+            return chosen
+    return -1
+
+
 @builder
-def build(center, radius, axis, spread, reach, intensity, both, distant, order, node, child):
-    """Parts `order`, whose first `distant` lights are infinitely far, and fills `node` and `child`: returns the nodes' count.
+def build(center, radius, axis, spread, reach, intensity, both, distant, order, node):
+    """Parts `order`, whose first `distant` lights are infinitely far, and fills `node`: returns the nodes' count.
 
     The other arrays are those of renderer/scene/light_tree.py's LightBounds and LightTree.
     """
-    todo = np.empty((len(order) + 4, 3), np.int64)
+    todo = np.empty((len(order) + 1, 3), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, len(order)
-    border = np.empty(5, np.int64)
+    border = np.empty(LIGHT_WIDTH + 1, np.int64)
+    strength = np.empty(LIGHT_WIDTH, np.float32)
+    number = node.view(np.int32)
     waiting = 1
     used = 1
     while waiting > 0:
         waiting -= 1
-        row, begin, end = todo[waiting, 0], todo[waiting, 1], todo[waiting, 2]
-        _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end, node[row])
-        child[row, 2] = begin
-        if end - begin == 1:
-            continue
+        parent, begin, end = todo[waiting, 0], todo[waiting, 1], todo[waiting, 2]
         parts = 1
         border[0] = begin
         border[1] = end
-        while parts < 4:  # the fullest part in two
-            fullest = 0
-            for k in range(parts):
-                if border[k + 1] - border[k] > border[fullest + 1] - border[fullest]:
-                    fullest = k
-            first, last = border[fullest], border[fullest + 1]
-            if last - first == 1:
+        strength[0] = _ZERO
+        while parts < LIGHT_WIDTH:
+            chosen = _to_part(border, strength, parts)
+            if chosen < 0:
                 break
+            first, last = border[chosen], border[chosen + 1]
             middle = _part(center, radius, axis, spread, reach, intensity, both, distant, order, first, last)
-            for k in range(parts, fullest, -1):
+            for k in range(parts, chosen, -1):
                 border[k + 1] = border[k]
-            border[fullest + 1] = middle
+                strength[k] = strength[k - 1]
+            border[chosen + 1] = middle
+            strength[chosen] = _sum(intensity, order, first, middle)
+            strength[chosen + 1] = _sum(intensity, order, middle, last)
             parts += 1
-        child[row, 0] = used
-        child[row, 1] = parts
         for k in range(parts):
-            todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = used + k, border[k], border[k + 1]
-            waiting += 1
-        used += parts
+            first, last = border[k], border[k + 1]
+            _fit(center, radius, axis, spread, reach, intensity, both, order, first, last, node[parent], k)
+            number[parent, END, k] = last
+            if last - first == 1:
+                number[parent, CHILD, k] = ~first
+            else:
+                number[parent, CHILD, k] = used
+                todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = used, first, last
+                waiting += 1
+                used += 1
+        for k in range(parts, LIGHT_WIDTH):
+            number[parent, CHILD, k] = ~0
+            number[parent, END, k] = NO_END
     return used

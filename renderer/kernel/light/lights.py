@@ -16,7 +16,7 @@ from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
-from renderer.kernel.light.environment import choose, environment_pdf, environment_radiance, sample_environment
+from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.punctual import sample_punctual
 from renderer.kernel.material.material import emission, opacity
@@ -26,7 +26,7 @@ from renderer.kernel.surface.surface import leave, sphere_uv, triangle_point, tr
 __all__ = [
     "LightSample",
     "choose_light",
-    "environment_light_pdf",
+    "environment_seen",
     "primitive_light_pdf",
     "sample_light",
     "sample_one_light",
@@ -149,7 +149,7 @@ def _sample_sphere(scene, number, p, u):
 def choose_light(scene, p, n, choice):
     """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        return choose_from_tree(scene.light_node, scene.light_child, p, n, choice)
+        return choose_from_tree(scene.light_node, p, n, choice)
     light, _, chance = choose(scene.light_cdf, choice)
     return light, chance
 
@@ -178,7 +178,7 @@ def sample_light(scene, p, n, choice, u):
     environment_chance = scene.environment_frame[3]
     if choice < environment_chance:
         choice /= environment_chance
-        w, pdf = sample_environment(scene.environment_marginal, scene.environment_conditional, scene.environment_frame, choice, u)
+        w, pdf = sample_environment(scene, choice, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
         return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance, False)
     if len(scene.light_primitive) == 0:
@@ -194,12 +194,12 @@ def sample_light(scene, p, n, choice, u):
 
 
 @device
-def environment_light_pdf(scene, w):
-    """The density with which `sample_light` gives the environment's direction w, per steradian."""
-    frame = scene.environment_frame
-    if frame[3] == _ZERO:
-        return _ZERO
-    return frame[3] * environment_pdf(scene.environment_marginal, scene.environment_conditional, frame, w)
+def environment_seen(scene, w, judged):
+    """(radiance from the environment's direction w, the density with which `sample_light` gives w, per steradian: 0 unless
+    `judged`)."""
+    chance = scene.environment_frame[3]
+    radiance, pdf = environment_light(scene, w, judged and chance > _ZERO)
+    return radiance, chance * pdf
 
 
 @device
@@ -208,7 +208,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
 
     cosine: under which p sees the light's surface."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        chance = tree_chance(scene.light_node, scene.light_child, p, n, light)
+        chance = tree_chance(scene.light_node, p, n, light)
     else:
         chance = scene.light_cdf[light + 1] - scene.light_cdf[light]
     chance *= _ONE - scene.environment_frame[3]

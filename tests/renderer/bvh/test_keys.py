@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from renderer.bvh.simd import beyond, bits, key_limit, least, less, load, nearest, ranked
+from renderer.bvh.simd import beyond, bits, exceeding, key_limit, least, less, load, nearest, ranked
 from renderer.jit import entry
 
 LANES = 8
@@ -30,6 +30,12 @@ def _nearest(distances, limits, found, lane):
         mask = less(distance, load(limits[i], ZERO))
         if bits(mask) != np.uint32(0):
             found[i], lane[i] = nearest(mask, distance)
+
+
+@entry
+def _exceed(numbers, number, found):
+    for i in range(len(numbers)):
+        found[i] = bits(exceeding(load(numbers[i], ZERO), number[i]))
 
 
 def rows(n, seed):
@@ -67,3 +73,15 @@ def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
     np.testing.assert_array_equal(found[some], expected.min(axis=1)[some])
     np.testing.assert_array_equal(lane[some], expected.argmin(axis=1)[some])
     assert (lane[~some] == -1).all()
+
+
+def test_whole_numbers_are_compared_as_such():
+    """As floats, half of these would be NaN."""
+    rng = np.random.default_rng(1)
+    numbers = rng.integers(-(2**31), 2**31, (1000, LANES)).astype(np.int32)
+    number = rng.integers(-(2**31), 2**31, 1000).astype(np.int32)
+    numbers[:, 2] = number
+    found = np.zeros(1000, np.uint32)
+    _exceed(numbers.view(np.float32), number, found)
+    expected = np.packbits(numbers > number[:, None], axis=1, bitorder="little")[:, 0]
+    assert np.array_equal(found, expected)

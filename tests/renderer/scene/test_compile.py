@@ -22,6 +22,7 @@ from renderer.scene.description import (
     Sphere,
     Texture,
 )
+from renderer.scene.environment import search_tables
 from renderer.scene.framing import ASPECT, frame
 from renderer.scene.geometry import by_triangle, flatten
 from renderer.scene.lights import luminance
@@ -198,8 +199,10 @@ def test_what_the_tables_leave_out_bsdf_sampling_finds():
     rows = bright.sum(axis=1) * -np.diff(np.cos(np.linspace(0, np.pi, len(bright) + 1)))
     everything = seal(
         ours._replace(
-            environment_marginal=np.r_[0, np.cumsum(rows)] / rows.sum(),
-            environment_conditional=np.insert(np.cumsum(bright, axis=1) / bright.sum(axis=1, keepdims=True), 0, 0, axis=1),
+            **search_tables(
+                np.r_[0, np.cumsum(rows)] / rows.sum(),
+                np.insert(np.cumsum(bright, axis=1) / bright.sum(axis=1, keepdims=True), 0, 0, axis=1),
+            )
         )
     )
     for depth in (2, 5):

@@ -1,28 +1,32 @@
 """Light from infinitely far: its image stands as described, and its tables choose what they say."""
 
+import functools
+
 import numpy as np
 import pytest
 
+from renderer.arrays.scene import seal
 from renderer.jit import entry
-from renderer.kernel.light.environment import choose, environment_pdf, environment_radiance, sample_environment
-from renderer.scene.description import Environment, Image, SceneDescription
-from renderer.scene.environment import tabulate_environment
+from renderer.kernel.light.environment import choose, choose_from, environment_light, sample_environment
+from renderer.scene.cutpoints import cutpoints
+from renderer.scene.description import Environment, Image, Material, SceneDescription
+from renderer.scene.environment import search_tables, tabulate_environment
+from renderer.scene.lights import cumulative
+from tests.renderer.builders import scene, square
 from tests.renderer.judge import chi_squared
 
 N = 300_000
 
 
 @entry
-def _run(which, environment, marginal, conditional, frame, given, direction, value):
+def _run(which, made, given, direction, value):
     for i in range(len(given)):
         if which == 0:
-            direction_i, value[i, 0] = sample_environment(marginal, conditional, frame, given[i, 2], (given[i, 0], given[i, 1]))
+            direction_i, value[i, 0] = sample_environment(made, given[i, 2], (given[i, 0], given[i, 1]))
             for k in range(3):
                 direction[i, k] = direction_i[k]
         else:
-            d = (given[i, 0], given[i, 1], given[i, 2])
-            value[i, 0] = environment_pdf(marginal, conditional, frame, d)
-            radiance = environment_radiance(environment, frame, d)
+            radiance, value[i, 0] = environment_light(made, (given[i, 0], given[i, 1], given[i, 2]), True)
             for k in range(3):
                 direction[i, k] = radiance[k]
 
@@ -33,6 +37,17 @@ def _choose(cdf, u, index, rest, width):
         index[i], rest[i], width[i] = choose(cdf, u[i])
 
 
+@entry
+def _choose_from(cdf, start, u, index, rest, width):
+    for i in range(len(u)):
+        index[i], rest[i], width[i] = choose_from(cdf, start, u[i])
+
+
+@functools.cache
+def _without_sky():
+    return scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),))
+
+
 class Sky:
     """An environment's tables, and the kernel's functions over them."""
 
@@ -40,14 +55,15 @@ class Sky:
         description = SceneDescription(images=[Image("sky", np.asarray(pixels, np.float32), srgb=False)])
         description.environment = Environment(image=0, rotation=rotation)
         tables = tabulate_environment(description)
-        self.radiance, self.marginal, self.conditional = tables.radiance, tables.marginal, tables.conditional
-        self.frame = tables.frame(1.0)
+        self.radiance, self.frame = tables.radiance, tables.frame(1.0)
+        search = search_tables(tables.marginal, tables.conditional)
+        self.made = seal(_without_sky()._replace(environment=self.radiance, environment_frame=self.frame, **search))
         self.rotation = np.radians(rotation)
 
     def _run(self, which, given):
         given = np.ascontiguousarray(given, np.float32)
         direction, value = np.zeros((len(given), 3), np.float32), np.zeros((len(given), 1), np.float32)
-        _run(which, self.radiance, self.marginal, self.conditional, self.frame, given, direction, value)
+        _run(which, self.made, given, direction, value)
         return direction, value[:, 0]
 
     def sample(self, n=N, seed=0):
@@ -165,3 +181,40 @@ def test_choose_finds_the_interval_and_skips_what_is_empty():
     np.testing.assert_allclose(rest, [0, 0.4, 0.9996, 0, 1 / 3, 1], atol=1e-6)
     assert rest.max() < 1
     np.testing.assert_array_equal(width, [0.25] * 3 + [0.75] * 3)
+
+
+def peaked(count, seed):
+    """A cdf of texels that hold nothing, much the same, or nearly all; its steps are exact in float32 where there are few."""
+    rng = np.random.default_rng(seed)
+    weights = rng.random(count) ** 3 * (rng.random(count) > 0.2)
+    weights[rng.integers(count)] = [0, 1, 1e6][seed % 3]
+    return cumulative(weights)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 7, 8, 9, 31, 256, 1000])
+def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
+    """To the bit, for numbers between the cdf's, at them and right below them."""
+    for seed in range(6):
+        cdf = peaked(count, seed)
+        start = cutpoints(cdf)
+        edges = np.concatenate([cdf, np.nextafter(cdf, np.float32(0)), np.arange(len(start), dtype=np.float32) / len(start)])
+        u = np.concatenate([np.random.default_rng(seed).random(20_000, np.float32), edges[(edges >= 0) & (edges < 1)]])
+        found = []
+        for search, tables in ((_choose, (cdf,)), (_choose_from, (cdf, start))):
+            index, rest, width = np.empty(len(u), np.int64), np.empty(len(u), np.float32), np.empty(len(u), np.float32)
+            search(*tables, u.astype(np.float32), index, rest, width)
+            found.append((index, rest, width))
+        for ours, expected in zip(found[1], found[0], strict=True):
+            assert np.array_equal(ours, expected)
+
+
+def test_the_search_begins_where_the_part_begins():
+    """A power of two of them, about one to four texels, and each row of a table for itself."""
+    cdf = np.stack([peaked(300, seed) for seed in range(4)])
+    start = cutpoints(cdf)
+    assert start.shape == (4, 128)
+    lower = np.arange(128) / 128
+    for row, begin in zip(cdf, start, strict=True):
+        assert (row[begin] <= lower).all()
+        assert (row[begin + 1] > lower).all()
+    assert cutpoints(cumulative(np.ones(1))).tolist() == [0]

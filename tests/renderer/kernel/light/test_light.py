@@ -8,7 +8,7 @@ import pytest
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
-from renderer.kernel.light.lights import environment_light_pdf, primitive_light_pdf, sample_light
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
 from renderer.kernel.surface.surface import surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.scene.lights import chosen_by
@@ -40,7 +40,7 @@ def _density(made, stack, p, n, direction, pdf):
     o = (p[0], p[1], p[2])
     for i in range(len(direction)):
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
-        pdf[i] = environment_light_pdf(made, d)
+        pdf[i] = environment_seen(made, d, True)[1]
         hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf))
         if hit.primitive != NO_PRIMITIVE:
             surface = surface_at(made, o, d, hit)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.arrays.light_rows import CHILD, END, NO_END
 from renderer.arrays.rows import PART_MATERIAL
 from renderer.jit import entry
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
@@ -18,14 +19,14 @@ POINTS = 40
 def _choose(made, p, n, u, light, chance, again):
     point, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
-        light[i], chance[i] = choose_from_tree(made.light_node, made.light_child, point, normal, u[i])
-        again[i] = tree_chance(made.light_node, made.light_child, point, normal, light[i])
+        light[i], chance[i] = choose_from_tree(made.light_node, point, normal, u[i])
+        again[i] = tree_chance(made.light_node, point, normal, light[i])
 
 
 @entry
 def _chances(made, p, n, chance):
     for light in range(len(chance)):
-        chance[light] = tree_chance(made.light_node, made.light_child, (p[0], p[1], p[2]), (n[0], n[1], n[2]), light)
+        chance[light] = tree_chance(made.light_node, (p[0], p[1], p[2]), (n[0], n[1], n[2]), light)
 
 
 def chances(made, p, n):
@@ -71,10 +72,19 @@ def points_and_normals(seed=1, count=POINTS):
     return rng.uniform(-14, 14, (count, 3)), normal
 
 
-def test_every_light_is_a_leaf_once(made):
-    leaves = made.light_child[made.light_child[:, 0] < 0, 2]
+def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
+    child, end = (made.light_node[:, row].view(np.int32) for row in (CHILD, END))
+
+    def lights_below(node, begin):
+        """How many lights there are up to that node's last one."""
+        for k in np.flatnonzero(end[node] != NO_END):
+            begin = lights_below(child[node, k], begin) if child[node, k] >= 0 else begin + (child[node, k] == ~begin)
+            assert end[node, k] == begin
+        return begin
+
     assert len(made.light_primitive) >= TREE_FROM
-    assert np.array_equal(np.sort(leaves), np.arange(len(made.light_primitive)))
+    assert lights_below(0, 0) == len(made.light_primitive)
+    assert np.array_equal(np.sort(child[child > 0]), np.arange(1, len(child)))
     assert len(set(made.light_primitive.tolist())) == len(made.light_primitive)
     for primitive, light in enumerate([*made.triangle_light, *made.sphere_light]):
         assert light < 0 or made.light_primitive[light] == primitive
@@ -100,6 +110,66 @@ def test_lights_are_chosen_as_often_as_the_tree_says(made):
         counts = np.append(np.bincount(light[~ended], minlength=len(expected)), ended.sum())
         rest = max(1 - expected.astype(float).sum(), 0)
         chi_squared(counts, np.append(expected, rest) * (count / (expected.astype(float).sum() + rest)), 12)
+
+
+def angle(a, b):
+    return np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b))
+
+
+def plain_importance(light, p, n):
+    """Conty Estevez & Kulla's bound of one light, by the angles themselves in double precision; NaN at the edge of a spot's cone,
+    where the tree allows for what float32 cannot tell."""
+    facing = 1.0
+    if light.kind == "directional":
+        if n.any():
+            facing = max(np.cos(max(angle(-np.array(light.direction), n) - np.radians(light.angle / 2), 0)), 0)
+        return light.intensity[0] * facing
+    away = p - np.array(light.position)
+    seen_under = np.arcsin(light.radius / np.linalg.norm(away))
+    spread = np.radians(light.outer_cone) if light.kind == "spot" else np.pi
+    if n.any():
+        facing = max(np.cos(max(angle(-away, n) - seen_under, 0)), 0)
+    beyond = angle(light.direction, away) - spread - seen_under
+    lit = np.nan if abs(beyond) < 0.01 else float(beyond < 0)
+    return light.intensity[0] * lit * facing / np.dot(away, away)
+
+
+def test_the_chances_in_one_node_are_in_proportion_to_the_papers_bound():
+    """Eight lights without a body: all in the root, and nothing to bound them more widely than they are."""
+    lamps = (
+        *(Light("point", gray(2.0**i), (i - 2.0, 3.0, i % 2), radius=0.4 * i) for i in range(3)),
+        *(Light("spot", gray(9.0), (i, 2.0, -1.0), (0.3 * i, -1, 0.2), outer_cone=20 + 40 * i, radius=0.1 * i) for i in range(3)),
+        *(Light("directional", gray(0.3 + i), direction=(i, -1.0, 0.5), angle=20.0 * i) for i in range(2)),
+    )
+    made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
+    order = made.light_primitive - 2
+    assert len(made.light_node) == 1
+    judged = 0
+    for p, n in zip(*points_and_normals(count=60), strict=True):
+        expected = np.array([plain_importance(lamps[i], p, n) for i in order])
+        if expected.sum() > 0:
+            judged += 1
+            np.testing.assert_allclose(chances(made, p, n), expected / expected.sum(), atol=2e-3)
+    assert judged > 40
+
+
+def test_suns_among_lamps_are_chosen_by_where_they_stand():
+    """A sun counts by its irradiance on what faces it, wherever that is; one below the horizon not at all."""
+    lamps = (
+        *(Light("point", gray(1.0), (0.0, 1.0, 0.1 * i)) for i in range(20)),
+        Light("directional", gray(1.0), direction=(0.0, -1.0, 0.0)),
+        Light("directional", gray(1.0), direction=(0.0, 1.0, 0.0)),
+    )
+    made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
+    order = (made.light_primitive - 2).tolist()
+    above, below = order.index(20), order.index(21)
+    far = chances(made, (100.0, 0.0, 0.0), (0, 1, 0))
+    assert far[above] > 0.99
+    assert far[below] == 0
+    assert 0.02 < chances(made, (0.0, 0.0, 1.0), (0, 1, 0))[above] < 0.2
+    turned = chances(made, (100.0, 0.0, 0.0), (0, -1, 0))
+    assert turned[above] == 0
+    assert turned[below] == pytest.approx(1)
 
 
 def reaches(made, light, p, n):

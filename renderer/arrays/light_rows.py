@@ -1,0 +1,40 @@
+"""What a node of the light tree keeps of its eight children, lane by lane: where the builder and the walk agree.
+
+A child is bounded by a sphere around all its lights, a cone around their axes, and how far light leaves those. Infinitely far
+lights are bounded as others are, by a sphere that lies at the distance 1 from wherever one stands, in the direction they are in.
+A lane without a child sends nothing.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "AXIS",
+    "CHILD",
+    "COS_REACH",
+    "COS_SPREAD",
+    "END",
+    "INTENSITY",
+    "LIGHT_ROWS",
+    "LIGHT_WIDTH",
+    "MIRROR",
+    "NEAR",
+    "NO_END",
+    "PLACE",
+    "RADIUS",
+    "SIN_SPREAD",
+]
+
+LIGHT_WIDTH = 8
+LIGHT_ROWS = 15
+PLACE = 0  # three rows: the sphere's middle, negated; of distant lights, their axis
+NEAR = 3  # 1; of distant lights 0
+RADIUS = 4  # of distant lights the sine of their spread, or 2 where that is a right angle or more: one stands among them
+AXIS = 5  # three rows, a unit vector; of distant lights 0
+MIRROR = 8  # -1 where one shines to both sides, else 1
+COS_SPREAD = 9  # that of the angle by which axes differ from the common one; of distant lights -1
+SIN_SPREAD = 10
+COS_REACH = 11  # that of the angle by which light leaves its axis; 0 beyond a right angle, where the tree expects none
+INTENSITY = 12
+CHILD = 13  # int32, bit for bit: a node, or ~ the number of a light
+END = 14  # int32: one more than the number of the last light of a child; NO_END in a lane without one
+NO_END = 2**31 - 1

@@ -1,0 +1,24 @@
+"""Where a search for the interval of a cdf that holds a number begins: `choose_from` of renderer/kernel/light/environment.py."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.description import F32, I32
+
+__all__ = ["cutpoints"]
+
+_INTERVALS = 4  # of the cdf to one of the table's: with fewer more loads than one are needed, with more the table is large
+
+
+def cutpoints(cdf: F32) -> I32:
+    """For each of C equal parts of [0, 1), the interval of the cdf (..., N + 1) that its lower end lies in: (..., C).
+
+    C is a power of two, so that a number's part is found without rounding.
+    """
+    count = cdf.shape[-1] - 1
+    parts = 1 << max(0, (count - 1).bit_length() - (_INTERVALS - 1).bit_length())
+    lower = np.arange(parts, dtype=np.float32) / np.float32(parts)
+    inner = cdf.reshape(-1, count + 1)[:, 1:count]
+    found = [np.searchsorted(row, lower, side="right") for row in inner]
+    return np.array(found, np.int32).reshape(*cdf.shape[:-1], parts)
