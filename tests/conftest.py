@@ -8,6 +8,8 @@ from collections.abc import Generator, Iterator
 
 import hypothesis
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 
@@ -34,21 +36,44 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     stop_farm(made)
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist looks at the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What runs in one process where the tests are spread over several: all that share the farm or the browser, else a file.
+# The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
+# there is one farm, which nobody else disturbs.
+SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
+# What takes longest, and what waits most for other processes: begun first, so that nothing long is left for the end.
+FIRST = ("tests/chaos/", "tests/test_static.py", "tests/service/scheduling/", "tests/worker/", "tests/renderer/kernel/bsdf/")
 
-    Those that wait for other processes come first, so that the others fill the time. With pytest 9.2 and xdist 3.8 the groups
-    have no effect: xdist writes them into a node's id, and that no longer shows; so every process has a farm of its own.
+
+class Shares(LoadScopeScheduling):
+    """xdist's way with classes, for files: a file's tests run in one process, in the order of the collection.
+
+    Its own `loadgroup` writes a mark into a test's id, where pytest 9.1 and later do not look for it.
     """
+
+    def _split_scope(self, nodeid: str) -> str:
+        path = nodeid.partition("::")[0]
+        if path.startswith(SHARE_THE_FARM):
+            return "farm"
+        if path.startswith("tests/service/") and "RAYFARM_TEST_DATABASE_URL" in os.environ:
+            return "database"  # there is one, and it is emptied
+        return path
+
+
+@pytest.hookimpl(optionalhook=True)  # without -n there is nothing to spread
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Shares:
+    config.option.loadscopereorder = False
+    return Shares(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest first; and nobody starts a second farm unawares."""
+
+    def turn(item: pytest.Item) -> int:
+        return next((n for n, those in enumerate((SHARE_THE_FARM, FIRST)) if item.nodeid.startswith(those)), 2)
+
     for item in items:
-        shares = {"farm", "browser"} & set(getattr(item, "fixturenames", ()))
-        of_database = (
-            "service" in item.path.parts and "RAYFARM_TEST_DATABASE_URL" in os.environ
-        )  # there is one, and it is emptied
-        name = "farm" if shares else "database" if of_database else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(name))
-    items.sort(key=lambda item: item.get_closest_marker("farm") is None and item.get_closest_marker("browser") is None)
+        if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and turn(item) != 0:
+            raise pytest.UsageError(f"{item.nodeid} uses the farm or the browser: name its file in tests/conftest.py")
+    items.sort(key=turn)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -168,6 +168,18 @@ def test_a_farm_that_is_not_there_is_a_sentence() -> None:
         client.jobs()
 
 
+def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tmp_path: Path) -> None:
+    port = farm.url.rpartition(":")[2]
+    for arguments, sentence in (
+        ([f"--data={farm.data}", "--port=0"], f"already runs on {farm.data} at {farm.url}"),
+        ([f"--data={tmp_path}", f"--port={port}"], f"Port {port} of 127.0.0.1 is in use"),
+    ):
+        code, _, err = run("up", "--no-browser", "--workers=0", *arguments)
+        assert code == 1
+        assert sentence in err
+        assert "Traceback" not in err
+
+
 def test_a_data_folder_of_a_newer_release_is_refused_with_a_sentence(tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()

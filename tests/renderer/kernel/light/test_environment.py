@@ -42,6 +42,8 @@ class Sky:
         tables = tabulate_environment(description)
         self.radiance, self.marginal, self.conditional = tables.radiance, tables.marginal, tables.conditional
         self.frame = tables.frame(1.0)
+        for table in (self.radiance, self.marginal, self.conditional, self.frame):
+            table.flags.writeable = False  # as a compiled scene's, for which the kernel's functions are compiled
         self.rotation = np.radians(rotation)
 
     def _run(self, which, given):
