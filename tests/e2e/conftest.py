@@ -51,7 +51,8 @@ class Watched:
 @pytest.fixture
 def watched(browser: Browser) -> Iterator[Watched]:
     """A fresh page in a browser profile of its own."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, accept_downloads=True)
+    # Small and without animations: every frame is drawn by the CPU.
+    context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
     context.set_default_timeout(20_000)
     page = context.new_page()
     result = Watched(page)
