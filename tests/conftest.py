@@ -39,8 +39,8 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 # The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
 # there is one farm, which nobody else disturbs.
 SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
-# What takes longest, and what waits most for other processes: begun first, so that nothing long is left for the end.
-FIRST = ("tests/chaos/", "tests/test_static.py", "tests/service/scheduling/", "tests/worker/", "tests/renderer/kernel/bsdf/")
+# What takes longest, or needs no kernel while the farm compiles them: begun first, in this order.
+FIRST = ("tests/test_static.py", "tests/service/scheduling/", "tests/chaos/", "tests/test_packaging.py", "tests/worker/")
 
 
 class Shares(LoadScopeScheduling):
@@ -65,10 +65,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Shares:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest first; and nobody starts a second farm unawares."""
+    """Puts them in order; and nobody starts a second farm unawares."""
+    order = (SHARE_THE_FARM, *FIRST)
 
     def turn(item: pytest.Item) -> int:
-        return next((n for n, those in enumerate((SHARE_THE_FARM, FIRST)) if item.nodeid.startswith(those)), 2)
+        return next((n for n, paths in enumerate(order) if item.nodeid.startswith(paths)), len(order))
 
     for item in items:
         if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and turn(item) != 0:

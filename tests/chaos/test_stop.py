@@ -24,7 +24,7 @@ def gone(processes: list[psutil.Process]) -> bool:
         ([signal.SIGINT], 10, 2),
         ([signal.SIGINT, signal.SIGINT], 3, 2),
         ([signal.SIGTERM], 10, 0),  # for what is below, these two are as one Ctrl-C: a farm without a worker starts sooner
-        ([signal.SIGHUP], 10, 0),
+        pytest.param([signal.SIGHUP], 10, 0, marks=pytest.mark.long),
         ([signal.SIGKILL], 3, 2),
     ],
     ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "SIGKILL"],

@@ -46,8 +46,8 @@ def facing_up(**fields) -> Surface:
     up, nothing = (zero, zero, one), (zero, zero, zero)
     known = {
         "point": nothing, "error": zero, "geometric": up, "shading": up, "uv": (zero, zero), "front": True,
-        "material": np.uint32(0), "light": np.int32(-1), "object": np.int32(0), "uv1": (zero, zero), "color": (one, one, one, one),
-        "tangent": (one, zero, zero, one), "smooth": False, "lift": nothing,
+        "material": np.uint32(0), "light": np.int32(-1), "object": np.int32(0), "uv1": (zero, zero),
+        "color": (one, one, one, one), "tangent": (one, zero, zero, one), "smooth": False, "lift": nothing,
     }  # fmt: skip
     return Surface(**{**known, **fields})
 
