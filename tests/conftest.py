@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Generator, Iterator
+from contextlib import ExitStack
 
 import hypothesis
 import pytest
@@ -15,6 +16,13 @@ from tests.helpers import Farm, running_redis, start_farm, stop_farm
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
+# there is one farm, which nobody else disturbs.
+SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
+# What takes longest, or needs no kernel while the farm compiles them: begun first, in this order.
+FIRST = ("tests/test_static.py", "tests/service/scheduling/", "tests/chaos/", "tests/test_packaging.py", "tests/worker/")
+SHARED = pytest.StashKey[ExitStack]()
 
 # How long an example takes says more about the machine than about the code.
 hypothesis.settings.register_profile("rayfarm", deadline=None)
@@ -29,18 +37,25 @@ def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+def shared(request: pytest.FixtureRequest) -> Iterator[ExitStack]:
+    """Ends what is put on it after the last test that may use it: a farm is never quite idle."""
+    with ExitStack() as ends:
+        request.session.stash[SHARED] = ends
+        yield ends
+
+
+@pytest.hookimpl(trylast=True)  # when the test's own fixtures have ended
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    if SHARED in item.session.stash and (nextitem is None or not nextitem.nodeid.startswith(SHARE_THE_FARM)):
+        item.session.stash[SHARED].close()
+
+
+@pytest.fixture(scope="session")
+def farm(tmp_path_factory: pytest.TempPathFactory, shared: ExitStack) -> Farm:
     """A farm with two slots that the tests share; those that kill things start their own."""
     made = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
-    yield made
-    stop_farm(made)
-
-
-# The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
-# there is one farm, which nobody else disturbs.
-SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
-# What takes longest, or needs no kernel while the farm compiles them: begun first, in this order.
-FIRST = ("tests/test_static.py", "tests/service/scheduling/", "tests/chaos/", "tests/test_packaging.py", "tests/worker/")
+    shared.callback(stop_farm, made)
+    return made
 
 
 class Shares(LoadScopeScheduling):
