@@ -3,7 +3,8 @@
 
     python3 farm.py up                     the farm and its page; a second start takes seconds
     python3 farm.py render|submit|info ... any other command of `rayfarm`
-    python3 farm.py test [--long] [...]    installs what the tests need and runs all checks; more arguments go to pytest
+    python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds whole
+                                           grids of statistics, installations and comparisons; more arguments go to pytest
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
     python3 farm.py bench [name ...]       the benchmarks
@@ -188,9 +189,12 @@ def run_tests(python, arguments):
         arguments = [a for a in arguments if a != "--long"]
     else:
         arguments = ["-m", "not long", *arguments]
-    processes = min(os.cpu_count() or 1, 4)
-    spread = ["-n", str(processes), "--dist", "loadgroup", "--no-loadscope-reorder"] if processes > 1 else []
-    return subprocess.call([str(python), "-m", "pytest", *spread, *arguments], cwd=str(ROOT))
+    # Many tests wait for other processes, so there is one process of tests more than processors. How they share the work is in
+    # tests/conftest.py.
+    processes = min((os.cpu_count() or 1) + 1, 4)
+    environment = dict(os.environ)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
+    return subprocess.call([str(python), "-m", "pytest", "-n", str(processes), *arguments], cwd=str(ROOT), env=environment)
 
 
 def run_peers(python, arguments):

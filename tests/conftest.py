@@ -5,14 +5,24 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Generator, Iterator
+from contextlib import ExitStack
 
 import hypothesis
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
+# there is one farm, which nobody else disturbs.
+SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
+# What takes longest, or needs no kernel while the farm compiles them: begun first, in this order.
+FIRST = ("tests/test_static.py", "tests/service/scheduling/", "tests/chaos/", "tests/test_packaging.py", "tests/worker/")
+SHARED = pytest.StashKey[ExitStack]()
 
 # How long an example takes says more about the machine than about the code.
 hypothesis.settings.register_profile("rayfarm", deadline=None)
@@ -27,28 +37,59 @@ def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+def shared(request: pytest.FixtureRequest) -> Iterator[ExitStack]:
+    """Ends what is put on it after the last test that may use it: a farm is never quite idle."""
+    with ExitStack() as ends:
+        request.session.stash[SHARED] = ends
+        yield ends
+
+
+@pytest.hookimpl(trylast=True)  # when the test's own fixtures have ended
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    if SHARED in item.session.stash and (nextitem is None or not nextitem.nodeid.startswith(SHARE_THE_FARM)):
+        item.session.stash[SHARED].close()
+
+
+@pytest.fixture(scope="session")
+def farm(tmp_path_factory: pytest.TempPathFactory, shared: ExitStack) -> Farm:
     """A farm with two slots that the tests share; those that kill things start their own."""
     made = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
-    yield made
-    stop_farm(made)
+    shared.callback(stop_farm, made)
+    return made
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist looks at the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What runs in one process where the tests are spread over several: all that share the farm or the browser, else a file.
+class Shares(LoadScopeScheduling):
+    """xdist's way with classes, for files: a file's tests run in one process, in the order of the collection.
 
-    Those that wait for other processes come first, so that the others fill the time. With pytest 9.2 and xdist 3.8 the groups
-    have no effect: xdist writes them into a node's id, and that no longer shows; so every process has a farm of its own.
+    Its own `loadgroup` writes a mark into a test's id, where pytest 9.1 and later do not look for it.
     """
+
+    def _split_scope(self, nodeid: str) -> str:
+        path = nodeid.partition("::")[0]
+        if path.startswith(SHARE_THE_FARM):
+            return "farm"
+        if path.startswith("tests/service/") and "RAYFARM_TEST_DATABASE_URL" in os.environ:
+            return "database"  # there is one, and it is emptied
+        return path
+
+
+@pytest.hookimpl(optionalhook=True)  # without -n there is nothing to spread
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Shares:
+    config.option.loadscopereorder = False
+    return Shares(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Puts them in order; and nobody starts a second farm unawares."""
+    order = (SHARE_THE_FARM, *FIRST)
+
+    def turn(item: pytest.Item) -> int:
+        return next((n for n, paths in enumerate(order) if item.nodeid.startswith(paths)), len(order))
+
     for item in items:
-        shares = {"farm", "browser"} & set(getattr(item, "fixturenames", ()))
-        of_database = (
-            "service" in item.path.parts and "RAYFARM_TEST_DATABASE_URL" in os.environ
-        )  # there is one, and it is emptied
-        name = "farm" if shares else "database" if of_database else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(name))
-    items.sort(key=lambda item: item.get_closest_marker("farm") is None and item.get_closest_marker("browser") is None)
+        if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and turn(item) != 0:
+            raise pytest.UsageError(f"{item.nodeid} uses the farm or the browser: name its file in tests/conftest.py")
+    items.sort(key=turn)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -87,7 +87,7 @@ class CompiledScene(NamedTuple):
 # A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E, E? is E or 0.
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
-    "bvh.packet": ("<f4", ("B", PACKET_ROWS, WIDTH)),
+    "bvh.packet": ("<f4", ("C", PACKET_ROWS, WIDTH)),
     "bvh.to_local": ("<f8", ("I", 3, 4)),
     "to_world": ("<f8", ("I", 3, 4)),
     "bvh.instance_root": ("<i4", ("I",)),
@@ -220,7 +220,7 @@ def check(arrays: dict[str, Array]) -> None:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
-    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["B"])
+    beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["C"])
     if int(children.max()) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]

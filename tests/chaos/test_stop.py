@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import psutil
 import pytest
 
-from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
+from tests.helpers import start_farm, stop_farm, wait_until
 
 pytestmark = pytest.mark.farm
 
@@ -26,7 +24,7 @@ def gone(processes: list[psutil.Process]) -> bool:
         ([signal.SIGINT], 10, 2),
         ([signal.SIGINT, signal.SIGINT], 3, 2),
         ([signal.SIGTERM], 10, 0),  # for what is below, these two are as one Ctrl-C: a farm without a worker starts sooner
-        ([signal.SIGHUP], 10, 0),
+        pytest.param([signal.SIGHUP], 10, 0, marks=pytest.mark.long),
         ([signal.SIGKILL], 3, 2),
     ],
     ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "SIGKILL"],
@@ -49,16 +47,3 @@ def test_nothing_is_left(tmp_path: Path, signals: list[signal.Signals], seconds:
             assert "Nothing is left running" in farm.log.read_text()
     finally:
         stop_farm(farm)
-
-
-def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tmp_path: Path) -> None:
-    port = farm.url.rpartition(":")[2]
-    for arguments, sentence in (
-        ([f"--data={farm.data}", "--port=0"], f"already runs on {farm.data} at {farm.url}"),
-        ([f"--data={tmp_path}", f"--port={port}"], f"Port {port} of 127.0.0.1 is in use"),
-    ):
-        command = [sys.executable, "-m", "rayfarm", "up", "--no-browser", "--workers=0", *arguments]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30)
-        assert done.returncode == 1
-        assert sentence in done.stderr
-        assert "Traceback" not in done.stderr

@@ -78,9 +78,10 @@ def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> n
 
 def rendered(farm: Farm, scene: str, **request: Any) -> str:
     """The id of a job that is finished."""
-    job = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **request}).raise_for_status().json()["id"]
-    wait_until(lambda: httpx.get(f"{farm.url}/api/jobs/{job}").json()["state"] == "finished", 90, "the job is finished")
-    return str(job)
+    with farm.client() as client:
+        job = client.submit(scene, **request).id
+        wait_until(lambda: client.job(job).state == "finished", 90, "the job is finished")
+    return job
 
 
 def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:

@@ -58,7 +58,8 @@ def test_a_pixels_depth_along_the_line_of_sight(page: Page) -> None:
 def test_the_farm_follows_the_hand_and_a_click_sets_the_focus(farm: Farm, watched: Watched) -> None:
     page = watched.page
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    wait_until(lambda: httpx.get(f"{farm.url}/api/scenes/{scene}").json()["status"] == "ready", 60, "the scene is ready")
+    with farm.client() as client:
+        client.wait_for_scene(scene)
     others = {job["id"] for job in httpx.get(f"{farm.url}/api/jobs").json()}
     page.goto(f"{farm.url}/#/scenes/{scene}")
     page.get_by_role("button", name="Turn the view").click()

@@ -17,6 +17,7 @@ import pytest
 from rayfarm.client import Client, ClientError
 from renderer.denoise import is_available
 from tests.helpers import ROOT, Farm, wait_until
+from tests.rayfarm.program import rayfarm
 from tests.renderer.scene.builders import shoe
 
 pytestmark = pytest.mark.farm
@@ -37,6 +38,12 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
+def here(*arguments: str | Path) -> tuple[int, str, str]:
+    """The same in this process, where numba and the kernels are loaded already."""
+    done = rayfarm(*arguments, COLUMNS="160", RAYFARM_TOKEN="")
+    return done.returncode, done.stdout, done.stderr
+
+
 def pixels(path: Path) -> np.ndarray:
     file = oiio.ImageInput.open(str(path))
     try:
@@ -49,13 +56,13 @@ def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) 
     code, out, err = run("submit", CORNELL, "--server", farm.url, "--wait", "-o", tmp_path / "farm.exr", *SMALL)
     assert code == 0, err
     job = out.strip()
-    assert run("render", CORNELL, "-o", tmp_path / "alone.exr", *SMALL)[0] == 0
+    assert here("render", CORNELL, "-o", tmp_path / "alone.exr", *SMALL)[0] == 0
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
 
-    code, out, _ = run("jobs", "--server", farm.url)
+    code, out, _ = here("jobs", "--server", farm.url)
     assert code == 0
     assert any(job in line and "finished" in line and "100 %" in line for line in out.splitlines()), out
-    shown = json.loads(run("jobs", job, "--json", "--server", farm.url)[1])
+    shown = json.loads(here("jobs", job, "--json", "--server", farm.url)[1])
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 
@@ -69,7 +76,7 @@ def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
         "shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: white}]\nmaterials: {white: {kind: diffuse, color: 1}}\n"
     )
     arguments = [f"--env={tmp_path / 'sky.exr'}", "--size=16x16", "--spp=64", "--eye=0,0,4", "--target=0,0,0"]
-    code, _, err = run("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "ball.exr", *arguments)
+    code, _, err = here("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "ball.exr", *arguments)
     assert code == 0, err
     # A white ball in even light is as bright as the light: the furnace.
     assert pixels(tmp_path / "ball.exr").mean() == pytest.approx(0.25, rel=0.02)
@@ -81,9 +88,9 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
     )
     arguments = ["--env=sky:20,60", "--size=24x16", "--spp=8", "--eye=0,0,4", "--target=0,0,0", "--aov=depth"]
     more = ["--denoise"] if is_available() else []
-    code, _, err = run("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "farm.exr", *arguments, *more)
+    code, _, err = here("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "farm.exr", *arguments, *more)
     assert code == 0, err
-    assert run("render", tmp_path / "ball.yaml", "-o", tmp_path / "alone.exr", *arguments)[0] == 0
+    assert here("render", tmp_path / "ball.yaml", "-o", tmp_path / "alone.exr", *arguments)[0] == 0
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
     assert pixels(tmp_path / "farm.exr")[2, :, 2].min() > 0, "there is a sky"
     if more:
@@ -96,18 +103,18 @@ def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> Non
     (tmp_path / "shoe.glb").write_bytes(shoe().glb())
     shown = ["--size=16x16", "--spp=4", "--eye=0.3,0.3,2", "--target=0.3,0.3,0", "--aov=albedo"]
     for variant in ([], ["--variant=night"], ["--variant=0"]):
-        code, _, err = run("submit", tmp_path / "shoe.glb", "--server", farm.url, "-o", tmp_path / "far.exr", *shown, *variant)
+        code, _, err = here("submit", tmp_path / "shoe.glb", "--server", farm.url, "-o", tmp_path / "far.exr", *shown, *variant)
         assert code == 0, err
-        assert run("render", tmp_path / "shoe.glb", "-o", tmp_path / "near.exr", *shown, *variant)[0] == 0
+        assert here("render", tmp_path / "shoe.glb", "-o", tmp_path / "near.exr", *shown, *variant)[0] == 0
         assert np.array_equal(pixels(tmp_path / "far.exr"), pixels(tmp_path / "near.exr"))
-    code, _, err = run("submit", tmp_path / "shoe.glb", "--server", farm.url, "--variant=winter")
+    code, _, err = here("submit", tmp_path / "shoe.glb", "--server", farm.url, "--variant=winter")
     assert code == 1
     assert "no variant 'winter'; its variants are 0: beach, 1: night, 2: day" in err
 
 
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "noise.glb").write_bytes(b"glTF" + os.urandom(200))
-    code, _, err = run("submit", tmp_path / "noise.glb", "--server", farm.url)
+    code, _, err = here("submit", tmp_path / "noise.glb", "--server", farm.url)
     assert code == 1
     assert "noise.glb" in err
     assert "Traceback" not in err
@@ -166,6 +173,18 @@ def test_a_farm_that_is_not_there_is_a_sentence() -> None:
         client.jobs()
     with Client("http://exa mple") as client, pytest.raises(ClientError):
         client.jobs()
+
+
+def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tmp_path: Path) -> None:
+    port = farm.url.rpartition(":")[2]
+    for arguments, sentence in (
+        ([f"--data={farm.data}", "--port=0"], f"already runs on {farm.data} at {farm.url}"),
+        ([f"--data={tmp_path}", f"--port={port}"], f"Port {port} of 127.0.0.1 is in use"),
+    ):
+        code, _, err = run("up", "--no-browser", "--workers=0", *arguments)
+        assert code == 1
+        assert sentence in err
+        assert "Traceback" not in err
 
 
 def test_a_data_folder_of_a_newer_release_is_refused_with_a_sentence(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def pictures():
         sums = render_frame(scene, settings, spp)
         return [film.mean(sums, settings.film_exponent, channel) for channel in (film.COLOR, film.ALBEDO, film.NORMAL)]
 
-    return render(0, 4096), [render(seed, 16) for seed in SEEDS]
+    return render(0, 1024), [render(seed, 16) for seed in SEEDS]
 
 
 def edges_of(albedo, normal):

@@ -94,6 +94,7 @@ def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, sto
     for queue in (render_queue(kind), prepare_queue(kind)):
         store.rpush(queue, json.dumps({"body": "e30=", "headers": {}, "properties": {}}))
     service.start()
+    until(lambda: not store.exists(render_queue(kind), prepare_queue(kind)), "what was asked for before is asked for no more")
     with OldWorker(str(service.options["redis_url"]), service.url, "the farm's token", kind=kind):
         job = service.submit(service.ready_scene(), **ASKED)
         service.wait_for(job, "finished")

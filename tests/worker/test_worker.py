@@ -362,7 +362,7 @@ def busiest(parent: int) -> psutil.Process:
     """The slot that works."""
     slots = psutil.Process(parent).children()
     before = {slot.pid: sum(slot.cpu_times()[:2]) for slot in slots}
-    wait_until(lambda: any(sum(s.cpu_times()[:2]) - before[s.pid] > 0.05 for s in slots), 10, "a slot uses its core")
+    wait_until(lambda: any(sum(s.cpu_times()[:2]) - before[s.pid] > 0.05 for s in slots), 30, "a slot uses its core")
     return max(slots, key=lambda s: sum(s.cpu_times()[:2]) - before[s.pid])
 
 

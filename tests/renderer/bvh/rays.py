@@ -35,8 +35,8 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
     """Rays (n, 3) from o (n, 3) or (3,); d need not be unit."""
     d = np.ascontiguousarray(d, np.float32).reshape(-1, 3)
     n = len(d)
-    o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (n, 3)))
-    limit = np.ascontiguousarray(np.broadcast_to(np.float32(t_max), (n,)))
+    # Copies, which may be written into: for arrays that may not the kernel would be compiled once more.
+    o, limit = (np.array(np.broadcast_to(each, shape), np.float32, order="C") for each, shape in ((o, (n, 3)), (t_max, (n,))))
     hits = Hits(
         np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_), np.empty(n, np.int32)
     )

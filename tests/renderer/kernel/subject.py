@@ -36,8 +36,20 @@ def _eval(compiled, surface, layers, wo, wi, f, pdf):
 
 
 def many(vector, n):
-    """(n, 3) float32 of one vector (3,), or of n of them."""
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(vector, np.float32), (n, 3)))
+    """(n, 3) float32 of one vector (3,), or of n of them; writable, as a kernel is compiled once more for what is not."""
+    return np.array(np.broadcast_to(vector, (n, 3)), np.float32, order="C")
+
+
+def facing_up(**fields) -> Surface:
+    """A surface of material 0 at the origin; its numbers are of the types that paths give them, for kernels compiled already."""
+    zero, one = np.float32(0), np.float32(1)
+    up, nothing = (zero, zero, one), (zero, zero, zero)
+    known = {
+        "point": nothing, "error": zero, "geometric": up, "shading": up, "uv": (zero, zero), "front": True,
+        "material": np.uint32(0), "light": np.int32(-1), "object": np.int32(0), "uv1": (zero, zero),
+        "color": (one, one, one, one), "tangent": (one, zero, zero, one), "smooth": False, "lift": nothing,
+    }  # fmt: skip
+    return Surface(**{**known, **fields})
 
 
 class Subject:
@@ -46,25 +58,7 @@ class Subject:
     def __init__(self, material: Material, front: bool = True):
         self.material = material
         self.compiled = scene([material], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),), environment=1.0)
-        zero, one = np.float32(0), np.float32(1)
-        up, nothing = (zero, zero, one), (zero, zero, zero)
-        white = (one, one, one, one)
-        self._surface = Surface(
-            point=nothing,
-            error=zero,
-            geometric=up,
-            shading=up,
-            uv=(zero, zero),
-            front=front,
-            material=0,
-            light=-1,
-            object=0,
-            uv1=(zero, zero),
-            color=white,
-            tangent=(one, zero, zero, one),
-            smooth=False,
-            lift=nothing,
-        )
+        self._surface = facing_up(front=front)
         self._layers = np.zeros(LAYER_SLOTS, np.float32)
 
     def sample(self, wo, n=200_000, seed=0):

@@ -37,7 +37,7 @@ NAMES = ("sincos", "atan2", "acos", "exp2", "log2", "exp", "log", "power", "floo
 
 def call(name, x, y=0.0):
     x = np.atleast_1d(np.asarray(x, np.float32))
-    y = np.ascontiguousarray(np.broadcast_to(np.asarray(y, np.float32), x.shape))
+    y = np.array(np.broadcast_to(y, x.shape), np.float32)
     out, second = np.empty_like(x), np.empty_like(x)
     _call(NAMES.index(name), x, y, out, second)
     return (second.astype(float), out.astype(float)) if name == "sincos" else out.astype(float)

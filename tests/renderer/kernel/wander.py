@@ -10,6 +10,7 @@ from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 from renderer.kernel.surface.surface import departure, surface_at
+from tests.renderer.kernel.subject import many
 
 _FAR = np.float32(np.inf)
 
@@ -38,7 +39,7 @@ def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: 
     d = rng.standard_normal((count, 3))
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
     done = np.zeros(count, np.int64)
-    origin = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (count, 3)))
+    origin = many(o, count)
     _wander(scene, new_stack(), origin, d, rng.random((count, bounces, 2), np.float32), done)
     return done
 
@@ -63,6 +64,6 @@ def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> 
     """Whether rays hit, and whether rays that leave from there, cosine distributed, hit again: (hits, met), (n,) bool."""
     u = np.random.default_rng(seed).random((len(d), 2), np.float32)
     hits, met = np.zeros(len(d), bool), np.zeros(len(d), bool)
-    o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), (len(d), 3)))
+    o = many(o, len(d))
     _touch(scene, new_stack(), o, np.ascontiguousarray(d, np.float32), u, met, hits)
     return hits, met

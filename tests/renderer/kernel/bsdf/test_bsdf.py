@@ -18,6 +18,12 @@ GOLD = {"eta": (0.18, 0.42, 1.37), "k": (3.42, 2.35, 1.77)}
 ANGLES = (0, 45, 80)
 
 
+def corners(*values):
+    """Values of a parameter: its ends always, what lies between them with --long."""
+    first, *between, last = values
+    return [first, *(pytest.param(value, marks=pytest.mark.long) for value in between), last]
+
+
 def principled(**fields):
     return Material(**{"kind": "metallic_roughness", "base_color": COLOR, "roughness": 0.5, **fields})
 
@@ -61,7 +67,7 @@ def sphere(n, seed):
     return w
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("degrees", corners(*ANGLES))
 @pytest.mark.parametrize(("name", "front"), CASES)
 def test_samples_follow_their_density(subjects, name, front, degrees):
     subject, wo = subjects[name, front], tilted(degrees)
@@ -204,8 +210,8 @@ def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
     assert (carried.mean(0) <= 1 + slack + limit(180) * error).all()
 
 
-@pytest.mark.parametrize("degrees", [0, 30, 60, 80])
-@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("degrees", corners(0, 30, 60, 80))
+@pytest.mark.parametrize("roughness", corners(0.1, 0.3, 0.6, 1.0))
 @pytest.mark.parametrize(
     ("what", "least"),
     [

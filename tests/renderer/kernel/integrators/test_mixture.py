@@ -41,16 +41,16 @@ def test_directions_follow_their_density(targets, point, primitive):
     p = np.array(point, np.float32)
     u = np.random.default_rng(primitive).random((N, 2), np.float32)
     directions, pdf = np.empty((N, 3), np.float32), np.empty(N, np.float32)
-    _aim(targets, primitive, p, u, directions, pdf)
+    _aim(targets, np.int32(primitive), p, u, directions, pdf)
     again = np.empty(N, np.float32)
-    _density(targets, primitive, p, directions, again)
+    _density(targets, np.int32(primitive), p, directions, again)
     inner = again > 0  # at the very rim, rounding may let a direction pass by
     assert inner.mean() > 0.999
     np.testing.assert_allclose(again[inner], pdf[inner], rtol=2e-3)
 
     def density(grid):
         values = np.empty(len(grid), np.float32)
-        _density(targets, primitive, p, np.ascontiguousarray(grid, np.float32), values)
+        _density(targets, np.int32(primitive), p, np.ascontiguousarray(grid, np.float32), values)
         return values
 
     direction_test(directions, density, tests=len(POINTS) * 4, fine=48, name=f"primitive {primitive} from {point}")

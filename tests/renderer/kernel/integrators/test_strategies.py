@@ -84,7 +84,8 @@ def test_lights_without_a_body_are_seen_by_every_strategy(sampling):
 def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
     furnace = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette=roulette, sampling=sampling, sampler="independent")
-    assert_mean(render_frame(furnace, asked, 512), 1.0, slack=1e-4, tests=10)
+    samples = 32 if roulette == 1.0 else 512  # paths that nothing ends are long, and have little noise
+    assert_mean(render_frame(furnace, asked, samples), 1.0, slack=1e-4, tests=10)
 
 
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])

@@ -26,7 +26,7 @@ def _choose(made, p, n, u, light, chance, again):
 @entry
 def _chances(made, p, n, chance):
     for light in range(len(chance)):
-        chance[light] = tree_chance(made.light_node, (p[0], p[1], p[2]), (n[0], n[1], n[2]), light)
+        chance[light] = tree_chance(made.light_node, (p[0], p[1], p[2]), (n[0], n[1], n[2]), np.int32(light))
 
 
 def chances(made, p, n):

@@ -35,7 +35,7 @@ def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
     made = scene([WHITE, emitter(1.0), card], (FLOOR, square((0, 2, 0), (2, 0, 0), (0, 0, 2), 1), *over))
     bare = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 2, 0), (2, 0, 0), (0, 0, 2), 1)))
     view = ((0, 0.5, -2), (0, 0, 0), 0.01)
-    expected = mean(render_frame(bare, settings(*view, max_depth=2), 4096), 24).mean()
+    expected = mean(render_frame(bare, settings(*view, max_depth=2), 1024), 24).mean()
     assert_mean(render_frame(made, settings(*view, max_depth=2, sampling=sampling), 512), expected * 0.36, slack=2e-3, tests=3)
 
 
@@ -74,7 +74,7 @@ def test_invisible_shells_change_nothing(sampling):
     )
     bare = scene([Material(base_color=gray(0.6)), emitter(4.0)], spheres=(Sphere((0, 0, 0), 1.0), Sphere((0, 3, 0), 1.0, 1)))
     view = ((0, 3, 3), (0, 0.7, 0), 10)
-    expected = mean(render_frame(bare, settings(*view, max_depth=2), 2048), 24).mean()
+    expected = mean(render_frame(bare, settings(*view, max_depth=2), 1024), 24).mean()
     assert_mean(
         render_frame(made, settings(*view, max_depth=2, sampling=sampling), 512), expected, slack=2e-3, most_error=0.02, tests=4
     )

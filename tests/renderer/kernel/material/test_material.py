@@ -5,10 +5,10 @@ import pytest
 
 from renderer.jit import entry
 from renderer.kernel.material.material import LAYER_SLOTS, absorption, disperse, emission, fetch_material, opacity
-from renderer.kernel.surface.surface import Surface
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import square
+from tests.renderer.kernel.subject import facing_up
 
 ZERO, ONE = np.float32(0), np.float32(1)
 UP = (ZERO, ZERO, ONE)
@@ -45,10 +45,7 @@ def compiled(material, images=(), textures=()):
 def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True, u=0.5, carried=(1, 1, 1)):
     """A dict of what the kernel finds."""
     uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
-    surface = Surface(
-        point=(ZERO, ZERO, ZERO), error=ZERO, geometric=UP, shading=UP, uv=uv, front=front, material=0, light=-1, object=0,
-        uv1=uv1, color=color, tangent=(ONE, ZERO, ZERO, ONE), smooth=False, lift=(ZERO, ZERO, ZERO),
-    )  # fmt: skip
+    surface = facing_up(uv=uv, uv1=uv1, color=color, front=front)
     out = np.zeros(16, np.float32)
     _look(scene, surface, FRAME, np.zeros(LAYER_SLOTS, np.float32), carried, np.float32(u), out)
     return {

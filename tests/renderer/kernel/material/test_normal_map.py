@@ -6,11 +6,10 @@ import pytest
 from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.material.normal_map import map_normal, shading_frame
-from renderer.kernel.surface.surface import Surface
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import square
-from tests.renderer.kernel.subject import hemisphere
+from tests.renderer.kernel.subject import facing_up, hemisphere
 
 ZERO, ONE = np.float32(0), np.float32(1)
 UP = (ZERO, ZERO, ONE)
@@ -43,11 +42,7 @@ def frame(rgb, front=True, scale=1.0, sign=1.0):
     description = SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[material], images=[image])
     description.textures = [Texture(0)]
     up = UP if front else (ZERO, ZERO, -ONE)
-    surface = Surface(
-        point=(ZERO, ZERO, ZERO), error=ZERO, geometric=up, shading=up, uv=(ZERO, ZERO), front=front, material=0, light=-1,
-        object=0, uv1=(ZERO, ZERO), color=(ONE, ONE, ONE, ONE), tangent=(ONE, ZERO, ZERO, np.float32(sign)),
-        smooth=False, lift=(ZERO, ZERO, ZERO),
-    )  # fmt: skip
+    surface = facing_up(geometric=up, shading=up, front=front, tangent=(ONE, ZERO, ZERO, np.float32(sign)))
     out = np.zeros((4, 3), np.float32)
     _frame(compile_scene(description), surface, up, out)
     np.testing.assert_allclose(out[:3] @ out[:3].T, np.eye(3), atol=1e-5)

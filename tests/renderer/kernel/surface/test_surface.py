@@ -10,6 +10,7 @@ from renderer.kernel.surface.surface import departure, surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
 from tests.renderer.builders import box, icosphere, scene
+from tests.renderer.kernel.subject import many
 from tests.renderer.kernel.wander import touch, wander
 
 WIDTHS = {"point": 3, "geometric": 3, "shading": 3, "uv": 2, "uv1": 2, "color": 4, "tangent": 4, "shadow_point": 3, "start": 3}
@@ -46,7 +47,7 @@ def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent,
 def look(made, o, d):
     """Surfaces that rays meet, by field; "number": object (-1 where nothing is met), material, light, front."""
     d = np.ascontiguousarray(d, np.float32)
-    o = np.ascontiguousarray(np.broadcast_to(np.asarray(o, np.float32), d.shape))
+    o = many(o, len(d))
     found = {name: np.zeros((len(d), width), np.float32) for name, width in WIDTHS.items()}
     found["number"] = np.zeros((len(d), 4), np.int64)
     _look(made, new_stack(), o, d, *found.values())

@@ -1,0 +1,40 @@
+"""The program `rayfarm`, as a process and in this one."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rayfarm.cli import main
+from tests.helpers import ROOT
+
+__all__ = ["rayfarm", "started"]
+
+
+def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """The program as a process of its own."""
+    command = [sys.executable, "-m", "rayfarm", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=ROOT, env={**os.environ, "COLUMNS": "160", **environment}, capture_output=True, text=True, timeout=120
+    )
+
+
+def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """The program in this process, where numba and the kernels are loaded already."""
+    stdout, stderr, code = io.StringIO(), io.StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
+        patch.chdir(ROOT)
+        patch.setattr(sys, "argv", ["rayfarm", *map(str, arguments)])
+        for name, value in {"COLUMNS": "160", **environment}.items():
+            patch.setenv(name, value)
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return subprocess.CompletedProcess(sys.argv, code, stdout.getvalue(), stderr.getvalue())
