@@ -59,7 +59,8 @@ class Farm:
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
-        self.pictures = Pool()
+        self.pictures = Pool(settings.picture_bytes)
+        self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
