@@ -89,7 +89,7 @@ def memory(film: Film, wish: PictureWish) -> int:
     side = side_of(wish.width, film.width, film.height)
     channels = sum(3 if name == "color" or name in aovs.VECTORS else 1 for name in wish.names)
     tile = film.tiles[0]
-    of_bands = 4 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
+    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
     if wish.extension in ("exr", "hdr"):
         return of_bands
     if wish.extension == "rgb9e5":
