@@ -83,6 +83,11 @@ class Farm:
         self.database.dispose()
         self._lock.close()
 
+    def changed(self, what: str, id: str) -> None:
+        """A job's or a scene's row was written: the engine looks at it, and watchers are told."""
+        self.engine.changed(what, id)
+        self.broadcast.tell(what, id)
+
     def film(self, job: Job) -> Film | None:
         """A job's film; None where the job has none yet. Raises FilmLost where it has less than the job's row says."""
         if job.settings is None or job.tile_size is None:

@@ -94,6 +94,21 @@ def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWork
         assert reader.result().status_code == 200
 
 
+def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = finished(service)
+    asked, go = threading.Event(), threading.Event()
+    monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: asked.set() or go.wait(20))
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(raw, service, job, "?denoise=true")
+        until(asked.is_set, "the worker has made it and the store is asked for it")
+        service.wait_for(service.submit(service.ready_scene(), seed=1), "finished", timeout=10)
+        assert not reader.done()
+        go.set()
+        assert reader.result().status_code == 200
+
+
 def test_while_a_job_is_rendered(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=60)
