@@ -15,9 +15,10 @@ from renderer import film
 from renderer.errors import SettingsError
 from renderer.film import Sums
 
-__all__ = ["AOVS", "VECTORS", "known", "layers", "values", "visible"]
+__all__ = ["AOVS", "VECTORS", "channels", "known", "layers", "planes", "span", "values", "visible"]
 
 F32 = npt.NDArray[np.float32]
+Span = tuple[F32 | np.float32, F32 | np.float32] | None
 
 _MEANS: dict[str, slice | int] = {
     "albedo": film.ALBEDO,
@@ -53,6 +54,24 @@ def known(names: Iterable[str]) -> list[str]:
     return list(AOVS) if "all" in wanted else wanted
 
 
+def planes(name: str) -> tuple[int, ...]:
+    """The planes of a film that an AOV's values, or `color`, are made of."""
+    if name == "error":
+        return _numbers(film.COLOR, film.COLOR_HALF, film.SAMPLES, film.SAMPLES_HALF)
+    if name == "color":
+        return _numbers(film.COLOR, film.SAMPLES)
+    return _numbers(_PLAIN[name]) if name in _PLAIN else _numbers(_MEANS[name], film.SAMPLES)
+
+
+def _numbers(*channels: slice | int) -> tuple[int, ...]:
+    return tuple(i for each in channels for i in (range(film.CHANNELS)[each] if isinstance(each, slice) else (each,)))
+
+
+def channels(name: str) -> tuple[str, ...]:
+    """An AOV's channels in an EXR."""
+    return _CHANNELS[name]
+
+
 def values(sums: Sums, film_exponent: int, name: str) -> F32:
     """An AOV's values of a film's or tile's sums: (h, w, 3) float32 for albedo, normal and position, else (h, w).
 
@@ -66,21 +85,40 @@ def values(sums: Sums, film_exponent: int, name: str) -> F32:
     return film.mean(sums, film_exponent, _MEANS[name])
 
 
-def layers(planes: dict[str, F32]) -> dict[str, F32]:
+def layers(pictures: dict[str, F32]) -> dict[str, F32]:
     """AOVs by name as an EXR's channels by name, each (h, w)."""
     found = {}
-    for name, plane in planes.items():
+    for name, plane in pictures.items():
         for i, channel in enumerate(_CHANNELS[name]):
             found[channel] = plane if plane.ndim == 2 else plane[..., i]
     return found
 
 
-def visible(name: str, plane: F32) -> npt.NDArray[np.uint8]:
+def span(name: str, plane: F32) -> Span:
+    """The values of a whole plane between which it is shown: parts of it that are shown by themselves then go together.
+
+    Positions and depths: the least and the greatest; samples and error: 0 and the greatest, of errors the 99th percentile.
+    None for what needs none.
+    """
+    if name == "position":
+        return plane.min(axis=(0, 1)), plane.max(axis=(0, 1))
+    if name == "depth":
+        hit = plane > 0
+        return (np.float32(plane[hit].min()), np.float32(plane[hit].max())) if hit.any() else (np.float32(0), np.float32(1))
+    if name in ("samples", "error"):
+        finite = plane[np.isfinite(plane)]
+        top = 0.0 if not finite.size else finite.max() if name == "samples" else np.percentile(finite, 99)
+        return np.float32(0), np.float32(top)
+    return None
+
+
+def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
     """An AOV as (h, w, 3) uint8 to look at.
 
     albedo as colour; normals from -1 ... 1; positions and depths over the picture's own range, near light and nothing black;
-    ids in colours that stay; samples and error as heat maps, error up to its 99th percentile.
+    ids in colours that stay; samples and error as heat maps. between: `span` of the whole, where the plane is a part of it.
     """
+    low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
     if name == "albedo":
         from renderer.image.tonemap import encode_srgb
 
@@ -88,19 +126,14 @@ def visible(name: str, plane: F32) -> npt.NDArray[np.uint8]:
     elif name == "normal":
         shown = plane * 0.5 + 0.5
     elif name == "position":
-        low, high = plane.min(axis=(0, 1)), plane.max(axis=(0, 1))
-        shown = (plane - low) / np.maximum(high - low, 1e-30)
+        shown = np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
     elif name == "depth":
-        hit = plane > 0
-        low, high = (float(plane[hit].min()), float(plane[hit].max())) if hit.any() else (0.0, 1.0)
         near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
-        shown = np.repeat(np.where(hit, near, 0)[..., None], 3, axis=2)
+        shown = np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)
     elif name in ("object", "material"):
         shown = _palette(plane.astype(np.int64))
     else:
-        finite = plane[np.isfinite(plane)]
-        top = 0.0 if not finite.size else finite.max() if name == "samples" else np.percentile(finite, 99)
-        shown = _heat(np.where(np.isfinite(plane), plane, top).astype(np.float32) / np.float32(max(float(top), 1e-30)))
+        shown = _heat(np.where(np.isfinite(plane), plane, high).astype(np.float32) / np.float32(max(float(high), 1e-30)))
     return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 

@@ -7,7 +7,7 @@ FarmError           a sentence that a person can act on
 ├── TooLarge        it is beyond a limit of this farm
 ├── UnknownFormat   it comes in a format that this farm does not read
 ├── NoRoom          the disk is full
-├── Unavailable     a part of the farm is away; the same may work later
+├── Unavailable     a part of the farm is away or busy; the same may work later
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service, on this data folder or with these settings
@@ -63,7 +63,11 @@ class NoRoom(FarmError):  # noqa: N818
 
 
 class Unavailable(FarmError):  # noqa: N818
-    """A part of the farm is away; the same may work later."""
+    """A part of the farm is away or busy; the same may work later. retry_after_s: when, where that is known."""
+
+    def __init__(self, sentence: str, retry_after_s: float | None = None) -> None:
+        super().__init__(sentence)
+        self.retry_after_s = retry_after_s
 
 
 class Failed(FarmError):  # noqa: N818

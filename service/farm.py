@@ -59,7 +59,8 @@ class Farm:
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
-        self.pictures = Pool()
+        self.pictures = Pool(settings.picture_bytes)
+        self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
@@ -81,6 +82,11 @@ class Farm:
         self.films.close()
         self.database.dispose()
         self._lock.close()
+
+    def changed(self, what: str, id: str) -> None:
+        """A job's or a scene's row was written: the engine looks at it, and watchers are told."""
+        self.engine.changed(what, id)
+        self.broadcast.tell(what, id)
 
     def film(self, job: Job) -> Film | None:
         """A job's film; None where the job has none yet. Raises FilmLost where it has less than the job's row says."""

@@ -24,7 +24,7 @@ from service.errors import CannotStart
 from service.farm import Farm
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
-from service.watching.memory import give_back_large_blocks
+from service.watching.memory import keep_one_heap
 
 __all__ = ["create_app"]
 
@@ -39,7 +39,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        give_back_large_blocks()
+        keep_one_heap()
         try:
             farm = app.state.farm = Farm(settings)
         except CannotStart as error:

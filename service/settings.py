@@ -46,6 +46,7 @@ class Settings(BaseSettings):
 
     max_pixels: int = 64 * MIB
     film_cache_bytes: int = 256 * MIB
+    picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
     batch_seconds: float = 0.5
     window_per_slot: int = 2

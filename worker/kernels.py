@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 from renderer.artefact import ArtefactError, name_of, pack, unpack
@@ -47,7 +48,8 @@ def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
     """As `hand_in`, in a process beside this one that ends with it."""
     command = [sys.executable, "-m", "worker.kernels", f"--service={link.service}", f"--folder={folder}", f"--kernel={kernel}"]
     environment = {**os.environ, "RAYFARM_TOKEN": link.token}
-    subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=spawn_guard())
+    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=spawn_guard())
+    threading.Thread(target=process.wait, name="kernels handed in", daemon=True).start()  # else it stays as a zombie
 
 
 def main() -> int:

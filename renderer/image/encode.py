@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +20,11 @@ from PIL import Image
 from renderer.errors import SettingsError
 from renderer.image import tonemap
 
-__all__ = ["FORMATS", "encode", "encode_shown", "format_of", "write"]
+__all__ = ["FORMATS", "RGB", "encode", "encode_shown", "format_of", "write", "write_bands"]
 
 F32 = npt.NDArray[np.float32]
 FORMATS = ("png", "jpg", "exr", "hdr")
+RGB = ("R", "G", "B")
 
 # Rec.709 primaries and the D65 white point, said in the file so that no reader has to guess.
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -49,7 +50,7 @@ def encode(
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
     if format == "exr":
-        names, planes = ["R", "G", "B"], [np.asarray(rgb, np.float32)]
+        names, planes = [*RGB], [np.asarray(rgb, np.float32)]
         for name, values in (channels or {}).items():
             if values.shape != rgb.shape[:2]:
                 raise ValueError(f"channel {name} is {values.shape}; the picture is {rgb.shape[:2]}")
@@ -57,7 +58,7 @@ def encode(
             planes.append(np.asarray(values, np.float32)[..., None])
         return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr")
     if format == "hdr":
-        return _through_openimageio(np.asarray(rgb, np.float32), ["R", "G", "B"], ".hdr")
+        return _through_openimageio(np.asarray(rgb, np.float32), RGB, ".hdr")
     raise SettingsError(f"picture format is {format!r}; known are {', '.join(FORMATS)}")
 
 
@@ -96,18 +97,34 @@ def write(
         raise
 
 
-def _through_openimageio(pixels: F32, names: list[str], suffix: str) -> bytes:
-    # OpenImageIO's Python module writes to named files only.
-    pixels = np.ascontiguousarray(pixels, np.float32)
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
+def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int, names: Sequence[str] = RGB) -> None:
+    """Write an exr or hdr file, as its name ends, of bands from the top, (rows, width, channels) each: the whole picture is
+    never in memory.
+
+    names: the channels'. Raises OSError.
+    """
+    spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), _REC709)
     spec.attribute("Software", "Rayfarm")
+    output = oiio.ImageOutput.create(str(path))
+    if output is None or not output.open(str(path), spec):
+        raise OSError(f"could not write a {Path(path).suffix} picture: {(output or oiio).geterror()}")
+    y = 0
+    is_written = True
+    for band in bands:
+        end = y + len(band)
+        is_written = is_written and output.write_scanlines(y, end, 0, np.ascontiguousarray(band, np.float32))
+        y = end
+    if not (output.close() and is_written):
+        raise OSError(f"could not write a {Path(path).suffix} picture: {output.geterror()}")
+
+
+def _through_openimageio(pixels: F32, names: Sequence[str], suffix: str) -> bytes:
+    # OpenImageIO's Python module writes to named files only.
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
-        path = str(Path(folder) / f"picture{suffix}")
-        output = oiio.ImageOutput.create(path)
-        if output is None or not output.open(path, spec) or not output.write_image(pixels) or not output.close():
-            raise OSError(f"could not write a {suffix} picture: {(output or oiio).geterror()}")
-        return Path(path).read_bytes()
+        path = Path(folder) / f"picture{suffix}"
+        write_bands(path, [pixels], pixels.shape[1], pixels.shape[0], names)
+        return path.read_bytes()

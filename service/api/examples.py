@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 
 from fastapi import APIRouter, Response
 from pydantic import BaseModel
@@ -43,6 +44,13 @@ def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOu
         raise NotFound(f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
     with full_disk():
         form = form_of(*found, farm.blobs)
-    scene = keep(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, lambda stored: record(stored, farm))
+    scene = keep(
+        form,
+        farm.blobs,
+        farm.garbage,
+        farm.settings,
+        lambda size: None,
+        partial(record, sessions=farm.sessions, changed=farm.changed),
+    )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)

@@ -14,13 +14,13 @@ from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
-from renderer import film as film_math
 from service.api.describe import UNREADABLE
 from service.api.lookup import find_job
 from service.api.token import check_token
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
 from service.intake.uploads import gathered
+from service.store.bands import bands
 from service.store.blobs import is_sha256, no_blob
 from service.store.models import Scene
 from service.store.room import disk_checker, full_disk
@@ -71,8 +71,9 @@ def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
         with os.fdopen(handle, "wb") as file:
-            for channel in (film_math.COLOR, film_math.ALBEDO, film_math.NORMAL):
-                film.channel(frame, channel).astype("<f4").tofile(file)
+            for means in ("color", "albedo", "normal"):
+                for band in bands(film, frame, [means]):
+                    band.astype("<f4", copy=False).tofile(file)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise

@@ -8,8 +8,11 @@ import math
 from functools import partial
 from typing import Annotated, Any, Literal
 
+import anyio
+import anyio.to_thread
 import numpy as np
 from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
@@ -21,9 +24,10 @@ from service.api.lookup import find_job
 from service.errors import Conflict, Invalid, NotFound
 from service.farm import Farm, FarmDependency
 from service.scheduling.denoising import Denoised
+from service.store import bands
 from service.store.films import Film
 from service.store.models import Scene
-from service.watching.pictures import MEDIA, PictureWish, picture
+from service.watching.pictures import MEDIA, PictureWish, memory, picture
 from worker.contract import SAMPLES_HEADER
 
 __all__ = ["router"]
@@ -96,15 +100,21 @@ async def image(
         return Response(status_code=304, headers=headers)
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
-    data = await farm.pictures.make((id, headers["ETag"]), picture, film, n, wish)
+    folder = farm.settings.data / "tmp"
+    made = await farm.pictures.make((id, headers["ETag"]), memory(film, wish), picture, film, n, wish, folder)
     kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
     headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{kind}.{extension}"'
-    return Response(data, media_type=MEDIA[extension], headers=headers)
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 
 
 @router.get("/pixel", response_model=Pixel)
-def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
+async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
     """The exact values of a pixel, counted from the upper left, and how many samples it has."""
+    return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
+
+
+def _pixel(id: str, n: int, farm: Farm, x: int, y: int) -> Pixel:
     film = _film(id, n, farm)
     if x >= film.width or y >= film.height:
         raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
@@ -126,7 +136,9 @@ def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int
 async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
-    return Digest(digest=await farm.pictures.make((id, n, "digest", version), film.digest, n), samples=samples)
+    folder = farm.settings.data / "tmp"
+    made = await farm.pictures.make((id, n, "digest", version), bands.digest_memory(film), bands.digest, film, n, folder)
+    return Digest(digest=made, samples=samples)
 
 
 async def _denoised(id: str, n: int, film: Film, samples: int, farm: Farm) -> Denoised:

@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from service.api.describe import job_out
-from service.api.lookup import find_job, no_job
+from service.api.lookup import find_job, find_scene, no_job
 from service.api.problem import Problem
 from service.api.schemas import JobIn, JobOut, JobPatch
 from service.errors import Conflict, NotFound
@@ -68,8 +68,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         if earlier is None:
             raise
         return _repeat(earlier, asked, farm, response)
-    farm.engine.changed("job", job.id)
-    farm.broadcast.tell("job", job.id)
+    farm.changed("job", job.id)
     response.headers["Location"] = f"/api/jobs/{job.id}"
     return answer
 
@@ -123,8 +122,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             set_state(job, change.state, is_anew)
         session.flush()
         answer = job_out(job, session, farm.engine)
-    farm.engine.changed("job", id)
-    farm.broadcast.tell("job", id)
+    farm.changed("job", id)
     return answer
 
 
@@ -143,8 +141,7 @@ def delete_job(id: str, farm: FarmDependency) -> None:
             session.delete(job)
 
     farm.reserve.spend_on(forget)
-    farm.engine.changed("job", id)  # which removes the film, once it is out of its hands
-    farm.broadcast.tell("job", id)
+    farm.changed("job", id)  # which removes the film, once it is out of its hands
 
 
 def _as_asked(request: JobIn, farm: Farm) -> str:
@@ -155,15 +152,14 @@ def _as_asked(request: JobIn, farm: Farm) -> str:
     stored = changed(_scene(request.scene, farm), (sky.elevation, sky.azimuth) if sky else None, request.variant)
     with farm.garbage.pinned(ref.sha256 for ref in stored.files):
         _scene(request.scene, farm)  # where it is deleted by now, its files may be
-        return record(stored, farm).id
+        return record(stored, farm.sessions, farm.changed).id
 
 
 def _scene(id: str, farm: Farm) -> Scene:
-    with farm.sessions() as session:
-        scene = session.get(Scene, id)
-    if scene is None:
-        raise _no_scene(id)
-    return scene
+    try:
+        return find_scene(id, farm)
+    except NotFound:
+        raise _no_scene(id) from None  # the id is in the body
 
 
 def _no_scene(id: str) -> NotFound:

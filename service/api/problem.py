@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -117,7 +118,9 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(FarmError)
     async def _farm(request: Request, error: FarmError) -> ProblemResponse:
-        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error))
+        seconds = error.retry_after_s if isinstance(error, Unavailable) else None
+        headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
+        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers)
 
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> Response:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy import func, select
@@ -55,7 +57,12 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
         raise Problem(413, sentence, headers={"Connection": "close"})
     content_type = request.headers.get("content-type", "")
     scene = await receive(
-        content_type, request.stream(), farm.blobs, farm.garbage, farm.settings, lambda stored: record(stored, farm)
+        content_type,
+        request.stream(),
+        farm.blobs,
+        farm.garbage,
+        farm.settings,
+        partial(record, sessions=farm.sessions, changed=farm.changed),
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)
@@ -105,5 +112,4 @@ def delete_scene(id: str, farm: FarmDependency) -> None:
         return scene.blobs
 
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
-    farm.engine.changed("scene", id)
-    farm.broadcast.tell("scene", id)
+    farm.changed("scene", id)

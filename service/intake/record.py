@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 
 from sqlalchemy.exc import IntegrityError
 
-from service.farm import Farm
 from service.intake.uploads import Upload
+from service.store.database import Sessions
 from service.store.models import Scene
 
 __all__ = ["record"]
 
 
-def record(stored: Upload, farm: Farm) -> Scene:
-    """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is."""
+def record(stored: Upload, sessions: Sessions, changed: Callable[[str, str], None]) -> Scene:
+    """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is.
+
+    changed: is told of "scene" and its id.
+    """
     try:
-        scene = _write(stored, farm)
+        scene = _write(stored, sessions)
     except IntegrityError:  # another wrote the same scene down in the same moment
-        scene = _write(stored, farm)
-    farm.engine.changed("scene", scene.id)
-    farm.broadcast.tell("scene", scene.id)
+        scene = _write(stored, sessions)
+    changed("scene", scene.id)
     return scene
 
 
-def _write(stored: Upload, farm: Farm) -> Scene:
-    with farm.sessions.begin() as session:
+def _write(stored: Upload, sessions: Sessions) -> Scene:
+    with sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
             scene = Scene(

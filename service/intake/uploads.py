@@ -80,7 +80,10 @@ async def receive(
     limits = settings.max_upload_files, settings.max_upload_bytes
     with full_disk():
         form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
-        return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
+        try:
+            return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
+        finally:
+            form.discard()  # a service that ends may cancel this before a thread has begun
 
 
 def keep(

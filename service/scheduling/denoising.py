@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from concurrent.futures import Future
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
@@ -43,12 +44,15 @@ class _Wanted:
 
 
 class Denoising:
-    """Asked by any thread; handed out and heard about in the engine's."""
+    """Asked by any thread; handed out and heard about in the engine's. What the blobs are asked is asked in a thread of its own:
+    their store may be far away.
+    """
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:
         self._dispatcher = dispatcher
         self._workers = workers
         self._blobs = blobs
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix="denoised")
         self._lock = threading.Lock()
         self._wanted: dict[Key, _Wanted] = {}
         self._made: dict[Key, Denoised] = {}
@@ -95,17 +99,27 @@ class Denoising:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
         if key is None:
             return  # too late, or of an earlier life of the service
-        if made is None or not is_sha256(made.sha256) or not self._is_there(made.sha256):
-            self._fail(key, Failed(f"The picture could not be denoised: {(error or 'its file is missing').rstrip('.')}."))
-            return
+        if made is None:
+            self._fail(key, self._failed(error))
+        else:
+            self._later(self._keep, key, work, made)
+
+    def _keep(self, key: Key, work: str, made: Denoised) -> None:
+        is_there = is_sha256(made.sha256) and self._is_there(made.sha256)
         with self._lock:
-            wanted = self._wanted.pop(key, None)
+            wanted = self._wanted.get(key)
+            if wanted is None or wanted.lease is None or wanted.lease.id != work:
+                return  # given up meanwhile, or its job is deleted
+            del self._wanted[key]
             old = self._made.get(key)
-            self._made[key] = made
+            if is_there:
+                self._made[key] = made
+        if not is_there:
+            wanted.answer.set_exception(self._failed(""))
+            return
+        wanted.answer.set_result(made)
         if old is not None and old.sha256 != made.sha256:
             self._delete(old.sha256)
-        if wanted is not None:
-            wanted.answer.set_result(made)
 
     def review(self) -> None:
         """Once a second: give up on what does not come back."""
@@ -119,10 +133,21 @@ class Denoising:
         with self._lock:
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
             waiting = [key for key in self._wanted if key[0] == job]
-        for made in gone:
-            self._delete(made.sha256)
         for key in waiting:
             self._fail(key, NotFound("The job was deleted while its picture was denoised."))
+        for made in gone:
+            self._later(self._delete, made.sha256)
+
+    def close(self) -> None:
+        """Ask the blobs nothing any more."""
+        self._aside.shutdown(wait=False, cancel_futures=True)
+
+    def _later(self, function: Callable[..., None], *arguments: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the service ends
+            self._aside.submit(function, *arguments)
+
+    def _failed(self, why: str) -> Failed:
+        return Failed(f"The picture could not be denoised: {(why or 'its file is missing').rstrip('.')}.")
 
     def _is_there(self, sha256: str) -> bool:
         try:

@@ -84,6 +84,7 @@ class Engine:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(10)
+        self._denoising.close()
         self._dispatcher.close()
         self._redis.close()
 

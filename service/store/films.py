@@ -9,19 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
-import sys
-import tempfile
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from renderer import aovs, film
 from renderer.film import CHANNELS, BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
@@ -35,7 +27,6 @@ from worker.contract import pack_sums, unpack_sums
 __all__ = ["Film", "Part"]
 
 FOLD_AT = 8  # rows of a tile
-IN_MEMORY_BYTES = 256 << 20
 
 log = logging.getLogger(__name__)
 
@@ -178,51 +169,23 @@ class Film:
                 return None
             sums = self._cache.get(key)
             if sums is None:
-                sums = self._read(self._file, frame, tile)
+                sums = self._total(self._file.sums(frame, tile), tile)
                 self._cache.put(key, sums)
             return sums
 
-    def channel(self, frame: int, channel: slice | int = film.COLOR) -> npt.NDArray[np.float32]:
-        """The frame's mean of a channel, as renderer.film.mean; 0 where no sample is."""
-        size = (self.height, self.width)
-        out = np.zeros(size if isinstance(channel, int) else (*size, 3), np.float32)
-        return self.each(frame, lambda sums: film.mean(sums, self.film_exponent, channel), out)
+    def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
+        """As `tile_sums`, with these planes alone; what the others hold means nothing.
 
-    def aov(self, frame: int, name: str) -> npt.NDArray[np.float32]:
-        """The frame's plane of this name, as renderer.aovs.values; 0 where no sample is."""
-        out = np.zeros((self.height, self.width, 3) if name in aovs.VECTORS else (self.height, self.width), np.float32)
-        return self.each(frame, lambda sums: aovs.values(sums, self.film_exponent, name), out)
-
-    def each(self, frame: int, of: Callable[[Sums], npt.NDArray[Any]], out: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Fill `out` (h, w, ...) tile by tile with a function of their sums; tiles without samples stay as they are."""
-        for i, tile in enumerate(self.tiles):
-            sums = self.tile_sums(frame, i)
-            if sums is not None:
-                out[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = of(sums)
-        return out
-
-    def digest(self, frame: int) -> str:
-        """renderer.film.digest of the whole frame. Frames that are large for the memory are laid out in a file."""
-        shape = (CHANNELS, self.height, self.width)
-        size = CHANNELS * self.height * self.width * 8
-        if size <= IN_MEMORY_BYTES:
-            return film.digest(self._fill(frame, np.zeros(shape, np.int64)))
-        with film_faults(), tempfile.TemporaryFile(dir=self._path.parent) as file:
-            file.truncate(size)
-            if sys.platform == "linux":  # room for all of it now: a mapped file that finds none later kills the process
-                os.posix_fallocate(file.fileno(), 0, size)
-            sums = self._fill(frame, np.memmap(file, np.int64, "r+", shape=shape))
-            digest = hashlib.sha256()
-            for plane in sums:
-                digest.update(np.ascontiguousarray(plane, "<i8").data)
-            return digest.hexdigest()
-
-    def _fill(self, frame: int, out: Sums) -> Sums:
-        for i, tile in enumerate(self.tiles):
-            sums = self.tile_sums(frame, i)
-            if sums is not None:
-                out[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = sums
-        return out
+        For whoever reads a whole frame: nothing is remembered, which would drive out what is read often, and the film is
+        locked for no longer than its file is read.
+        """
+        with self._lock:
+            self.load()
+            if self._file is None or not self._cover(frame, tile).ranges:
+                return None
+            sums = self._cache.get((self._path.stem, frame, tile))
+            packed = [] if sums is not None else list(self._file.sums(frame, tile))
+        return self._total(packed, tile, planes) if sums is None else sums
 
     def _cover(self, frame: int, tile: int) -> Coverage:
         return self._coverage.get((frame, tile)) or Coverage()
@@ -277,14 +240,18 @@ class Film:
         elif self._rows[where] == 1:
             self._cache.put(key, sums)
 
-    def _read(self, file: FilmFile, frame: int, tile: int) -> Sums:
+    def _total(self, rows: Iterable[bytes], tile: int, planes: Sequence[int] | None = None) -> Sums:
         total: Sums | None = None
-        for packed in file.sums(frame, tile):
+        for packed in rows:
             try:
-                sums = unpack_sums(packed, self.tiles[tile], stored=True)
+                sums = unpack_sums(packed, self.tiles[tile], stored=True, planes=planes)
             except (ValueError, TypeError) as error:
                 raise damaged(str(error)) from error
-            total = sums if total is None else total + sums
+            if total is None:
+                total = sums
+            else:
+                for plane in range(CHANNELS) if planes is None else planes:
+                    total[plane] += sums[plane]
         if total is None:
             raise damaged("rows are missing")
         return total

@@ -1,22 +1,30 @@
-"""A frame as the bytes of a picture file: colour or denoised colour, one of the planes beside it, or all of them."""
+"""A frame as a picture file: colour or denoised colour, one of the planes beside it, or all of them.
+
+It is made of bands from the top, so that what is in memory at a time is a few rows of tiles. What has to be whole is counted in
+bytes a pixel by `memory`: what a screen shows, and planes whose range must be known before the first row is shown.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import BinaryIO
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs
-from renderer import film as film_math
+from renderer.film import CHANNELS
 from renderer.image import rgbe9995, tonemap
-from renderer.image.encode import encode, encode_shown
+from renderer.image.encode import RGB, encode_shown, write_bands
 from service.errors import Invalid
+from service.store.bands import bands
 from service.store.films import Film
+from service.watching.made import Made
+from service.watching.smaller import side_of, smaller
 
-__all__ = ["MEDIA", "PictureWish", "picture"]
+__all__ = ["MEDIA", "PictureWish", "memory", "picture"]
 
 F32 = npt.NDArray[np.float32]
 ROWS = 64  # at a time, of a denoised picture
@@ -52,55 +60,80 @@ class PictureWish:
         if self.planes and self.extension == "rgb9e5":
             raise Invalid("aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is read of the film, side by side."""
+        return ("color", *self.planes) if self.in_layers else self.planes or ("color",)
 
-def picture(film: Film, frame: int, wish: PictureWish) -> bytes:
-    """The file."""
-    if wish.planes and not wish.in_layers:
-        return _plane(film, frame, wish, wish.planes[0])
-    if wish.extension in ("png", "jpg") and wish.width is None:
-        return encode_shown(_shown(film, frame, wish), wish.extension)
-    color = _smaller(_color(film, frame, wish.denoised), wish.width)
+
+def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
+    """The file. folder: for temporary files."""
+    side = side_of(wish.width, film.width, film.height)
+    width, height = film.width // side, film.height // side
+    if wish.extension in ("exr", "hdr"):
+        if wish.in_layers:
+            names = (*RGB, *(channel for name in wish.planes for channel in aovs.channels(name)))
+        else:
+            names = RGB
+        parts = (_threefold(band) for band in smaller(_values(film, frame, wish), side))
+        return Made.written(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
     if wish.extension == "rgb9e5":
-        return rgbe9995.pack(color).astype("<u4").tobytes()
-    channels = aovs.layers({name: _smaller(film.aov(frame, name), wish.width) for name in wish.planes})
-    return encode(color, wish.extension, wish.exposure, wish.curve, channels)
+        words = _laid(np.empty((height, width), "<u4"), map(rgbe9995.pack, smaller(_values(film, frame, wish), side)))
+        return Made.of(words.tobytes(), folder)
+    shown = smaller(_plane(film, frame, wish), side) if wish.planes else _toned(film, frame, wish, side)
+    return Made.of(encode_shown(_laid(np.empty((height, width, 3), np.uint8), shown), wish.extension), folder)
 
 
-def _shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
-    """What a screen shows, piece by piece: the whole frame's radiance is never in memory, which would be many times as large."""
-    out = np.zeros((film.height, film.width, 3), np.uint8)
+def memory(film: Film, wish: PictureWish) -> int:
+    """About the most bytes that `picture` takes."""
+    side = side_of(wish.width, film.width, film.height)
+    channels = sum(3 if name == "color" or name in aovs.VECTORS else 1 for name in wish.names)
+    tile = film.tiles[0]
+    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
+    if wish.extension in ("exr", "hdr"):
+        return of_bands
+    if wish.extension == "rgb9e5":
+        return of_bands + 8 * film.width * film.height // side**2
+    of_shown = 10 * film.width * film.height // side**2  # the rows, the encoder's copy of them, the file
+    return of_bands + of_shown + (8 * channels * film.width * film.height if wish.planes else 0)
+
+
+def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
+    """(rows, width, channels) from the top."""
     if wish.denoised is None:
-        return film.each(
-            frame, lambda sums: tonemap.apply(film_math.mean(sums, film.film_exponent), wish.exposure, wish.curve), out
-        )
+        yield from bands(film, frame, wish.names)
+        return
     with wish.denoised() as file:
-        for rows in np.array_split(out, -(-film.height // ROWS)):
-            color = np.frombuffer(file.read(rows.size * 4), "<f4").reshape(rows.shape)
-            rows[:] = tonemap.apply(color, wish.exposure, wish.curve)
+        for y in range(0, film.height, ROWS):
+            rows = min(ROWS, film.height - y)
+            yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
+
+
+def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt.NDArray[np.uint8]]:
+    for band in smaller(_values(film, frame, wish), side):
+        yield tonemap.apply(band, wish.exposure, wish.curve)
+
+
+def _plane(film: Film, frame: int, wish: PictureWish) -> Iterator[npt.NDArray[np.uint8]]:
+    """A plane as it is looked at: between its least and greatest values, so it is read as a whole first."""
+    (name,) = wish.planes
+    size = 3 if name in aovs.VECTORS else 1
+    plane = _laid(np.empty((film.height, film.width, size), np.float32), bands(film, frame, wish.names))
+    plane = plane if size == 3 else plane[..., 0]
+    between = aovs.span(name, plane)
+    for y in range(0, film.height, ROWS):
+        yield aovs.visible(name, plane[y : y + ROWS], between)
+
+
+def _threefold(band: F32) -> F32:
+    """A single channel as grey."""
+    return np.repeat(band, 3, axis=2) if band.shape[2] == 1 else band
+
+
+def _laid(out: npt.NDArray[Any], parts: Iterator[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """`out`, filled from the top."""
+    y = 0
+    for part in parts:
+        out[y : y + len(part)] = part
+        y += len(part)
     return out
-
-
-def _color(film: Film, frame: int, denoised: Callable[[], BinaryIO] | None) -> F32:
-    if denoised is None:
-        return film.channel(frame)
-    with denoised() as file:
-        return np.frombuffer(file.read(), "<f4").reshape(film.height, film.width, 3)
-
-
-def _plane(film: Film, frame: int, wish: PictureWish, name: str) -> bytes:
-    plane = film.aov(frame, name)
-    if wish.extension in ("png", "jpg"):
-        return encode_shown(_smaller(aovs.visible(name, plane), wish.width), wish.extension)
-    values = _smaller(plane, wish.width)
-    return encode(values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2), wish.extension)
-
-
-def _smaller(values: npt.NDArray, width: int | None) -> npt.NDArray:
-    """The (h, w, ...) picture averaged over squares of whole pixels, so that it is at least `width` wide; what is left over
-    at the right and lower edges of the last squares is cut off."""
-    side = min(values.shape[1] // (width or values.shape[1]), values.shape[0])
-    if side <= 1:
-        return values
-    h, w = values.shape[0] // side, values.shape[1] // side
-    squares = values[: h * side, : w * side].reshape(h, side, w, side, *values.shape[2:])
-    return squares.mean(axis=(1, 3), dtype=np.float32).astype(values.dtype)

@@ -31,13 +31,13 @@ SCENE = {
 TOLD = "(await import('/js/settings-table.js')).table.set(a.table);"
 
 
-def open_form(page: Page, known: Mapping[str, Declared] = settings.SETTINGS) -> None:
+def open_form(page: Page, known: Mapping[str, Declared] = settings.SETTINGS, scene: Mapping[str, object] = SCENE) -> None:
     body = """
         window.asked = null;
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; });
         document.body.replaceChildren(form.element);
         for (const fold of document.querySelectorAll("details")) fold.open = true;"""
-    call(page, "settings-form", TOLD + body, {"scene": SCENE, "table": described(known)})
+    call(page, "settings-form", TOLD + body, {"scene": scene, "table": described(known)})
 
 
 def submitted(page: Page) -> dict[str, Any]:
@@ -143,6 +143,18 @@ def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
     open_form(page)
     plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
     assert submitted(page) == plain
+
+
+def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
+    """A name means the first of them; the others are asked for by their numbers."""
+    front, auto = SCENE["cameras"]  # type: ignore[misc]
+    open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
+    camera = page.get_by_label("Camera", exact=True)
+    shown = ["front (1)", "side", "front (2)", "auto (1)", "Automatic: frames the scene", "Custom view …"]
+    expect(camera.get_by_role("option")).to_have_text(shown)
+    for label, asked in zip(shown, ["front", "side", 2, "auto", 4], strict=False):
+        camera.select_option(label=label)
+        assert submitted(page)["camera"] == asked
 
 
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:

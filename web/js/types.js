@@ -73,7 +73,7 @@
  * @typedef {object} Asked
  * @property {string} scene
  * @property {string} [variant] by number; empty: the file's own materials
- * @property {string} [camera]
+ * @property {string | number} [camera] by its name, or by its number
  * @property {View} [view]
  * @property {string} [name]
  * @property {number} [priority]

@@ -26,12 +26,14 @@ FAULTS_ALLOWED = {503, 507}  # what is away or full comes back; nothing else bey
 ENDLESS = "/api/events"
 ENDLESS_SPP = 1 << 16
 FAILS = 13
+LONGEST_S = 3600.0  # that all tests of this file take
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
     empty(redis_server)
-    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server.url, max_pixels=1 << 16, batch_deadline=600.0)
+    limits = {"max_pixels": 1 << 16, "batch_deadline": LONGEST_S, "prepare_deadline": LONGEST_S}
+    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server.url, **limits)
     yield service
     service.stop()
 
@@ -63,7 +65,7 @@ class Alive:
                 service.patch(self.jobs[state], state=state)
             service.wait_for(self.jobs[state], state, timeout=60)
         # The one slot is busy with this scene from now on; so jobs stay as they are.
-        worker.on_prepare = lambda scene: bool(self.done.wait(300)) and None
+        worker.on_prepare = lambda scene: bool(self.done.wait(LONGEST_S)) and None
         self.scenes["preparing"] = service.upload(OBJ + b"# another")
         until(lambda: worker.prepared[-1] == self.scenes["preparing"], "the worker prepares")
         self.jobs["queued"] = service.submit(self.scenes["ready"], width=32, height=32, spp=8, priority=-100)
@@ -78,9 +80,11 @@ class Alive:
 def alive(service: Service) -> Iterator[Alive]:
     with service.worker(slots=1) as worker:
         alive = Alive(service, worker)
-        yield alive
-        alive.check()
-        alive.done.set()
+        try:
+            yield alive
+            alive.check()
+        finally:
+            alive.done.set()
 
 
 @pytest.fixture(scope="module")

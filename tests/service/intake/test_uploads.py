@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import json
 import socket
 import zipfile
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from service.intake import uploads
+from service.intake.multipart import Form
+from service.intake.uploads import receive
 from service.settings import Settings
+from service.store.blobs import BlobFolder
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Service, until
 
@@ -242,6 +248,35 @@ def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_serve
     service = Service(tmp_path / "data", redis_server.url)
     assert stored(service) == set()
     service.stop()
+
+
+def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
+    tmp_path: Path, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A service that ends cancels what still waits for a thread."""
+    store = BlobFolder(tmp_path / "blobs", tmp_path)
+    boundary = "-" * 8
+    body = f'--{boundary}\r\nContent-Disposition: form-data; name="files"; filename="a.obj"\r\n\r\n'.encode() + OBJ
+    body += f"\r\n--{boundary}--\r\n".encode()
+    staged = []
+
+    async def chunks() -> AsyncIterator[bytes]:
+        yield body
+
+    async def cancelled(function: Any, form: Form, *more: Any) -> None:
+        staged.extend(writer.path for _, writer in form.files)
+        raise asyncio.CancelledError
+
+    async def upload() -> None:
+        kind = f"multipart/form-data; boundary={boundary}"
+        with pytest.raises(asyncio.CancelledError):
+            await receive(kind, chunks(), store, service.farm.garbage, service.farm.settings, lambda stored: None)
+
+    monkeypatch.setattr(uploads, "run_in_threadpool", cancelled)
+    with ThreadPoolExecutor(1) as thread:  # where browser tests share the process, its first thread has a loop already
+        thread.submit(asyncio.run, upload()).result()
+    assert len(staged) == 1
+    assert not staged[0].exists()
 
 
 def test_workers_need_the_token_and_right_hashes(service: Service) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from renderer.image import rgbe9995
 from service.scheduling import denoising
+from service.store.bands import bands
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
@@ -32,7 +33,7 @@ def test_a_denoised_picture_is_the_workers_and_the_raw_one_stays(service: Servic
     answer = raw(service, job, "?denoise=true")
     assert answer.status_code == 200, answer.text
     assert answer.headers["x-samples"] == str(64 * 48 * 8)
-    color = service.farm.films._films[job].channel(0)
+    color = np.concatenate(list(bands(service.farm.films._films[job], 0, ["color"])))
     expected = color / 2 + np.array([0, 0, 1], np.float32)  # the peer's formula; its albedo is black, its normals are +Z
     np.testing.assert_array_equal(np.frombuffer(answer.content, "<u4").reshape(48, 64), rgbe9995.pack(expected))
     for extension in ("png", "jpg", "exr", "hdr"):
@@ -89,6 +90,21 @@ def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWork
         reader = pool.submit(raw, service, job, "?denoise=true")
         time.sleep(0.3)  # it asks the store
         service.wait_for(service.submit(service.ready_scene(), seed=1), "finished")
+        go.set()
+        assert reader.result().status_code == 200
+
+
+def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = finished(service)
+    asked, go = threading.Event(), threading.Event()
+    monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: asked.set() or go.wait(20))
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(raw, service, job, "?denoise=true")
+        until(asked.is_set, "the worker has made it and the store is asked for it")
+        service.wait_for(service.submit(service.ready_scene(), seed=1), "finished", timeout=10)
+        assert not reader.done()
         go.set()
         assert reader.result().status_code == 200
 

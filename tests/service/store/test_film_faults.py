@@ -14,6 +14,7 @@ import pytest
 from renderer.film import CHANNELS
 from service.errors import FilmLost, FilmWaits
 from service.store import film_file
+from service.store.bands import digest
 from service.store.film_faults import film_faults
 from service.store.film_version import VERSION
 from service.store.films import FOLD_AT, Film, Part
@@ -139,7 +140,7 @@ def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it
     assert str(lost.value).startswith("The film of this job")
     with pytest.raises(FilmLost):
         again.merge([part(again, 0, 2, 2)])
-        again.digest(0)
+        digest(again, 0, tmp_path)
     again.close()
 
 
@@ -219,7 +220,7 @@ def test_a_film_of_release_0_1_0_is_read_and_brought_up_to_date(film: Film, tmp_
     old.commit()
     old.close()
     again = make(tmp_path / "old.sqlite")
-    assert again.digest(0) == film.digest(0)
+    assert digest(again, 0, tmp_path) == digest(film, 0, tmp_path)
     assert again.merge([part(again, 0, 2, 1)]) == [True]
     assert rows_of(again).execute("PRAGMA user_version").fetchone() == (VERSION,)
     again.close()

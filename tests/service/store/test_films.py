@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from renderer import film as film_math
 from renderer.film import BadSample
-from renderer.settings import Tile
 from service.errors import FilmLost
+from service.store.bands import digest
 from service.store.film_faults import FilmClosed
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
@@ -62,7 +62,7 @@ def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, 
             for each in (film, again):
                 sums = each.tile_sums(0, tile)
                 np.testing.assert_array_equal(np.zeros_like(expected) if sums is None else sums, expected)
-        assert film.digest(0) == again.digest(0)
+        assert digest(film, 0, Path(folder)) == digest(again, 0, Path(folder))
         assert film.version(0) == again.version(0)
         assert film.samples(0) == sum(len(s) * film.tiles[t].w * film.tiles[t].h for t, s in model.items())
         film.close()
@@ -129,13 +129,19 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     film.close()
 
 
-def test_a_large_digest_equals_the_small_one(tmp_path: Path, monkeypatch: object) -> None:
-    film = make(tmp_path / "job.sqlite")
-    film.merge([part(film, tile, 0, 2) for tile in range(len(film.tiles))])
-    expected = film_math.digest(expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, 2, 0))
-    assert film.digest(0) == expected
-    monkeypatch.setattr("service.store.films.IN_MEMORY_BYTES", 0)  # type: ignore[attr-defined]
-    assert film.digest(0) == expected
+@pytest.mark.parametrize("cache_bytes", [1, 1 << 20])
+def test_some_planes_are_read_without_the_others_and_without_a_trace(tmp_path: Path, cache_bytes: int) -> None:
+    film = make(tmp_path / "job.sqlite", cache_bytes)
+    film.merge([part(film, 0, first, 1) for first in (0, 1, 2)])
+    film.merge([part(film, 1, 0, 1)])
+    expected = expected_sums(film.tiles[0], 0, 3, 0)
+    remembered = set(film._cache._items)
+    planes = film.tile_planes(0, 0, [0, 2, 13])
+    assert planes is not None
+    np.testing.assert_array_equal(planes[[0, 2, 13]], expected[[0, 2, 13]])
+    assert set(film._cache._items) == remembered
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected)
+    assert film.tile_planes(0, 5, [0]) is None
     film.close()
 
 
@@ -145,5 +151,5 @@ def test_a_film_that_is_closed_under_its_reader_says_so(tmp_path: Path) -> None:
     assert film.tile_sums(0, 0) is not None
     film.close()
     with pytest.raises(FilmClosed) as refusal:
-        film.channel(0)
+        film.tile_planes(0, 0, [0])
     assert "deleted" in str(refusal.value)

@@ -1,4 +1,4 @@
-"""Few pictures at a time, one for all who ask for the same, and no line without an end."""
+"""Few pictures at a time, in so much memory; one for all who ask for the same, and no line without an end."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def run(test: Coroutine[Any, Any, None]) -> None:
 
 def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
     async def test() -> None:
-        pool, work = Pool(threads=2, in_line=10), Work()
-        made = asyncio.gather(*(pool.make(i, work, i) for i in range(9)))
+        pool, work = Pool(100, threads=2, in_line=10), Work()
+        made = asyncio.gather(*(pool.make(i, 1, work, i) for i in range(9)))
         await asyncio.to_thread(work.first.wait)
         work.go.set()
         assert await made == list(range(9))
@@ -56,29 +56,59 @@ def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
 
 def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves() -> None:
     async def test() -> None:
-        pool, work = Pool(threads=2, in_line=10), Work()
-        readers = [asyncio.create_task(pool.make("same", work, 7)) for _ in range(20)]
+        pool, work = Pool(100, threads=2, in_line=10), Work()
+        readers = [asyncio.create_task(pool.make("same", 1, work, 7)) for _ in range(20)]
         await asyncio.to_thread(work.first.wait)
         readers[0].cancel()
         await asyncio.sleep(0)
         work.go.set()
         assert await asyncio.gather(*readers[1:]) == [7] * 19
         assert work.begun == [7]
-        assert await pool.make("same", work, 8) == 8, "what is asked for later is made anew"
+        assert await pool.make("same", 1, work, 8) == 8, "what is asked for later is made anew"
 
     run(test())
 
 
 def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> None:
     async def test() -> None:
-        pool, work = Pool(threads=1, in_line=2), Work()
-        made = [asyncio.create_task(pool.make(i, work, i)) for i in range(3)]
+        pool, work = Pool(100, threads=1, in_line=2), Work()
+        made = [asyncio.create_task(pool.make(i, 1, work, i)) for i in range(3)]
         await asyncio.to_thread(work.first.wait)
-        with pytest.raises(Unavailable, match="3 other pictures"):
-            await pool.make(3, work, 3)
+        with pytest.raises(Unavailable, match="3 other pictures") as refusal:
+            await pool.make(3, 1, work, 3)
+        assert refusal.value.retry_after_s is not None and 1 <= refusal.value.retry_after_s <= 60
         work.go.set()
         assert await asyncio.gather(*made) == [0, 1, 2]
-        assert await pool.make(3, work, 3) == 3
+        assert await pool.make(3, 1, work, 3) == 3
+
+    run(test())
+
+
+def test_what_is_made_at_a_time_fits_into_the_memory_and_what_never_does_is_made_alone() -> None:
+    sizes = [60, 30, 50, 1000, 10, 90, 100, 20, 20, 20]
+
+    async def test() -> None:
+        pool, taken, most, alone = Pool(100, threads=8, in_line=10), 0, 0, True
+        lock = threading.Lock()
+        together = threading.Semaphore(0)
+
+        def work(size: int) -> int:
+            nonlocal taken, most, alone
+            with lock:
+                taken += size
+                most = max(most, taken if size != 1000 else 0)
+                alone = alone and (taken == 1000 if size == 1000 else taken < 1000)
+            if size == 20:  # these three fit together, so each can wait for the others
+                together.release(3)
+                assert all(together.acquire(timeout=20) for _ in range(3))
+            with lock:
+                taken -= size
+            return size
+
+        assert await asyncio.gather(*(pool.make(i, size, work, size) for i, size in enumerate(sizes))) == sizes
+        assert most <= 100
+        assert alone
+        assert pool.asked == 0
 
     run(test())
 
@@ -88,8 +118,8 @@ def test_what_goes_wrong_is_told_to_every_reader() -> None:
         raise Invalid("This cannot be made.")
 
     async def test() -> None:
-        pool = Pool(threads=1, in_line=2)
-        answers = await asyncio.gather(*(pool.make("same", fail) for _ in range(3)), return_exceptions=True)
+        pool = Pool(100, threads=1, in_line=2)
+        answers = await asyncio.gather(*(pool.make("same", 1, fail) for _ in range(3)), return_exceptions=True)
         assert [type(answer) for answer in answers] == [Invalid] * 3
 
     run(test())

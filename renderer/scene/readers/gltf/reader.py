@@ -87,26 +87,35 @@ class _Nodes:
     def walk(self) -> None:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
-        shown_nodes: list[int] = []
-        stack = [(i, np.eye(4), True) for i in reversed(self._top())]
-        while stack:
-            index, parent, shown = stack.pop()
-            node = self._nodes[index]
-            if index in self._worlds:
-                raise SceneError(
-                    f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
-                )
-            world = parent @ local(node)
+        parents, shown_nodes = self._tree()
+        nodes = [self._nodes[index] for index in parents]
+        for (index, parent), node, own in zip(parents.items(), nodes, local(nodes), strict=True):
+            world = (np.eye(4) if parent is None else self._worlds[parent]) @ own
             if not np.isfinite(world).all():
                 raise SceneError(f"{self._root.file}: {node.where} has a transform that is not finite; export the file again")
             self._worlds[index] = world
+            self._add_camera(node, world)
+        for index in shown_nodes:  # when all joints are in their places
+            self._place(self._nodes[index], self._worlds[index])
+
+    def _tree(self) -> tuple[dict[int, int | None], list[int]]:
+        """The scene's nodes with their parents, each after its parent; and those of them that are shown."""
+        parents: dict[int, int | None] = {}
+        shown_nodes: list[int] = []
+        stack: list[tuple[int, int | None, bool]] = [(i, None, True) for i in reversed(self._top())]
+        while stack:
+            index, parent, shown = stack.pop()
+            node = self._nodes[index]
+            if index in parents:
+                raise SceneError(
+                    f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
+                )
+            parents[index] = parent
             visibility = node.extension(_VISIBILITY)
             shown = shown and (visibility is None or visibility.value.get("visible") is not False)
             shown_nodes += [index] if shown else []
-            self._add_camera(node, world)
-            stack += [(child, world, shown) for child in reversed(node.indices("children", self._nodes))]
-        for index in shown_nodes:  # when all joints are in their places
-            self._place(self._nodes[index], self._worlds[index])
+            stack += [(child, index, shown) for child in reversed(node.indices("children", self._nodes))]
+        return parents, shown_nodes
 
     def _top(self) -> list[int]:
         scenes = self._root.objects("scenes")

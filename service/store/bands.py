@@ -1,0 +1,74 @@
+"""A frame of a film from the top, one row of tiles at a time: a frame of many pixels is never in memory as a whole."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer import aovs
+from renderer import film as film_math
+from renderer.film import CHANNELS, Sums
+from renderer.settings import Tile
+from service.store.film_faults import film_faults
+from service.store.films import Film
+
+__all__ = ["bands", "digest", "digest_memory"]
+
+F32 = npt.NDArray[np.float32]
+IN_MEMORY_BYTES = 32 << 20
+
+
+def bands(film: Film, frame: int, names: Sequence[str]) -> Iterator[F32]:
+    """The frame's values of `color` and AOVs side by side, (h, width, channels) float32; 0 where no sample is.
+
+    Raises what a Film raises when it is read.
+    """
+    wanted = sorted({plane for name in names for plane in aovs.planes(name)})
+    size = sum(3 if name == "color" or name in aovs.VECTORS else 1 for name in names)
+
+    def values(sums: Sums) -> F32:
+        found = [_means(sums, film.film_exponent, name) for name in names]
+        return np.dstack(found) if len(found) > 1 else found[0].reshape(*sums.shape[1:], -1)
+
+    for row, sums_of in _rows(film, frame, wanted):
+        band = np.zeros((row[0].h, film.width, size), np.float32)
+        for tile, sums in sums_of:
+            band[:, tile.x : tile.x + tile.w] = values(sums)
+        yield band
+
+
+def _means(sums: Sums, film_exponent: int, name: str) -> F32:
+    return film_math.mean(sums, film_exponent) if name == "color" else aovs.values(sums, film_exponent, name)
+
+
+def digest(film: Film, frame: int, folder: Path) -> str:
+    """renderer.film.digest of the whole frame. The hash wants plane after plane: they are laid out in a file in `folder`."""
+    with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
+        for row, sums_of in _rows(film, frame, range(CHANNELS)):
+            band = np.zeros((CHANNELS, row[0].h, film.width), "<i8")
+            for tile, sums in sums_of:
+                band[:, :, tile.x : tile.x + tile.w] = sums
+            for i, plane in enumerate(band):
+                file.seek((i * film.height + row[0].y) * film.width * 8)
+                file.write(plane.data)
+        file.seek(0)
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digest_memory(film: Film) -> int:
+    """About the most bytes that `digest` takes."""
+    return IN_MEMORY_BYTES + 2 * CHANNELS * film.tiles[0].h * film.width * 8
+
+
+def _rows(film: Film, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
+    """For every row of tiles: its tiles, and those of them that have samples, with these planes of their sums."""
+    for _, group in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
+        row = list(group)
+        found = ((film.tiles[i], film.tile_planes(frame, i, planes)) for i in row)
+        yield [film.tiles[i] for i in row], ((tile, sums) for tile, sums in found if sums is not None)

@@ -1,0 +1,42 @@
+"""Smaller copies of pictures that come in bands: averages over squares of whole pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["side_of", "smaller"]
+
+
+def side_of(wanted: int | None, width: int, height: int) -> int:
+    """The side of the squares, in pixels, so that the copy is at least `wanted` wide; 1 for the picture itself."""
+    return max(1, min(width // (wanted or width), height))
+
+
+def smaller(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:
+    """Bands (rows, width, channels) of the copy, of the same type; what is left over at the right and lower edges of the last
+    squares is cut off."""
+    if side == 1:
+        yield from bands
+        return
+    total: npt.NDArray[np.float64] | None = None  # of the squares' rows so far
+    have = 0
+    for band in bands:
+        rows, width, channels = band.shape
+        columns = width // side
+        across = band[:, : columns * side].reshape(rows, columns, side, channels).sum(axis=2, dtype=np.float64)
+        done = []
+        at = 0
+        while at < rows:
+            take = min(side - have, rows - at)
+            part = across[at : at + take].sum(axis=0)
+            total = part if total is None else total + part
+            at, have = at + take, have + take
+            if have == side:
+                done.append(total / side**2)
+                total, have = None, 0
+        if done:
+            yield np.stack(done).astype(band.dtype)

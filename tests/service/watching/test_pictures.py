@@ -1,0 +1,117 @@
+"""Pictures are made in bands: they are those of the whole frame, and take no more memory than they say."""
+
+from __future__ import annotations
+
+import io
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
+import pytest
+from PIL import Image
+
+from renderer import aovs
+from renderer import film as film_math
+from renderer.image import rgbe9995, tonemap
+from renderer.image.encode import encode
+from service.store.films import Film, Part
+from service.store.tile_cache import TileCache
+from service.watching.pictures import PictureWish, memory, picture
+from tests.service.peer_worker import expected_sums
+from worker.contract import pack_sums
+
+WIDTH, HEIGHT, TILE = 1100, 900, 128
+EXR = b"\x76\x2f\x31\x01"
+ALL = PictureWish("exr", tuple(aovs.AOVS), in_layers=True)
+WISHES = [
+    *(PictureWish(extension) for extension in ("png", "jpg", "exr", "hdr", "rgb9e5")),
+    *(PictureWish(extension, width=300) for extension in ("png", "exr", "rgb9e5")),
+    *(PictureWish("png", (name,)) for name in aovs.AOVS),
+    *(PictureWish("exr", (name,)) for name in ("normal", "depth")),
+    PictureWish("png", ("error",), width=300),
+    ALL,
+]
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
+    film = Film(tmp_path_factory.mktemp("film") / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1))
+    film.merge([Part(0, i, 0, 2, pack_sums(expected_sums(tile, 0, 2, 0))) for i, tile in enumerate(film.tiles)])
+    yield film
+    film.close()
+
+
+@pytest.fixture(scope="module")
+def sums(film: Film) -> np.ndarray:
+    whole = np.zeros((20, HEIGHT, WIDTH), np.int64)
+    for tile in film.tiles:
+        whole[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = expected_sums(tile, 0, 2, 0)
+    return whole
+
+
+def made(film: Film, wish: PictureWish, folder: Path) -> bytes:
+    return b"".join(picture(film, 0, wish, folder).pieces())
+
+
+def same(data: bytes, other: bytes, folder: Path) -> bool:
+    """Whether two files of radiance have the same channels and values: beside them, a file has the time at which it was made."""
+    read = []
+    for content in (data, other):
+        path = folder / f"read{'.exr' if content.startswith(EXR) else '.hdr'}"
+        path.write_bytes(content)
+        file = oiio.ImageInput.open(str(path))
+        read.append((file.spec().channelnames, file.read_image(format=oiio.FLOAT)))
+        file.close()
+    return read[0][0] == read[1][0] and np.array_equal(read[0][1], read[1][1])
+
+
+def shown(data: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(data)))
+
+
+def test_pictures_are_those_of_the_whole_frame(film: Film, sums: np.ndarray, tmp_path: Path) -> None:
+    color = film_math.mean(sums, 24)
+    for extension in ("exr", "hdr"):
+        assert same(made(film, PictureWish(extension), tmp_path), encode(color, extension), tmp_path)
+    np.testing.assert_array_equal(shown(made(film, PictureWish("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
+    assert made(film, PictureWish("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
+    planes = {name: aovs.values(sums, 24, name) for name in aovs.AOVS}
+    assert same(made(film, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
+    for name, plane in planes.items():
+        np.testing.assert_array_equal(shown(made(film, PictureWish("png", (name,)), tmp_path)), aovs.visible(name, plane))
+        grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
+        assert same(made(film, PictureWish("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
+
+
+def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
+    assert shown(made(film, PictureWish("png", width=300), tmp_path)).shape == (300, 366, 3)
+    (tmp_path / "small.exr").write_bytes(made(film, PictureWish("exr", width=300), tmp_path))
+    small = oiio.ImageInput.open(str(tmp_path / "small.exr"))
+    assert (small.spec().width, small.spec().height) == (366, 300)
+    small.close()
+
+
+def test_a_denoised_picture_is_read_in_bands(film: Film, tmp_path: Path) -> None:
+    color = np.random.default_rng(5).random((HEIGHT, WIDTH, 3), np.float32)
+    wish = PictureWish("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
+    assert same(made(film, wish, tmp_path), encode(color, "exr"), tmp_path)
+
+
+@pytest.mark.parametrize("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
+def test_no_picture_takes_more_memory_than_it_says(film: Film, wish: PictureWish, tmp_path: Path) -> None:
+    picture(film, 0, wish, tmp_path)  # what is imported and remembered at the first time
+    tracemalloc.start()
+    try:
+        picture(film, 0, wish, tmp_path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < memory(film, wish)
+
+
+def test_a_file_of_radiance_takes_a_few_rows_of_tiles_however_high_the_frame_is(film: Film) -> None:
+    higher = Film(Path("none"), WIDTH, 10 * HEIGHT, TILE, 24, TileCache(1))
+    for wish in (PictureWish("exr"), PictureWish("hdr"), ALL):
+        assert memory(higher, wish) == memory(film, wish)
