@@ -197,6 +197,7 @@ def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
     for seed in range(6):
         cdf = peaked(count, seed)
         start = cutpoints(cdf)
+        cdf.flags.writeable = start.flags.writeable = False
         edges = np.concatenate([cdf, np.nextafter(cdf, np.float32(0)), np.arange(len(start), dtype=np.float32) / len(start)])
         u = np.concatenate([np.random.default_rng(seed).random(20_000, np.float32), edges[(edges >= 0) & (edges < 1)]])
         found = []

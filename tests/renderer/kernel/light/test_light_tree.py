@@ -20,7 +20,7 @@ def _choose(made, p, n, u, light, chance, again):
     point, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
         light[i], chance[i] = choose_from_tree(made.light_node, point, normal, u[i])
-        again[i] = tree_chance(made.light_node, point, normal, light[i])
+        again[i] = tree_chance(made.light_node, point, normal, np.int32(light[i]))
 
 
 @entry
