@@ -14,6 +14,7 @@ from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.load import read
 from tests.renderer.scene.builders import Gltf, full_gltf
+from tests.renderer.scene.finite import is_finite
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n"
 SCENE_YAML = """
@@ -240,7 +241,7 @@ def compiled_or_told(description):
     except SceneError as error:
         assert len(str(error)) > 20
     else:
-        assert all(np.isfinite(array).all() for array in scene[1:])
+        assert is_finite(scene)
         assert summarise(description, scene)["cameras"]
 
 

@@ -1,0 +1,13 @@
+"""Whether a compiled scene holds finite numbers only."""
+
+import numpy as np
+
+from renderer.arrays.light_rows import CHILD
+from renderer.arrays.scene import CompiledScene, flat
+
+
+def is_finite(scene: CompiledScene) -> bool:
+    """Of all arrays but the BVH's. The light tree keeps whole numbers bit for bit beside its bounds: those are none of this."""
+    arrays = {name: array for name, array in flat(scene).items() if not name.startswith("bvh.")}
+    arrays["light_node"] = scene.light_node[:, :CHILD]
+    return all(np.isfinite(array).all() for array in arrays.values())
