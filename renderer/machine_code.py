@@ -70,11 +70,11 @@ class _Files:
         self._note(path)
 
     def load(self, key: Any) -> Any:
-        """What was kept, or None. A file that a power cut left damaged counts as none."""
+        """What was kept, or None. A file that a power cut left damaged counts as none, and one that names what is no more."""
         path = self._path(key)
         try:
             data = pickle.loads(path.read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError):
+        except (OSError, EOFError, pickle.UnpicklingError, ImportError, AttributeError):
             return None
         self._note(path)
         return data

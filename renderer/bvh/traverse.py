@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
 from renderer.bvh.layout import (
     INSTANCE,
     MAX_LEVELS,
@@ -28,20 +29,15 @@ from renderer.bvh.layout import (
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
-    beyond,
     bits,
     extract,
     fma,
-    key_limit,
-    least,
     less_equal,
     load,
     load_int,
     lowest_bit,
     maximum,
     minimum,
-    nearest,
-    ranked,
     select,
     splat,
     store,

@@ -29,7 +29,7 @@ def test_what_is_saved_is_loaded_under_its_own_key_alone(files: Any, tmp_path: P
     assert machine_code._Files(tmp_path, "path._other-1.py311", "stamp").load(KEY) is None
 
 
-@pytest.mark.parametrize("left", [b"", b"\x80\x05\x95", b"no pickle"])
+@pytest.mark.parametrize("left", [b"", b"\x80\x05\x95", b"no pickle", b"cnowhere\nNothing\n.", b"crenderer.jit\nNothing\n."])
 def test_a_damaged_file_is_none(files: Any, tmp_path: Path, left: bytes) -> None:
     files.save(KEY, 1)
     (path,) = tmp_path.iterdir()

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from renderer.bvh.simd import beyond, bits, exceeding, key_limit, least, less, load, nearest, ranked
+from renderer.bvh.keys import beyond, exceeding, key_limit, least, nearest, ranked
+from renderer.bvh.simd import bits, less, load
 from renderer.jit import entry
 
 LANES = 8
