@@ -28,10 +28,11 @@ OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
 class Service:
-    """The service on a thread of its own; `restart` is a new life with the same data folder."""
+    """The service on a thread of its own, its Redis empty at first; `restart` is a new life with the same data folder."""
 
-    def __init__(self, data: Path, redis_url: str, **settings: Any) -> None:
-        self.options = {"data": data, "redis_url": redis_url, "token": TOKEN, "batch_deadline": 2.0, **settings}
+    def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
+        _empty(redis_server)
+        self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, "batch_deadline": 2.0, **settings}
         self.start()
 
     def start(self) -> None:
@@ -112,7 +113,7 @@ def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_r
     server.stop()
 
 
-def empty(server: running_redis) -> None:
+def _empty(server: running_redis) -> None:
     """Forget what earlier tests left: a worker that was paused stays so for whoever has its name."""
     with redis.Redis.from_url(server.url) as client:
         client.flushall()
@@ -120,7 +121,6 @@ def empty(server: running_redis) -> None:
 
 @pytest.fixture
 def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
-    empty(redis_server)
     database = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # a PostgreSQL that may be emptied; SQLite where not set
     if database:
         engine = create_engine(database)
@@ -128,7 +128,7 @@ def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
         with engine.begin() as connection:
             connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
         engine.dispose()
-    service = Service(tmp_path / "data", redis_server.url, database_url=database)
+    service = Service(tmp_path / "data", redis_server, database_url=database)
     yield service
     service.stop()
 

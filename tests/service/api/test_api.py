@@ -20,14 +20,13 @@ from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
 from service.store.models import Scene
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service, empty, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import expected_sums
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    empty(redis_server)
-    service = Service(tmp_path_factory.mktemp("api") / "data", redis_server.url, max_pixels=1 << 20)
+    service = Service(tmp_path_factory.mktemp("api") / "data", redis_server, max_pixels=1 << 20)
     with service.worker():
         service.ready_scene()
         yield service

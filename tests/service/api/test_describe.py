@@ -9,13 +9,12 @@ import pytest
 from sqlalchemy import text
 
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service, empty, until
+from tests.service.conftest import OBJ, Service, until
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    empty(redis_server)
-    service = Service(tmp_path_factory.mktemp("describe") / "data", redis_server.url)
+    service = Service(tmp_path_factory.mktemp("describe") / "data", redis_server)
     with service.worker():
         yield service
     service.stop()

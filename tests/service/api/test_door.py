@@ -12,13 +12,12 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from tests.helpers import running_redis
-from tests.service.conftest import Service, empty, until
+from tests.service.conftest import Service, until
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    empty(redis_server)
-    service = Service(tmp_path_factory.mktemp("door") / "data", redis_server.url)
+    service = Service(tmp_path_factory.mktemp("door") / "data", redis_server)
     yield service
     service.stop()
 
@@ -27,7 +26,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
 def open_service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
     """A service that believes that all machines reach it."""
     data = tmp_path_factory.mktemp("open") / "data"
-    service = Service(data, redis_server.url, host="0.0.0.0", allowed_hosts=["Farm.example"])
+    service = Service(data, redis_server, host="0.0.0.0", allowed_hosts=["Farm.example"])
     yield service
     service.stop()
 
@@ -77,7 +76,7 @@ def test_a_service_answers_to_the_full_name_that_the_network_gives_it(
     tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(socket, "getfqdn", lambda: "Render1.lan.example")
-    service = Service(tmp_path / "data", redis_server.url, host="0.0.0.0")
+    service = Service(tmp_path / "data", redis_server, host="0.0.0.0")
     try:
         until(lambda: service.http.get("/healthz", headers={"Host": "render1.lan.example"}).is_success, "the name is known")
     finally:

@@ -19,7 +19,7 @@ from schemathesis.specs.openapi.checks import content_type_conformance, response
 from service.main import create_app
 from service.settings import Settings
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service, empty, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
 
 FAULTS_ALLOWED = {503, 507}  # what is away or full comes back; nothing else beyond 499 is a client's business
@@ -31,9 +31,8 @@ LONGEST_S = 3600.0  # that all tests of this file take
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
-    empty(redis_server)
     limits = {"max_pixels": 1 << 16, "batch_deadline": LONGEST_S, "prepare_deadline": LONGEST_S}
-    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server.url, **limits)
+    service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server, **limits)
     yield service
     service.stop()
 

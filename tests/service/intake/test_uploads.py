@@ -29,7 +29,7 @@ LIMIT = 200_000
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
     limits = {"max_upload_bytes": LIMIT, "max_upload_files": 20, "max_unzipped_bytes": 40 << 20, "max_unzip_ratio": 50.0}
-    service = Service(tmp_path_factory.mktemp("uploads") / "data", redis_server.url, **limits)
+    service = Service(tmp_path_factory.mktemp("uploads") / "data", redis_server, **limits)
     yield service
     service.stop()
 
@@ -236,7 +236,7 @@ def test_archives_of_other_kinds(service: Service) -> None:
 
 
 def test_a_full_disk(tmp_path: Path, redis_server: running_redis) -> None:
-    service = Service(tmp_path / "data", redis_server.url, min_free_bytes=1 << 60)
+    service = Service(tmp_path / "data", redis_server, min_free_bytes=1 << 60)
     assert "disk is full" in refused(service, 507, [("scene.obj", OBJ)])
     service.stop()
 
@@ -245,7 +245,7 @@ def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_serve
     settings = Settings(data=tmp_path / "data")
     settings.make_folders()
     (settings.data / "tmp" / "blob-abc").write_bytes(b"half")
-    service = Service(tmp_path / "data", redis_server.url)
+    service = Service(tmp_path / "data", redis_server)
     assert stored(service) == set()
     service.stop()
 

@@ -208,7 +208,7 @@ def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service)
 
 
 def test_what_a_vanished_worker_held_is_handed_out_at_once(tmp_path, redis_server: running_redis) -> None:  # type: ignore[no-untyped-def]
-    service = Service(tmp_path / "data", redis_server.url, batch_deadline=60.0)
+    service = Service(tmp_path / "data", redis_server, batch_deadline=60.0)
     held, other = service.worker(name="held", slots=1), service.worker(name="other", slots=1)
     with held:
         held.on_batch = lambda batch: (until(lambda: held._stop.is_set(), "the worker is stopped"), False)[1]

@@ -132,7 +132,7 @@ def test_a_bucket_is_chosen_by_its_address(tmp_path: Path) -> None:
 
 
 def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: running_redis) -> None:
-    service = Service(tmp_path / "data", redis_server.url, blobs=s3)
+    service = Service(tmp_path / "data", redis_server, blobs=s3)
     try:
         with service.worker():
             scene = service.ready_scene()
@@ -154,7 +154,7 @@ def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: run
 
 def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server: running_redis) -> None:
     (tmp_path / "data").mkdir(mode=0o755)
-    service = Service(tmp_path / "data", redis_server.url)
+    service = Service(tmp_path / "data", redis_server)
     try:
         with service.worker():
             service.wait_for(service.submit(service.ready_scene()), "finished")

@@ -19,7 +19,7 @@ from service.store.reserve import SIZE, Reserve
 from service.store.room import no_room
 from tests.helpers import running_redis
 from tests.service.api.test_kernels import NAME, SHOWN, artefact
-from tests.service.conftest import OBJ, Service, empty, until
+from tests.service.conftest import OBJ, Service, until
 
 DISK = 48 << 20
 
@@ -81,8 +81,7 @@ def test_deleting_works_with_no_byte_free(
     small_disk: Path | None, tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = (small_disk or tmp_path) / "data"
-    empty(redis_server)
-    service = Service(data, redis_server.url, min_free_bytes=0)
+    service = Service(data, redis_server, min_free_bytes=0)
     try:
         with service.worker():
             scenes = [service.upload(OBJ + b"# %d" % i * 40) for i in range(12)]
