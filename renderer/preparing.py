@@ -36,7 +36,7 @@ def prepare() -> None:
 @contextlib.contextmanager
 def preparing_beside(is_cold: bool) -> Iterator[None]:
     """Where they have to be compiled, another process does so meanwhile. If it fails, `prepare` does it again, and says why."""
-    if not is_cold or cores() == 1:
+    if not is_cold or cores() == 1 or prepare.cache_info().currsize:
         yield
         return
     path = os.pathsep.join([str(ROOT.parent), os.environ.get("PYTHONPATH", "")])

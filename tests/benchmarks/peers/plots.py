@@ -32,7 +32,7 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
             axes.plot([goal.bound] * 2, [y - 0.4, y + 0.4], color=_ASKED, linewidth=2.5)
     if target.mean is not None:
         axes.axvline(target.mean.bound, color=_ASKED, linestyle=":", label=f"geometric mean: {target.mean}")
-        axes.legend()
+        figure.legend(loc="outside lower right")
     axes.set_yticks(range(len(lines)), [line.name for line in lines])
     axes.invert_yaxis()
     axes.margins(x=0.1)
