@@ -96,17 +96,24 @@ class FramePlan:
         return sum(t.w * t.h * covered for t, covered in zip(self.tiles, self.covered, strict=True))
 
     def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
-        """The next batch, or None where all is handed out. samples_wanted(tile): how many samples suit the workers."""
+        """The next batch, or None where all is handed out. samples_wanted(tile): how many samples suit the workers.
+
+        The film is looked at before anything is taken off: where it has to be waited for, that is still the next.
+        """
         while self._lost:
-            lost = self._lost.popleft()
-            if not self._coverage(lost.tile).overlaps(lost.first, lost.count):
+            lost = self._lost[0]
+            covered = self._coverage(lost.tile)
+            self._lost.popleft()
+            if not covered.overlaps(lost.first, lost.count):
                 return lost
-            self._lose_gaps(lost)
+            self._lose_gaps(lost, covered)
         while self._heap:
-            planned, _, tile = heapq.heappop(self._heap)
-            if tile not in self._open or planned != self._planned[tile]:
+            planned, _, tile = self._heap[0]
+            is_current = tile in self._open and planned == self._planned[tile]
+            gap = next(self._coverage(tile).gaps(planned, self._limit[tile]), None) if is_current else None
+            heapq.heappop(self._heap)
+            if not is_current:
                 continue
-            gap = next(self._coverage(tile).gaps(planned, self._limit[tile]), None)
             if gap is None:
                 self._planned[tile] = self._limit[tile]
                 continue
@@ -135,15 +142,20 @@ class FramePlan:
             self._lost.append(lost)
 
     def settle(self, back: Range) -> None:
-        """A batch came back and the film took it or dropped it; the film says what the tile has now."""
+        """A batch came back and the film took it or dropped it; the film says what the tile has now.
+
+        Where the film has to be waited for, nothing has changed, and it is called again.
+        """
         covered = self._coverage(back.tile)
+        is_open = back.tile in self._open
+        is_at_limit = is_open and covered.prefix >= self._limit[back.tile]
+        is_complete = is_at_limit and self._is_complete(back.tile, covered)
         self.covered[back.tile] = covered.total
-        if back.tile not in self._open:
+        if is_open:
+            self._lose_gaps(back, covered)
+        if not is_at_limit:
             return
-        self._lose_gaps(back)
-        if covered.prefix < self._limit[back.tile]:
-            return
-        if self._is_complete(back.tile, covered):
+        if is_complete:
             self._open.discard(back.tile)
             return
         self._go_on(back.tile, covered.prefix)
@@ -154,8 +166,8 @@ class FramePlan:
         self._planned[tile] = max(self._planned[tile], prefix)
         self._push(tile)
 
-    def _lose_gaps(self, of: Range) -> None:
-        for start, end in self._coverage(of.tile).gaps(of.first, of.first + of.count):
+    def _lose_gaps(self, of: Range, covered: Coverage) -> None:
+        for start, end in covered.gaps(of.first, of.first + of.count):
             self._lost.append(Range(of.tile, start, end - start))
 
     def _is_complete(self, tile: int, covered: Coverage) -> bool:

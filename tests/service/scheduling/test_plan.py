@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
+from typing import TypeVar
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from renderer.settings import tiles_of
+from service.errors import FilmWaits
 from service.scheduling.plan import FramePlan, Range
 from service.store.coverage import Coverage
+
+T = TypeVar("T")
 
 
 class Bench:
@@ -18,25 +23,53 @@ class Bench:
     def __init__(self, spp: int, noise: float | None, size: int = 16) -> None:
         self.tiles = tiles_of(50, 40, size)
         self.coverage = [Coverage() for _ in self.tiles]
-        self.args = (self.tiles, spp, noise, lambda t: self.coverage[t], lambda t: (1 + t % 5) / self.coverage[t].total ** 0.5)
+        self.args = (self.tiles, spp, noise, self._covered, self._noise)
+        self._faults: random.Random | None = None
         self.plan = FramePlan(*self.args)
+
+    def _covered(self, tile: int) -> Coverage:
+        self._may_have_to_wait()
+        return self.coverage[tile]
+
+    def _noise(self, tile: int) -> float:
+        self._may_have_to_wait()
+        return (1 + tile % 5) / self.coverage[tile].total ** 0.5
+
+    def _may_have_to_wait(self) -> None:
+        if self._faults is not None and self._faults.random() < 0.3:
+            raise FilmWaits("The film is locked.")
+
+    def again(self, call: Callable[[], T]) -> T:
+        """As the scheduler does: until the film need not be waited for."""
+        while True:
+            try:
+                return call()
+            except FilmWaits:
+                continue
 
     def arrive(self, batch: Range) -> None:
         if self.plan.wants(batch) and not self.coverage[batch.tile].overlaps(batch.first, batch.count):
             self.coverage[batch.tile].add(batch.first, batch.count)
-        self.plan.settle(batch)
+        self.again(lambda: self.plan.settle(batch))
 
-    def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0) -> list[Range]:
-        """Run to the end; returns what was handed out."""
+    def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0, waits: bool = False) -> list[Range]:
+        """Run to the end; returns what was handed out. waits: the film has to be waited for every now and then."""
         dice = random.Random(seed)
+        self._faults = random.Random(seed) if waits else None
         out: list[Range] = []
         history = []
+
+        def samples_wanted(tile: int) -> int:
+            return dice.randint(1, wanted)
+
         for _ in range(20_000):
             if self.plan.done:
                 return history
             if restart and dice.random() < restart:
-                self.plan = FramePlan(*self.args)  # what is in `out` arrives late, from an earlier life
-            while len(out) < 6 and (batch := self.plan.next(lambda tile: dice.randint(1, wanted))) is not None:
+                self.plan = self.again(lambda: FramePlan(*self.args))  # what is in `out` arrives late, from an earlier life
+            while (
+                len(out) < 6 and (batch := self.again(lambda: self.plan.next(lambda tile: dice.randint(1, wanted)))) is not None
+            ):
                 out.append(batch)
                 history.append(batch)
             batch = out.pop(dice.randrange(len(out)))
@@ -67,6 +100,21 @@ def test_where_a_tile_stops_does_not_depend_on_the_way(seed: int, loss: float, r
     totals = [c.total for c in plain.coverage]
     assert [c.total for c in disturbed.coverage] == totals
     assert set(totals) == {32, 128, 256, 300}, "checks are at 32, 64, 128, ... and the cap ends what is noisier"
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([None, 0.2]), st.sampled_from([0.0, 0.3]))
+def test_a_film_that_has_to_be_waited_for_loses_nothing(seed: int, noise: float | None, loss: float) -> None:
+    plain, waiting = Bench(90, noise), Bench(90, noise)
+    plain.finish(0)
+    waiting.finish(seed, loss=loss, waits=True)
+    assert [c.ranges for c in waiting.coverage] == [c.ranges for c in plain.coverage]
+
+
+def test_waiting_hands_nothing_out_twice() -> None:
+    bench = Bench(90, 0.2)
+    history = bench.finish(1, waits=True)
+    assert len(set(history)) == len(history)
 
 
 def test_nothing_is_handed_out_twice_without_need() -> None:
