@@ -58,12 +58,11 @@ def load_scene(
 
 def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock) -> None:
     """Makes the kernel for these settings and this scene ready. After the scene is read: a wrong file is told before the wait."""
-    from renderer.arrays.edition import edition_of
-    from renderer.render import warm_up
+    from renderer.render import edition_for, warm_up
 
     with bar() as progress:
         progress.add_task("loading the kernel (the first time compiles it: up to half a minute)", total=None)
-        warm_up(settings, edition_of(compiled))
+        warm_up(settings, edition_for(settings, compiled))
     clock.mark("compile_s")
 
 

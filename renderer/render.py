@@ -18,7 +18,7 @@ from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
-from renderer.kernel.accumulate import MAX_BAD, Batch, Output, renderer_of
+from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
@@ -32,9 +32,9 @@ from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.threads import cores
 
-__all__ = ["PLAIN", "RenderStats", "is_warm", "kernel_name", "render_batch", "render_frame", "replay", "warm_up"]
+__all__ = ["PLAIN", "RenderStats", "edition_for", "is_warm", "kernel_name", "render_batch", "render_frame", "replay", "warm_up"]
 
-PLAIN = next(iter(EDITIONS))
+PLAIN, FULL = EDITIONS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
@@ -57,7 +57,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = chosen_by(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
         scene = sampled_alone(scene)
-    return only(scene, edition_of(scene))
+    return only(scene, edition_for(settings, scene))
 
 
 def _render(
@@ -158,6 +158,11 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     log = np.zeros((settings.max_depth + MAX_AGAIN + MAX_PASSED, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
     return read_log(batch, settings.film_exponent, log)
+
+
+def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
+    """The edition of the kernel that renders the scene with these settings."""
+    return edition_of(scene) if has_editions(settings) else FULL
 
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:

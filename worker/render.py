@@ -7,9 +7,8 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
-from renderer.arrays.edition import edition_of
 from renderer.errors import RayfarmError, SceneError
-from renderer.render import is_warm, render_batch
+from renderer.render import edition_for, is_warm, render_batch
 from renderer.scene.compiled import CompiledScene, load
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums
@@ -33,7 +32,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     """The batch's exact sums, or the reason why there are none. compiling: told when the scene's kernel is got ready, and is."""
     try:
         scene = patiently(lambda: _scene(worker, batch.compiled), PATIENCE_S)
-        edition = edition_of(scene)
+        edition = edition_for(batch.settings, scene)
         if not is_warm(batch.settings, edition):
             compiling(True)
             get_ready(worker.link, batch.settings, edition)

@@ -68,9 +68,8 @@ def bvh(
       rayfarm bench bvh
       rayfarm bench bvh --scene truck.glb --size 64x36
     """
-    from renderer.arrays.edition import edition_of
     from renderer.film import digest
-    from renderer.render import warm_up
+    from renderer.render import edition_for, warm_up
     from renderer.scene.compile import compile_scene, summarise
     from renderer.scene.load import read
 
@@ -81,7 +80,7 @@ def bvh(
     tree, brute = compile_scene(descriptions[0]), compile_scene(descriptions[1], brute=True)
     summary = summarise(descriptions[0], tree)
     settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
-    warm_up(settings, edition_of(tree))
+    warm_up(settings, edition_for(settings, tree))
     expected = _expected_s(brute, settings, spp)
     cores = machine.cores()
     if expected * (1 + 1 / cores) > patience:

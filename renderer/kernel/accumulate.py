@@ -33,7 +33,7 @@ from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "in_half", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "has_editions", "in_half", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -182,6 +182,13 @@ def _render_whitted(scene, stack, camera, options, batch, output):
 @entry
 def _render_ao(scene, stack, camera, options, batch, output):
     return _render_tile(trace_ao, None, scene, stack, camera, options, batch, output)
+
+
+def has_editions(settings: RenderSettings) -> bool:
+    """Whether there is a plain edition of the kernel for these settings: of the path tracer for pictures. The rarer kernels have
+    everything in them, so that nobody waits for each of them twice.
+    """
+    return renderer_of(settings) is _render_path
 
 
 def renderer_of(settings: RenderSettings) -> Renderer:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from renderer import render
 from renderer.arrays.edition import edition_of, only
 from renderer.arrays.has import EDITIONS
 from renderer.film import mean
-from renderer.render import render_frame
+from renderer.render import edition_for, render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Light, Material, SceneDescription, Sphere, Texture
 from renderer.settings import RenderSettings, View
@@ -68,6 +70,14 @@ def test_lights_without_a_body_and_copies_ask_for_more() -> None:
     compiled = compile_scene(scene)
     assert len(compiled.to_world) == 20
     assert edition_of(compiled) == "full"
+
+
+@pytest.mark.parametrize("more", [{"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "bsdf"}])
+def test_rare_kernels_have_one_edition(more: dict[str, str]) -> None:
+    scene = compile_scene(described(*PLAIN))
+    settings = RenderSettings(8, 8, View((0, 0, 5), (0, 0, 0)))
+    assert edition_for(settings, scene) == "plain"
+    assert edition_for(replace(settings, **more), scene) == "full"
 
 
 def test_a_kernel_is_told_what_the_scene_has() -> None:
