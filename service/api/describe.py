@@ -94,14 +94,18 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
 
 
 def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
-    live = engine.snapshot.jobs.get(job.id) if job.state in ACTIVE else None
+    known = engine.snapshot.jobs.get(job.id)
+    live = known if job.state in ACTIVE else None
     frames = [
         FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
         for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))
     ]
-    if live is not None:
-        numbers = {"samples": live.samples, "bad_samples": live.bad_samples, "progress": live.progress}
-        frames = [f.model_copy(update=numbers) if f.number == live.frame else f for f in frames]
+    if known is not None:
+        # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
+        # the database has of a job that is over may be less than what was told of it before.
+        numbers = {"samples": known.samples, "bad_samples": known.bad_samples, "progress": known.progress}
+        is_newer = [f.number == known.frame and (live is not None or known.samples > f.samples) for f in frames]
+        frames = [f.model_copy(update=numbers) if newer else f for f, newer in zip(frames, is_newer, strict=True)]
     for f in frames:
         f.bad = _bad_samples(job, f, engine)
     size = job.settings or job.request
@@ -114,7 +118,7 @@ def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
             )
         },
         message=_message(job, engine.snapshot),
-        active_s=live.active_s if live else job.active_s,
+        active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=sum(f.progress for f in frames) / max(len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
         samples=sum(f.samples for f in frames),

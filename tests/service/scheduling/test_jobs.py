@@ -76,6 +76,19 @@ def test_a_job_by_noise_may_be_told_to_go_on_regardless_while_it_is_rendered(ser
     assert service.digest(job) == expected_digest(spp=40)
 
 
+def test_cancelling_never_takes_back_what_was_told_of_a_job(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    scene = service.ready_scene()
+    for _ in range(5):
+        job = service.submit(scene, spp=4096)
+        until(lambda job=job: service.job(job)["samples"] > 0, "the job is under way")  # type: ignore[misc]
+        before = service.job(job)
+        told = [service.patch(job, state="cancelled"), *(service.job(job) for _ in range(20))]
+        assert all(now["state"] == "cancelled" for now in told)
+        for number in ("samples", "progress", "active_s"):
+            assert min(now[number] for now in told) >= before[number], number
+
+
 def test_a_job_by_time_gets_more_samples_when_its_time_is_over(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, seconds=0.5, tile_size=64)
