@@ -32,6 +32,7 @@ MACHINE_CODE = (
     "arrays",
     "bvh",
     "kernel",
+    "wide",
     "scene/readers/obj_lines.py",
 )
 # What decides besides them which arrays a kernel reads, and what is asked of it.

@@ -2,6 +2,8 @@
 
 Numba's own indexing asks of each number whether it counts from the end, and multiplies it by a width that it looks up. A
 path reads some hundred rows, and a sixth of its instructions were for that.
+
+A number may also be eight numbers, a u32x8: then each column is a vector of eight, f32x8 or, of int32, u32x8.
 """
 
 from __future__ import annotations
@@ -9,6 +11,10 @@ from __future__ import annotations
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
+
+from renderer.bvh.simd import f32x8
+from renderer.wide.operators import INTS, is_wide, u32x8
+from renderer.wide.rows import gathered
 
 __all__ = ["columns", "row"]
 
@@ -22,6 +28,11 @@ def _index(builder, number):
 def _values(context, builder, sig, table, number, width, first):
     """A tuple of the numbers that follow `first` in a row."""
     data = context.make_array(sig.args[0])(context, builder, table).data
+    if is_wide(sig.args[1]):
+        vectors = gathered(builder, data, number, _WORD(width), first, sig.return_type.count)
+        if sig.args[0].dtype != types.float32:
+            vectors = [builder.bitcast(vector, INTS) for vector in vectors]
+        return context.make_tuple(builder, sig.return_type, vectors)
     start = builder.add(builder.mul(_index(builder, number), _WORD(width)), first)
     values = []
     for k in range(sig.return_type.count):
@@ -30,6 +41,13 @@ def _values(context, builder, sig, table, number, width, first):
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
         values.append(value)
     return context.make_tuple(builder, sig.return_type, values)
+
+
+def _number(table, index):
+    """The type of a number of the table, or of eight."""
+    if not is_wide(index):
+        return table.dtype
+    return f32x8 if table.dtype == types.float32 else u32x8
 
 
 @intrinsic(prefer_literal=True)
@@ -43,14 +61,14 @@ def row(typingctx, table, number, width):
     def codegen(context, builder, sig, args):
         return _values(context, builder, sig, args[0], args[1], wide, _WORD(0))
 
-    return types.UniTuple(table.dtype, wide)(table, types.unliteral(number), width), codegen
+    return types.UniTuple(_number(table, number), wide)(table, types.unliteral(number), width), codegen
 
 
 @intrinsic(prefer_literal=True)
 def columns(typingctx, table, number, width, first, count):
     """`count` columns of a row from `first` on, as in `row`; width and count are literals."""
     wide = width.literal_value
-    numbers = types.UniTuple(table.dtype, count.literal_value)
+    numbers = types.UniTuple(_number(table, number), count.literal_value)
 
     def codegen(context, builder, sig, args):
         return _values(context, builder, sig, args[0], args[1], wide, _index(builder, args[3]))

@@ -1,0 +1,133 @@
+"""Rows of memory, eight at a time: columns of eight rows that lie anywhere become vectors, and vectors go back into rows.
+
+A row is read in one piece and the eight pieces are transposed in registers, which costs half an instruction a number; AVX2's
+gathers cost three times that on processors of today.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from renderer.bvh.simd import LANES, f32x8
+from renderer.wide.operators import FLOATS, INTS, u32x8
+
+__all__ = ["gather", "gathered", "load_ints", "scatter"]
+
+_I32, _I64 = ir.IntType(32), ir.IntType(64)
+_FLOAT = ir.FloatType()
+_QUARTET = ir.VectorType(_FLOAT, 4)
+_PAIR = ir.VectorType(_FLOAT, 2)
+_LOW, _HIGH = [0, 8, 1, 9, 4, 12, 5, 13], [2, 10, 3, 11, 6, 14, 7, 15]
+_FIRST, _SECOND = [0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]
+_LOWER, _UPPER = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
+
+
+def _shuffled(builder: Any, a: Any, b: Any, mask: list[int]) -> Any:
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(mask)), mask))
+
+
+def _quarters(builder: Any, rows: list[Any]) -> list[Any]:
+    """Four vectors of eight, the columns of four pairs of quartets: rows[k] has row k in its lower half and row k + 4 above."""
+    a, b = _shuffled(builder, rows[0], rows[1], _LOW), _shuffled(builder, rows[0], rows[1], _HIGH)
+    c, d = _shuffled(builder, rows[2], rows[3], _LOW), _shuffled(builder, rows[2], rows[3], _HIGH)
+    pairs = ((a, c, _FIRST), (a, c, _SECOND), (b, d, _FIRST), (b, d, _SECOND))
+    return [_shuffled(builder, x, y, mask) for x, y, mask in pairs]
+
+
+def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """An 8x8 matrix by its columns, from its rows."""
+    lower = [_shuffled(builder, rows[k], rows[k + 4], _LOWER) for k in range(4)]
+    upper = [_shuffled(builder, rows[k], rows[k + 4], _UPPER) for k in range(4)]
+    return _quarters(builder, lower) + _quarters(builder, upper)
+
+
+def _pointers(builder: Any, data: Any, index: Any, width: Any, first: Any) -> list[Any]:
+    """Where the columns from `first` on of each of the eight rows lie."""
+    data = builder.bitcast(data, _FLOAT.as_pointer())
+    offsets = []
+    for lane in range(LANES):
+        row = builder.zext(builder.extract_element(index, _I32(lane)), _I64)
+        offsets.append(builder.gep(data, [builder.add(builder.mul(row, width), first)]))
+    return offsets
+
+
+def _piece(builder: Any, pointer: Any, kind: ir.Type) -> Any:
+    value = builder.load(builder.bitcast(pointer, kind.as_pointer()))
+    value.align = 4
+    return value
+
+
+def _quartet(builder: Any, pointer: Any, count: int) -> Any:
+    """The first `count` of four float32, without touching what lies behind them."""
+    if count == 4:
+        return _piece(builder, pointer, _QUARTET)
+    undefined = ir.Constant(_PAIR, ir.Undefined)
+    pair = _piece(builder, pointer, _PAIR)
+    four = _shuffled(builder, pair, undefined, [0, 1, 2, 2])
+    if count == 3:
+        third = builder.load(builder.gep(pointer, [_I64(2)]))
+        four = builder.insert_element(four, third, _I32(2))
+    return four
+
+
+def gathered(builder: Any, data: Any, index: Any, width: Any, first: Any, count: int) -> list[Any]:
+    """`count` vectors of eight: the columns from `first` on of the rows `index` of what `data` points to, 32 bits a number."""
+    if count == 1:
+        undefined = ir.Constant(FLOATS, ir.Undefined)
+        vector = undefined
+        for lane, pointer in enumerate(_pointers(builder, data, index, width, first)):
+            vector = builder.insert_element(vector, builder.load(pointer), _I32(lane))
+        return [vector]
+    if count in (2, 3, 4):
+        four = [_quartet(builder, pointer, count) for pointer in _pointers(builder, data, index, width, first)]
+        return _quarters(builder, [_shuffled(builder, four[k], four[k + 4], list(range(8))) for k in range(4)])[:count]
+    if count < LANES:
+        rest = gathered(builder, data, index, width, builder.add(first, _I64(4)), count - 4)
+        return gathered(builder, data, index, width, first, 4) + rest
+    eight = _transposed(builder, [_piece(builder, p, FLOATS) for p in _pointers(builder, data, index, width, first)])
+    if count == LANES:
+        return eight
+    return eight + gathered(builder, data, index, width, builder.add(first, _I64(LANES)), count - LANES)
+
+
+@intrinsic(prefer_literal=True)
+def gather(typingctx, table, index, width, first, count):
+    """Columns first ... first + count - 1 of the rows `index` (u32x8) of a C-contiguous float32 or int32 table of that width:
+    a tuple of f32x8, the bits of integers among them. count: a literal; width, first: uintp. Unchecked.
+    """
+    columns = count.literal_value
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        return context.make_tuple(builder, sig.return_type, gathered(builder, data, *args[1:4], columns))
+
+    return types.UniTuple(f32x8, columns)(table, index, types.uintp, types.uintp, count), codegen
+
+
+@intrinsic
+def scatter(typingctx, table, index, width, first, values):
+    """The reverse: eight f32x8 into columns first ... first + 7 of the rows `index`. Of two lanes with one row the last stays."""
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        rows = _transposed(builder, [builder.extract_value(args[4], k) for k in range(LANES)])
+        for pointer, row in zip(_pointers(builder, data, *args[1:4]), rows, strict=True):
+            builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4
+        return context.get_dummy_value()
+
+    return types.void(table, index, types.uintp, types.uintp, values), codegen
+
+
+@intrinsic
+def load_ints(typingctx, array, index):
+    """Eight whole numbers from a C-contiguous array of 32-bit integers, from its flat element `index` on: u32x8. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        return _piece(builder, builder.gep(data, [args[1]]), INTS)
+
+    return u32x8(array, types.uintp), codegen

@@ -1,0 +1,135 @@
+"""What formulas call where a plain number has a statement of its own: choices, whole numbers, tables. Of a float32 or an f32x8.
+
+A whole number is an intp where the formula is one path's, a u32x8 where it is eight's; a choice is a bool or a mask8.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from renderer.bvh.simd import LANES, f32x8, mask8
+from renderer.jit import device
+from renderer.wide.operators import FLOATS, INTS, called, is_wide, lifted, u32x8
+
+__all__ = ["any_of", "as_floats", "as_ints", "lookup", "not_", "rint", "to_float", "to_int", "u32", "where", "where3"]
+
+_I32 = ir.IntType(32)
+
+
+@intrinsic
+def where(typingctx, mask, a, b):
+    """a where the mask is set, else b: both are computed, and nothing becomes a branch."""
+    wide = next((kind for kind in (a, b) if is_wide(kind)), None)
+    if wide is None:
+        wide = a if not is_wide(mask) else {types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[a]
+
+    def codegen(context, builder, sig, args):
+        choice, x, y = args
+        if is_wide(sig.return_type):
+            x, y = lifted(builder, sig.args[1], x), lifted(builder, sig.args[2], y)
+        value = builder.select(choice, x, y)
+        if not is_wide(sig.args[0]):
+            value.set_metadata("unpredictable", builder.module.add_metadata([]))
+        return value
+
+    return wide(mask, a, b), codegen
+
+
+@device
+def where3(mask, a, b):
+    """`where` of vectors."""
+    return where(mask, a[0], b[0]), where(mask, a[1], b[1]), where(mask, a[2], b[2])
+
+
+@intrinsic
+def any_of(typingctx, mask):
+    """Whether the mask is set in any lane: a bool, to branch by."""
+
+    def codegen(context, builder, sig, args):
+        if not is_wide(sig.args[0]):
+            return args[0]
+        lanes = ir.IntType(LANES)
+        return builder.icmp_unsigned("!=", builder.bitcast(args[0], lanes), lanes(0))
+
+    return types.boolean(mask), codegen
+
+
+@intrinsic
+def not_(typingctx, mask):
+    """The opposite choice."""
+    return mask(mask), lambda context, builder, sig, args: builder.not_(args[0])
+
+
+@intrinsic
+def rint(typingctx, a):
+    """The nearest whole number, as a float."""
+    return a(a), lambda context, builder, sig, args: called(builder, "rint", args[0])
+
+
+@intrinsic
+def to_int(typingctx, a):
+    """A float cut to a whole number. In lanes: within int32."""
+
+    def codegen(context, builder, sig, args):
+        return builder.fptosi(args[0], INTS if is_wide(sig.args[0]) else ir.IntType(64))
+
+    return (u32x8 if is_wide(a) else types.intp)(a), codegen
+
+
+@intrinsic
+def to_float(typingctx, a):
+    """A whole number as a float. In lanes: of int32; else of any integer."""
+
+    def codegen(context, builder, sig, args):
+        kind = sig.args[0]
+        if is_wide(kind):
+            return builder.sitofp(args[0], FLOATS)
+        return (builder.sitofp if kind.signed else builder.uitofp)(args[0], ir.FloatType())
+
+    return (f32x8 if is_wide(a) else types.float32)(a), codegen
+
+
+@intrinsic
+def u32(typingctx, a):
+    """A whole number as uint32; lanes are that already."""
+
+    def codegen(context, builder, sig, args):
+        return args[0] if is_wide(sig.args[0]) else context.cast(builder, args[0], sig.args[0], types.uint32)
+
+    return (a if is_wide(a) else types.uint32)(a), codegen
+
+
+@intrinsic
+def as_ints(typingctx, a):
+    """The bits of an f32x8 as u32x8."""
+    return u32x8(f32x8), lambda context, builder, sig, args: builder.bitcast(args[0], INTS)
+
+
+@intrinsic
+def as_floats(typingctx, a):
+    """A u32x8 as the bits of an f32x8."""
+    return f32x8(u32x8), lambda context, builder, sig, args: builder.bitcast(args[0], FLOATS)
+
+
+@intrinsic
+def lookup(typingctx, table, index):
+    """Elements of a C-contiguous float32 or int32 table at a flat index: float32 or int32 for a plain one; f32x8, or u32x8 with
+    their bits, for a u32x8. Unchecked.
+    """
+    wide = is_wide(index)
+    element = table.dtype
+    result = (f32x8 if element == types.float32 else u32x8) if wide else element
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        if not wide:
+            return builder.load(builder.gep(data, [args[1]]))
+        vector = ir.Constant(ir.VectorType(data.type.pointee, LANES), ir.Undefined)
+        for lane in range(LANES):
+            at = builder.zext(builder.extract_element(args[1], _I32(lane)), ir.IntType(64))
+            vector = builder.insert_element(vector, builder.load(builder.gep(data, [at])), _I32(lane))
+        return vector
+
+    return result(table, index), codegen
