@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from renderer.jit import device
 from renderer.settings import FILTERS
+from renderer.wide.values import lookup, to_float, to_int
 
 __all__ = ["BLACKMAN_HARRIS", "BOX", "TENT", "blackman_harris", "filter_offset"]
 
@@ -24,6 +25,7 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INTERVALS = 256
+_NEXT = np.uint32(1)
 
 
 def blackman_harris(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -52,9 +54,10 @@ _INVERSE = _inverse()
 def _blackman_harris_offset(u):
     side = _TWO * u - _ONE
     t = math.sqrt(max(_ZERO, _ONE - abs(side))) * np.float32(_INTERVALS)
-    i = min(np.int64(t), _INTERVALS - 1)
-    rest = t - np.float32(i)
-    return math.copysign(_INVERSE[i] + rest * (_INVERSE[i + 1] - _INVERSE[i]), side)
+    i = to_int(min(t, np.float32(_INTERVALS - 1)))
+    rest = t - to_float(i)
+    near = lookup(_INVERSE, i)
+    return math.copysign(near + rest * (lookup(_INVERSE, i + _NEXT) - near), side)
 
 
 @device

@@ -5,7 +5,8 @@ import pytest
 import scipy.stats
 
 from renderer.jit import entry
-from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, direction_numbers, pixel_key, uniform4
+from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, pixel_key, uniform4
+from renderer.kernel.sampling.sobol import direction_numbers
 from tests.renderer.judge import assert_uniform, limit
 
 N = 1 << 18

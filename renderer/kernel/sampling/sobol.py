@@ -1,0 +1,150 @@
+"""The Sobol' sequence's first four dimensions, scrambled: for one index, or for eight at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from renderer.bvh.simd import LANES
+from renderer.jit import TARGET
+from renderer.wide.operators import INTS, is_wide, u32x8
+
+__all__ = ["GOLDEN", "MIX_1", "MIX_2", "SCRAMBLE", "TABLE", "direction_numbers", "points"]
+
+MIX_1 = np.uint32(0x7FEB352D)
+MIX_2 = np.uint32(0x846CA68B)
+GOLDEN = np.uint32(0x9E3779B9)
+SCRAMBLE = tuple(np.uint32(c) for c in (0x3D20ADEA, 0x05526C56, 0x53A22864))
+_BITS = 28  # of the sample number: more than MAX_SPP times MAX_LIGHT_SAMPLES
+_NIBBLES, _TRIPLES = 7, 10
+_DIMENSIONS = 4
+_I32 = ir.IntType(32)
+_QUARTET = ir.VectorType(_I32, _DIMENSIONS)
+
+
+def direction_numbers() -> np.ndarray:
+    """The Sobol' generator matrices' columns, (4, 32) uint32, most significant bit first (Joe & Kuo 2008, new-joe-kuo-6).
+
+    Column k is what bit k of the index adds.
+    """
+    # Degree, inner coefficients and first odd numbers of a primitive polynomial over GF(2), for dimensions 2, 3, 4.
+    columns = [[1 << (31 - k) for k in range(32)]]
+    for degree, inner, first in ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1))):
+        v = [m << (31 - k) for k, m in enumerate(first)]
+        for k in range(degree, 32):
+            value = v[k - degree] ^ (v[k - degree] >> degree)
+            for j in range(1, degree):
+                if inner >> (degree - 1 - j) & 1:
+                    value ^= v[k - j]
+            v.append(value)
+        columns.append(v)
+    return np.array(columns, np.uint32)
+
+
+def _by_digit(bits: int, digits: int) -> np.ndarray:
+    """What each value of each digit of a bit-reversed index adds, bit-reversed: (digits, 2**bits, 4) uint32.
+
+    The first digit is the index's lowest bits, which stand uppermost, lowest bit first.
+    """
+    columns = np.array([[int(f"{int(c):032b}"[::-1], 2) for c in row] for row in direction_numbers()], np.uint32)
+    columns[:, _BITS:] = 0
+    table = np.zeros((digits, 2**bits, _DIMENSIONS), np.uint32)
+    for digit in range(digits):
+        for value in range(2**bits):
+            for bit in range(bits):
+                if value >> (bits - 1 - bit) & 1:
+                    table[digit, value] ^= columns[:, bits * digit + bit]
+    return table
+
+
+TABLE = _by_digit(4, _NIBBLES).reshape(-1, _DIMENSIONS)
+_OF_TRIPLES = _by_digit(3, _TRIPLES)
+
+
+def _vector(kind: Any, values: Any) -> Any:
+    return ir.Constant(kind, [int(value) for value in values])
+
+
+def _scrambled(builder: Any, x: Any, seed: Any) -> Any:
+    """`_scramble` of sampler.py, by what `_mix` makes of the seed, and the bits turned round; of a vector of any length."""
+
+    def constant(value: Any) -> Any:
+        return _vector(x.type, [value] * x.type.count)
+
+    seed = builder.mul(builder.xor(seed, builder.lshr(seed, constant(16))), constant(MIX_1))
+    seed = builder.mul(builder.xor(seed, builder.lshr(seed, constant(15))), constant(MIX_2))
+    seed = builder.xor(seed, builder.lshr(seed, constant(16)))
+    x = builder.xor(x, builder.mul(x, constant(SCRAMBLE[0])))
+    x = builder.add(x, seed)
+    x = builder.mul(x, builder.or_(builder.lshr(seed, constant(16)), constant(1)))
+    x = builder.xor(x, builder.mul(x, constant(SCRAMBLE[1])))
+    x = builder.xor(x, builder.mul(x, constant(SCRAMBLE[2])))
+    reverse = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(x.type, [x.type]), f"llvm.bitreverse.v{x.type.count}i32"
+    )
+    return builder.call(reverse, [x])
+
+
+def _rows(builder: Any, data: Any, index: Any) -> Any:
+    """The four dimensions of one index, side by side, by the table of nibbles."""
+    x = _vector(_QUARTET, [0] * _DIMENSIONS)
+    for nibble in range(_NIBBLES):
+        value = builder.and_(builder.lshr(index, _I32(28 - 4 * nibble)), _I32(15))
+        entry = builder.shl(builder.or_(value, _I32(16 * nibble)), _I32(2))
+        row = builder.load(builder.bitcast(builder.gep(data, [entry]), _QUARTET.as_pointer()))
+        row.align = 4
+        x = builder.xor(x, row)
+    return x
+
+
+def _permuted(builder: Any, index: Any, dimension: int) -> Any:
+    """One dimension of eight indices: three bits at a time choose among eight numbers in a register (AVX2's vpermd)."""
+    permute = cgutils.get_or_insert_function(builder.module, ir.FunctionType(INTS, [INTS, INTS]), "llvm.x86.avx2.permd")
+    x = _vector(INTS, [0] * LANES)
+    for triple in range(_TRIPLES):
+        shift = 29 - 3 * triple
+        amount = _vector(INTS, [abs(shift)] * LANES)
+        place = builder.lshr(index, amount) if shift >= 0 else builder.shl(index, amount)
+        x = builder.xor(x, builder.call(permute, [_vector(INTS, _OF_TRIPLES[triple, :, dimension]), place]))
+    return x
+
+
+def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
+    """The four dimensions of eight indices, one index after the other."""
+    columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
+    for lane in range(LANES):
+        row = _rows(builder, data, builder.extract_element(index, _I32(lane)))
+        for k in range(_DIMENSIONS):
+            columns[k] = builder.insert_element(columns[k], builder.extract_element(row, _I32(k)), _I32(lane))
+    return columns
+
+
+@intrinsic
+def points(typingctx, table, index, key):
+    """Point `index` (bits in reverse) of the sequence, its four dimensions scrambled by what `_mix` makes of four numbers
+    that lie far from the key and from each other: uint32 each, or u32x8 for eight indices and keys. table: TABLE.
+
+    `_mix` and `_scramble` of four dimensions at once, spelled out since LLVM does not find it: a third of the time.
+    """
+    far = [(i + 1) * int(GOLDEN) % 2**32 for i in range(_DIMENSIONS)]
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        if is_wide(sig.args[1]):
+            x86 = TARGET.startswith("x86")
+            plain = [_permuted(builder, args[1], k) for k in range(_DIMENSIONS)] if x86 else _of_each(builder, data, args[1])
+            seeds = [builder.add(args[2], _vector(INTS, [offset] * LANES)) for offset in far]
+            return context.make_tuple(
+                builder, sig.return_type, [_scrambled(builder, x, seed) for x, seed in zip(plain, seeds, strict=True)]
+            )
+        first = builder.insert_element(ir.Constant(_QUARTET, ir.Undefined), args[2], _I32(0))
+        seed = builder.shuffle_vector(first, ir.Constant(_QUARTET, ir.Undefined), _vector(_QUARTET, [0] * _DIMENSIONS))
+        x = _scrambled(builder, _rows(builder, data, args[1]), builder.add(seed, _vector(_QUARTET, far)))
+        return context.make_tuple(builder, sig.return_type, [builder.extract_element(x, _I32(i)) for i in range(_DIMENSIONS)])
+
+    number = u32x8 if is_wide(index) else types.uint32
+    return types.UniTuple(number, _DIMENSIONS)(table, number, number), codegen
