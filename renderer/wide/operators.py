@@ -17,14 +17,14 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing import signature
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 
-from renderer.bvh.simd import LANES, Lanes, f32x8, mask8
+from renderer.bvh.simd import LANES, Lanes, f32x8, f64x8, mask8
 
 __all__ = ["FLOATS", "INTS", "called", "is_wide", "lifted", "u32x8"]
 
 _I32 = ir.IntType(32)
 FLOATS = ir.VectorType(ir.FloatType(), LANES)
 INTS = ir.VectorType(_I32, LANES)
-_SUFFIX = {str(ir.FloatType()): "f32", str(_I32): "i32"}
+_SUFFIX = {str(ir.FloatType()): "f32", str(ir.DoubleType()): "f64", str(_I32): "i32"}
 
 u32x8 = Lanes("u32x8", _I32)
 
@@ -103,6 +103,7 @@ _binary(math.copysign, lambda builder, a, b: called(builder, "copysign", a, b), 
 _unary(operator.neg, lambda builder, a: builder.fneg(a), f32x8)
 _unary(abs, lambda builder, a: called(builder, "fabs", a), f32x8)
 _unary(math.sqrt, lambda builder, a: called(builder, "sqrt", a), f32x8)
+_unary(math.sqrt, lambda builder, a: called(builder, "sqrt", a), f64x8)
 
 _binary(operator.and_, lambda builder, a, b: builder.and_(a, b), mask8, mask8, types.boolean, known=True)
 _binary(operator.or_, lambda builder, a, b: builder.or_(a, b), mask8, mask8, types.boolean, known=True)

@@ -9,11 +9,26 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from renderer.bvh.simd import LANES, f32x8, mask8
+from renderer.bvh.simd import LANES, f32x8, f64x8, mask8
 from renderer.jit import device
 from renderer.wide.operators import FLOATS, INTS, called, is_wide, lifted, u32x8
 
-__all__ = ["any_of", "as_floats", "as_ints", "lookup", "not_", "rint", "to_float", "to_int", "u32", "where", "where3"]
+__all__ = [
+    "any_of",
+    "as_floats",
+    "as_ints",
+    "double",
+    "lookup",
+    "nil",
+    "not_",
+    "rint",
+    "single",
+    "to_float",
+    "to_int",
+    "u32",
+    "where",
+    "where3",
+]
 
 _I32 = ir.IntType(32)
 
@@ -99,6 +114,34 @@ def u32(typingctx, a):
         return args[0] if is_wide(sig.args[0]) else context.cast(builder, args[0], sig.args[0], types.uint32)
 
     return (a if is_wide(a) else types.uint32)(a), codegen
+
+
+@intrinsic
+def nil(typingctx, a):
+    """0 of the type of a."""
+    return a(a), lambda context, builder, sig, args: ir.Constant(args[0].type, None)
+
+
+@intrinsic
+def double(typingctx, a):
+    """A float32 in double precision, or eight."""
+    wide = is_wide(a)
+
+    def codegen(context, builder, sig, args):
+        return builder.fpext(args[0], ir.VectorType(ir.DoubleType(), LANES) if wide else ir.DoubleType())
+
+    return (f64x8 if wide else types.float64)(a), codegen
+
+
+@intrinsic
+def single(typingctx, a):
+    """A number of double precision rounded to float32, or eight."""
+    wide = is_wide(a)
+
+    def codegen(context, builder, sig, args):
+        return builder.fptrunc(args[0], FLOATS if wide else ir.FloatType())
+
+    return (f32x8 if wide else types.float32)(a), codegen
 
 
 @intrinsic

@@ -29,7 +29,7 @@ from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, 
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.surface import departure, surface_at
+from renderer.kernel.surface.surface import departure, shines, surface_at
 from renderer.settings import MAX_FLOOR
 
 __all__ = ["trace_path"]
@@ -155,7 +155,7 @@ def _add_environment(scene, path, options, special):
 @template
 def _add_emission(scene, surface, path, number, options, special):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
-    if surface.light >= 0 and path.pdf >= _ZERO:
+    if shines(surface) and path.pdf >= _ZERO:
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
         weight = _ONE
         if path.pdf > _ZERO:

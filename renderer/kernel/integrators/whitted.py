@@ -33,7 +33,7 @@ from renderer.kernel.light.lights import LightSample, choose_light, sample_light
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.surface import departure, surface_at
+from renderer.kernel.surface.surface import departure, shines, surface_at
 
 __all__ = ["trace_whitted"]
 
@@ -148,7 +148,7 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first, special):
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        if surface.light >= 0:
+        if shines(surface):
             path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front))
         vertex, path = vertex_at(scene, surface, path, stream, number, layers)
         material = vertex.material

@@ -16,8 +16,21 @@ from renderer.kernel.surface.carry import normal_to_world, point_to_world, tange
 from renderer.kernel.surface.consistent import consistent_normal
 from renderer.kernel.surface.margins import edge_margins
 from renderer.kernel.surface.terminator import lifted
+from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32, where, where3
 
-__all__ = ["Surface", "departure", "leave", "leaves", "sphere_uv", "surface_at", "triangle_point"]
+__all__ = [
+    "NO_LIGHT",
+    "Surface",
+    "departure",
+    "leave",
+    "leaves",
+    "shines",
+    "sphere_at",
+    "sphere_uv",
+    "surface_at",
+    "triangle_at",
+    "triangle_point",
+]
 
 _ZERO = np.float32(0.0)
 _THIRD = np.float32(1.0 / 3.0)
@@ -30,8 +43,9 @@ _INV_2PI = np.float32(0.5 / math.pi)
 _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
-_NOWHERE = (_ZERO, _ZERO, _ZERO)
-_NO_LIGHT = np.int32(-1)
+NO_LIGHT = np.uint32(0xFFFFFFFF)
+_NOTHING = np.uint32(0)
+_DIFFUSE = np.uint32(DIFFUSE)
 _UNIT = np.float32(1e-6)
 _LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
@@ -53,7 +67,7 @@ class Surface(NamedTuple):
     uv: tuple[float, float]
     front: bool  # whether the viewer is on the triangle's counter-clockwise side, or outside the sphere
     material: int
-    light: int  # its number among the lights, or -1
+    light: int  # its number among the lights, or NO_LIGHT
     object: int  # its number in the object id AOV
     uv1: tuple[float, float]  # the second set; the first where there is none
     color: tuple[float, float, float, float]  # the vertices' RGBA, white where they have none
@@ -101,8 +115,7 @@ def _inward(scene, hit, error, curvature):
         inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
     fraction = min(_INWARD * error * curvature, _QUARTER)
     far = vec.magnitude(inward)
-    if fraction * far > _FURTHEST * error:
-        fraction = _FURTHEST * error / far
+    fraction = where(fraction * far > _FURTHEST * error, _FURTHEST * error / far, fraction)
     return vec.scale(inward, fraction)
 
 
@@ -128,15 +141,16 @@ def sphere_point(sphere, number, o, d, t):
     In double precision: the centre of a sphere of radius 1e5 is too far away for float32 to tell the point's height.
     """
     center_x, center_y, center_z, radius = row(sphere, number, 4)
-    cx, cy, cz = np.float64(center_x), np.float64(center_y), np.float64(center_z)
-    x = np.float64(o[0]) + np.float64(t) * np.float64(d[0])
-    y = np.float64(o[1]) + np.float64(t) * np.float64(d[1])
-    z = np.float64(o[2]) + np.float64(t) * np.float64(d[2])
+    cx, cy, cz = double(center_x), double(center_y), double(center_z)
+    far = double(t)
+    x = double(o[0]) + far * double(d[0])
+    y = double(o[1]) + far * double(d[1])
+    z = double(o[2]) + far * double(d[2])
     nx, ny, nz = x - cx, y - cy, z - cz
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    inward = np.float64(radius) / length
-    point = (np.float32(cx + nx * inward), np.float32(cy + ny * inward), np.float32(cz + nz * inward))
-    normal = (np.float32(nx / length), np.float32(ny / length), np.float32(nz / length))
+    inward = double(radius) / length
+    point = (single(cx + nx * inward), single(cy + ny * inward), single(cz + nz * inward))
+    normal = (single(nx / length), single(ny / length), single(nz / length))
     # Seen from there, float64 rounds the height above a sphere to some 1e-16 of its radius: more, beside the origin.
     return point, _ERROR * vec.magnitude(point) + _SPHERE_ERROR * abs(radius), normal
 
@@ -155,13 +169,13 @@ def _tangent(array, i, j, k, u, v):
 @device
 def _facing(shading, geometric, wo):
     """The shading normal on the geometric one's side, and bent towards the viewer where it would look away."""
-    if vec.dot(shading, geometric) < _ZERO:
-        shading = vec.neg(shading)
+    shading = where3(vec.dot(shading, geometric) < _ZERO, vec.neg(shading), shading)
     cosine = vec.dot(shading, wo)
-    if cosine < _LEAST_COSINE:
-        shading = vec.normalize(vec.add(shading, vec.scale(wo, _LEAST_COSINE - cosine)))
-        if not vec.dot(shading, wo) > _ZERO:
-            return geometric
+    low = cosine < _LEAST_COSINE
+    if any_of(low):
+        bent = vec.normalize(vec.add(shading, vec.scale(wo, _LEAST_COSINE - cosine)))
+        bent = where3(vec.dot(bent, wo) > _ZERO, bent, geometric)
+        shading = where3(low, bent, shading)
     return shading
 
 
@@ -171,77 +185,143 @@ def _is_textured(scene, material):
 
 
 @device
+def _triangle_surface(scene, wo, hit):
+    """As `surface_at`, of a triangle, its shading normal not yet turned to the viewer."""
+    primitive, u, v = u32(hit.primitive), hit.u, hit.v
+    i, j, k, part = row(scene.triangle, primitive, 4)
+    part_material, number, shines = row(scene.part, part, PART_COLUMNS)
+    material = u32(part_material)
+    color, tangent = _WHITE, _NO_TANGENT
+    # All up to the corners' normals is in the instance's space, if the triangle is in one.
+    point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
+    curvature, miss = edge_margins(row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3), normal)
+    error = max(error, miss)
+    upright = normal
+    if scene.has.instances is not None and hit.instance >= 0:
+        normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
+    square = vec.dot(normal, normal)
+    flat = square == _ZERO  # so small that its area is 0 in float32
+    normal = where3(flat, wo, normal)
+    square = where(flat, _ONE, square)
+    front = vec.dot(normal, wo) > _ZERO
+    away = _ONE / math.sqrt(square)
+    geometric = vec.scale(normal, where(front, away, -away))
+    shading = _mix3(row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3), u, v)
+    if scene.has.textures is not None and len(scene.tangent) > 0:
+        tangent = _tangent(scene.tangent, i, j, k, u, v)
+    length2 = vec.dot(shading, shading)
+    smooth = not_(abs(length2 - _ONE) <= _UNIT)  # or no normal at all; flat meshes are spared the root
+    none = nil(u)
+    lift = none, none, none
+    if any_of(smooth):
+        raised = lifted(scene, point, primitive, u, v, shading, where3(front, upright, vec.neg(upright)))
+        lift = where3(smooth, raised, lift)
+        if hit.instance < 0:
+            unit = where3(length2 > _ZERO, vec.scale(shading, _ONE / math.sqrt(length2)), geometric)
+            shading = where3(smooth, unit, shading)
+    if scene.has.instances is not None and hit.instance >= 0:
+        point = point_to_world(scene.to_world, hit.instance, point, _ONE)
+        lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
+        error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)
+        curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
+        shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
+        length2 = vec.dot(shading, shading)
+        shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
+        if scene.has.textures is not None and len(scene.tangent) > 0:
+            tangent = tangent_to_world(scene, hit.instance, tangent)
+        number = scene.instance_object[hit.instance]
+        if scene.instance_material[hit.instance] >= 0:
+            material = np.uint32(scene.instance_material[hit.instance])
+    beside = min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature  # else it is as far from the edges as it would be moved
+    if any_of(beside):
+        moved = vec.add(point, _inward(scene, hit, error, curvature))
+        point = where3(beside, moved, point)
+    uv = uv1 = _NO_UV
+    if scene.has.textures is not None:
+        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
+        uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
+    if scene.has.textures is not None and len(scene.color) > 0:
+        color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
+    shining = shines != _NOTHING
+    light = u32(nil(material) | NO_LIGHT)
+    if any_of(shining):
+        light = where(shining, u32(lookup(scene.triangle_light, primitive)), NO_LIGHT)
+    return Surface(point, error, geometric, shading, uv, front, material, light, u32(number), uv1, color, tangent, smooth, lift)
+
+
+@device
+def _sphere_surface(scene, o, d, hit):
+    """As `surface_at`, of a sphere, its shading normal not yet turned to the viewer."""
+    ball = u32(u32(hit.primitive) - u32(len(scene.triangle)))
+    wo = vec.neg(d)
+    material = u32(lookup(scene.sphere_material, ball))
+    point, error, normal = sphere_point(scene.sphere, ball, o, d, hit.t)
+    front = vec.dot(normal, wo) > _ZERO
+    geometric = where3(front, normal, vec.neg(normal))
+    uv = _NO_UV
+    if scene.has.textures is not None and _is_textured(scene, material):
+        uv = sphere_uv(normal)
+    light, number = u32(lookup(scene.sphere_light, ball)), u32(lookup(scene.sphere_object, ball))
+    none = nil(hit.t)
+    smooth = none != none
+    lift = none, none, none
+    return Surface(point, error, geometric, normal, uv, front, material, light, number, uv, _WHITE, _NO_TANGENT, smooth, lift)
+
+
+@device
+def _turned(scene, surface, wo):
+    """The surface with its shading normal turned to the viewer, and kept consistent with the facet where that is seen."""
+    shading = _facing(surface.shading, surface.geometric, wo)
+    # What reflects nothing keeps its normal, whoever looks at it.
+    bent = surface.smooth & (u32(lookup(scene.material_kind, surface.material)) != _DIFFUSE)
+    if any_of(bent):
+        shading = where3(bent, consistent_normal(shading, surface.geometric, wo), shading)
+    return Surface(
+        surface.point,
+        surface.error,
+        surface.geometric,
+        shading,
+        surface.uv,
+        surface.front,
+        surface.material,
+        surface.light,
+        surface.object,
+        surface.uv1,
+        surface.color,
+        surface.tangent,
+        surface.smooth,
+        surface.lift,
+    )
+
+
+@device
+def triangle_at(scene, d, hit):
+    """The surface that a ray of unit direction d meets at a Hit of a triangle; of eight triangles, for eight rays."""
+    wo = vec.neg(d)
+    return _turned(scene, _triangle_surface(scene, wo, hit), wo)
+
+
+@device
+def sphere_at(scene, o, d, hit):
+    """The surface that the ray o + t d (d unit) meets at a Hit of a sphere; of eight spheres, for eight rays."""
+    return _turned(scene, _sphere_surface(scene, o, d, hit), vec.neg(d))
+
+
+@device
 def surface_at(scene, o, d, hit):
     """The surface that the ray o + t d (d unit) meets at a Hit of `closest_hit`."""
-    t, primitive, u, v = hit.t, np.uint32(hit.primitive), hit.u, hit.v
     wo = vec.neg(d)
-    triangles = len(scene.triangle)
-    color, tangent = _WHITE, _NO_TANGENT
-    smooth, lift = False, _NOWHERE
-    if primitive < triangles:
-        i, j, k, part = row(scene.triangle, primitive, 4)
-        part_material, number, shines = row(scene.part, part, PART_COLUMNS)
-        material = np.uint32(part_material)
-        # All up to the corners' normals is in the instance's space, if the triangle is in one.
-        point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
-        curvature, miss = edge_margins(row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3), normal)
-        error = max(error, miss)
-        upright = normal
-        if scene.has.instances is not None and hit.instance >= 0:
-            normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
-        square = vec.dot(normal, normal)
-        if square == _ZERO:  # so small that its area is 0 in float32
-            normal = wo
-            square = _ONE
-        front = vec.dot(normal, wo) > _ZERO
-        away = _ONE / math.sqrt(square)
-        geometric = vec.scale(normal, away if front else -away)
-        shading = _mix3(row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3), u, v)
-        if scene.has.textures is not None and len(scene.tangent) > 0:
-            tangent = _tangent(scene.tangent, i, j, k, u, v)
-        length2 = vec.dot(shading, shading)
-        smooth = not abs(length2 - _ONE) <= _UNIT  # or no normal at all; flat meshes are spared the root
-        if smooth:
-            lift = lifted(scene, point, primitive, u, v, shading, upright if front else vec.neg(upright))
-            if hit.instance < 0:
-                shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
-        if scene.has.instances is not None and hit.instance >= 0:
-            point = point_to_world(scene.to_world, hit.instance, point, _ONE)
-            lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
-            error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)
-            curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
-            shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
-            length2 = vec.dot(shading, shading)
-            shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
-            if scene.has.textures is not None and len(scene.tangent) > 0:
-                tangent = tangent_to_world(scene, hit.instance, tangent)
-            number = scene.instance_object[hit.instance]
-            if scene.instance_material[hit.instance] >= 0:
-                material = np.uint32(scene.instance_material[hit.instance])
-        if min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature:  # else it is as far from the edges as it would be moved
-            point = vec.add(point, _inward(scene, hit, error, curvature))
-        uv = uv1 = _NO_UV
-        if scene.has.textures is not None:
-            uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
-            uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
-        if scene.has.textures is not None and len(scene.color) > 0:
-            color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
-        light = scene.triangle_light[primitive] if shines != 0 else _NO_LIGHT
+    if np.uint32(hit.primitive) < len(scene.triangle):
+        surface = _triangle_surface(scene, wo, hit)
     else:
-        ball = primitive - triangles
-        material = np.uint32(scene.sphere_material[ball])
-        point, error, normal = sphere_point(scene.sphere, ball, o, d, t)
-        front = vec.dot(normal, wo) > _ZERO
-        geometric = normal if front else vec.neg(normal)
-        shading = normal
-        uv = sphere_uv(normal) if scene.has.textures is not None and _is_textured(scene, material) else _NO_UV
-        uv1 = uv
-        light = scene.sphere_light[ball]
-        number = scene.sphere_object[ball]
-    shading = _facing(shading, geometric, wo)
-    if smooth and scene.material_kind[material] != DIFFUSE:  # what reflects nothing keeps its normal, whoever looks at it
-        shading = consistent_normal(shading, geometric, wo)
-    return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, smooth, lift)
+        surface = _sphere_surface(scene, o, d, hit)
+    return _turned(scene, surface, wo)
+
+
+@device
+def shines(surface):
+    """Whether the surface is a light's."""
+    return surface.light != NO_LIGHT
 
 
 @device
@@ -250,7 +330,8 @@ def leaves(surface, reflected, d):
 
     About a bent normal light may be scattered above the shading horizon and below the facet's. It then meets the facet again.
     """
-    return (vec.dot(surface.geometric, d) > _ZERO) == reflected
+    above = vec.dot(surface.geometric, d) > _ZERO
+    return (above & reflected) | not_(above | reflected)
 
 
 @device
@@ -261,12 +342,14 @@ def departure(surface, reflected, d):
     that what touches the surface still throws its shadow. A reflected ray that points below a flat facet meets the facet
     itself: a bent normal lets no light through.
     """
-    error = surface.error if reflected else -surface.error
+    error = where(reflected, surface.error, -surface.error)
     start = vec.add(surface.point, vec.scale(surface.geometric, error))
-    if surface.smooth and reflected:
+    raised = surface.smooth & reflected
+    if any_of(raised):
         cosine = max(vec.dot(surface.geometric, d), _ZERO)
         bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
-        start = vec.add(start, vec.scale(surface.lift, max(_ONE - cosine * cosine / bend2, _ZERO)))
+        higher = vec.add(start, vec.scale(surface.lift, max(_ONE - cosine * cosine / bend2, _ZERO)))
+        start = where3(raised, higher, start)
     return start
 
 
