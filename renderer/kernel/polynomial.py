@@ -1,6 +1,7 @@
 """sin, cos, exp, log, pow and their kin in float32, of our own: the C library's differ from host to host.
 
-Each is a polynomial after range reduction; coefficients by weighted least squares towards the least greatest error.
+Each is a polynomial after range reduction; coefficients by weighted least squares towards the least greatest error. Of one
+number or of eight (renderer/wide).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 import numpy as np
 
 from renderer.jit import device
+from renderer.wide.values import as_floats, as_ints, rint, to_float, to_int, u32, where
 
 __all__ = ["acos", "atan2", "exp", "exp2", "floor", "log", "log2", "power", "sincos_turns"]
 
@@ -22,11 +24,19 @@ _HALF_PI = np.float32(math.pi / 2)
 _LOG2_E = np.float32(math.log2(math.e))
 _LN_2 = np.float32(math.log(2.0))
 _SQRT_2 = np.float32(math.sqrt(2.0))
-_MAX_EXPONENT = np.float32(127.99999)
+_MOST_EXPONENT = np.float32(128.0)
 _MIN_EXPONENT = np.float32(-126.0)
 _INF = np.float32(np.inf)
 _NAN = np.float32(np.nan)
 _SMALLEST = np.float32(2.0**-126)
+# A float32 is 1.f * 2**(exponent - 127), its bits are those of f behind those of the exponent.
+_FRACTION_BITS = np.uint32(23)
+_FRACTION = np.uint32(0x7FFFFF)
+_BITS_OF_ONE = np.uint32(0x3F800000)
+_EXPONENT_BIAS = np.float32(127.0)
+_TWICE_BIAS = np.float32(254.0)
+_NO_BITS = np.uint32(0)
+_LOWEST_BIT = np.uint32(1)
 
 _S = tuple(np.float32(c) for c in (6.28318519, -41.3416607, 81.6012907, -76.5553989, 39.5743314))
 _C = tuple(np.float32(c) for c in (-19.7392086, 64.9393569, -85.4539732, 60.1507137, -25.0223338))
@@ -75,9 +85,12 @@ _A = tuple(
 
 @device
 def floor(x):
-    """The greatest whole number not above x, int64, for |x| < 2**62. (math.floor would be a call into the C library.)"""
-    whole = np.int64(x)
-    return whole - np.int64(np.float32(whole) > x)
+    """The greatest whole number not above x: int64, for |x| < 2**62; of eight u32x8, the bits of int32, for |x| < 2**31.
+
+    (math.floor would be a call into the C library.)
+    """
+    whole = to_int(x)
+    return whole - where(to_float(whole) > x, _LOWEST_BIT, _NO_BITS)
 
 
 @device
@@ -87,7 +100,7 @@ def sincos_turns(turns):
     Free of branches, since no one can predict a random angle's quadrant: with y = |x| - 1/4 for the nearest whole turn's
     remainder x, cos(2 pi x) = -sin(2 pi y) and sin(2 pi |x|) = cos(2 pi y), and y spans half a turn only.
     """
-    x = turns - np.rint(turns)
+    x = turns - rint(turns)
     y = abs(x) - _QUARTER
     z = y * y
     sine = math.copysign(_ONE + z * (_C[0] + z * (_C[1] + z * (_C[2] + z * (_C[3] + z * _C[4])))), x)
@@ -100,16 +113,12 @@ def atan2(y, x):
     ax = abs(x)
     ay = abs(y)
     greater = max(ax, ay)
-    if greater == _ZERO:
-        return _ZERO
-    q = min(ax, ay) / greater
+    q = min(ax, ay) / where(greater == _ZERO, _ONE, greater)
     z = q * q
     tail = _T[4] + z * (_T[5] + z * (_T[6] + z * _T[7]))
     angle = q + q * z * (_T[0] + z * (_T[1] + z * (_T[2] + z * (_T[3] + z * tail))))
-    if ay > ax:
-        angle = _HALF_PI - angle
-    if x < _ZERO:
-        angle = _PI - angle
+    angle = where(ay > ax, _HALF_PI - angle, angle)
+    angle = where(x < _ZERO, _PI - angle, angle)
     return math.copysign(angle, y)
 
 
@@ -119,43 +128,33 @@ def acos(x):
     a = min(abs(x), _ONE)
     tail = _A[4] + a * (_A[5] + a * (_A[6] + a * _A[7]))
     angle = math.sqrt(_ONE - a) * (_A[0] + a * (_A[1] + a * (_A[2] + a * (_A[3] + a * tail))))
-    return _PI - angle if x < _ZERO else angle
+    return where(x < _ZERO, _PI - angle, angle)
 
 
 @device
 def exp2(x):
     """2**x; relative error below 3e-7. inf above 128, 0 below -126."""
-    if x != x:
-        return x
-    if x >= np.float32(128.0):
-        return _INF
-    if x < _MIN_EXPONENT:
-        return _ZERO
-    whole = floor(x + _HALF)
-    f = x - np.float32(whole)
+    whole = to_float(floor(x + _HALF))
+    f = x - whole
     value = _ONE + f * (_E[0] + f * (_E[1] + f * (_E[2] + f * (_E[3] + f * (_E[4] + f * _E[5])))))
-    half = np.int32(whole) >> 1  # in two steps: 2**128 alone is out of range where 2**127.7 is not
-    return value * np.int32((half + 127) << 23).view(np.float32) * np.int32((np.int32(whole) - half + 127) << 23).view(np.float32)
+    biased = u32(to_int(whole + _TWICE_BIAS))
+    half = u32(biased >> _LOWEST_BIT)  # in two steps: 2**128 alone is out of range where 2**127.7 is not
+    whole_and_rest = value * as_floats(u32(half << _FRACTION_BITS)) * as_floats(u32((biased - half) << _FRACTION_BITS))
+    return where(x >= _MOST_EXPONENT, _INF, where(x < _MIN_EXPONENT, _ZERO, where(x != x, x, whole_and_rest)))
 
 
 @device
 def log2(x):
     """The logarithm to base 2; error below 2e-7 (relative near 1, absolute elsewhere). -inf at 0 and for subnormals."""
-    if not x >= _ZERO:
-        return _NAN
-    if x == _INF:
-        return _INF
-    if x < _SMALLEST:
-        return -_INF
-    b = np.float32(x).view(np.int32)
-    exponent = (b >> 23) - 127
-    m = np.int32((b & 0x7FFFFF) | 0x3F800000).view(np.float32)
-    if m > _SQRT_2:
-        m *= _HALF
-        exponent += 1
-    f = m - _ONE
+    bits = as_ints(x)
+    exponent = to_float(u32(bits >> _FRACTION_BITS)) - _EXPONENT_BIAS
+    m = as_floats(u32((bits & _FRACTION) | _BITS_OF_ONE))
+    great = m > _SQRT_2
+    f = where(great, m * _HALF, m) - _ONE
+    exponent = where(great, exponent + _ONE, exponent)
     tail = _L[4] + f * (_L[5] + f * (_L[6] + f * (_L[7] + f * _L[8])))
-    return np.float32(exponent) + f * (_L[0] + f * (_L[1] + f * (_L[2] + f * (_L[3] + f * tail))))
+    value = exponent + f * (_L[0] + f * (_L[1] + f * (_L[2] + f * (_L[3] + f * tail))))
+    return where(x == _INF, _INF, where(x >= _SMALLEST, value, where(x >= _ZERO, -_INF, _NAN)))
 
 
 @device
@@ -173,6 +172,4 @@ def log(x):
 @device
 def power(x, y):
     """x**y for x >= 0; relative error about 2e-7 (1 + |y log2(x)|). 0**0 is 1."""
-    if y == _ZERO:
-        return _ONE
-    return exp2(y * log2(x))
+    return where(y == _ZERO, _ONE, exp2(y * log2(x)))

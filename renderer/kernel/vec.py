@@ -1,4 +1,4 @@
-"""Vectors as tuples of three float32: they live in registers and cost nothing."""
+"""Vectors as tuples of three float32, or of three f32x8: they live in registers and cost nothing."""
 
 from __future__ import annotations
 

@@ -146,14 +146,22 @@ def single(typingctx, a):
 
 @intrinsic
 def as_ints(typingctx, a):
-    """The bits of an f32x8 as u32x8."""
-    return u32x8(f32x8), lambda context, builder, sig, args: builder.bitcast(args[0], INTS)
+    """The bits of a float32 as uint32, of an f32x8 as u32x8."""
+
+    def codegen(context, builder, sig, args):
+        return builder.bitcast(args[0], INTS if is_wide(sig.args[0]) else _I32)
+
+    return (u32x8(f32x8) if is_wide(a) else types.uint32(types.float32)), codegen
 
 
 @intrinsic
 def as_floats(typingctx, a):
-    """A u32x8 as the bits of an f32x8."""
-    return f32x8(u32x8), lambda context, builder, sig, args: builder.bitcast(args[0], FLOATS)
+    """The float32 that has a uint32's bits; of a u32x8 the f32x8."""
+
+    def codegen(context, builder, sig, args):
+        return builder.bitcast(args[0], FLOATS if is_wide(sig.args[0]) else ir.FloatType())
+
+    return (f32x8(u32x8) if is_wide(a) else types.float32(types.uint32)), codegen
 
 
 @intrinsic

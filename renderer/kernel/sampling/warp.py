@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from renderer.bvh.simd import select
 from renderer.jit import device
 from renderer.kernel.polynomial import sincos_turns
+from renderer.wide.values import where
 
 __all__ = [
     "square_to_cone",
@@ -41,9 +41,9 @@ def _concentric(u):
     a = _TWO * u[0] - _ONE
     b = _TWO * u[1] - _ONE
     steep = abs(b) > abs(a)  # cannot be predicted
-    radius = select(steep, b, a)
-    turns = _EIGHTH * select(steep, a, b) / (radius if radius != _ZERO else _ONE)
-    sine, cosine = sincos_turns(select(steep, _QUARTER - turns, turns))
+    radius = where(steep, b, a)
+    turns = _EIGHTH * where(steep, a, b) / where(radius != _ZERO, radius, _ONE)
+    sine, cosine = sincos_turns(where(steep, _QUARTER - turns, turns))
     return radius, sine, cosine
 
 
@@ -57,7 +57,7 @@ def square_to_disk(u):
 @device
 def square_to_disk_pdf(p):
     """Per unit area at p = (x, y)."""
-    return _INV_PI if p[0] * p[0] + p[1] * p[1] <= _ONE else _ZERO
+    return where(p[0] * p[0] + p[1] * p[1] <= _ONE, _INV_PI, _ZERO)
 
 
 @device
@@ -84,7 +84,7 @@ def square_to_hemisphere(u):
 @device
 def square_to_hemisphere_pdf(w):
     """Per steradian."""
-    return _INV_2PI if w[2] > _ZERO else _ZERO
+    return where(w[2] > _ZERO, _INV_2PI, _ZERO)
 
 
 @device

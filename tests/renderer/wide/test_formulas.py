@@ -1,0 +1,117 @@
+"""Formulas that are written once give eight lanes what they give each lane alone."""
+
+import numpy as np
+
+from renderer.jit import device, entry
+from renderer.kernel import polynomial, vec
+from renderer.kernel.integrators.strategy import power_heuristic
+from renderer.kernel.sampling import warp
+from tests.renderer.wide.both import both, in_both, ulps
+
+N = 8 * 1000
+SMALL = np.float32(2.0**-24)
+
+
+def square(rng, n=N):
+    """(n, 2) in the unit square, its corners and middle among them."""
+    u = rng.random((n, 2), np.float32)
+    u[:6] = [(0, 0), (0.5, 0.5), (1 - SMALL, 1 - SMALL), (0, 1 - SMALL), (1 - SMALL, 0), (0.5, 0)]
+    return u
+
+
+def directions(rng, n=N, above=False):
+    w = rng.standard_normal((n, 3))
+    w /= np.linalg.norm(w, axis=1)[:, None]
+    if above:
+        w[:, 2] = abs(w[:, 2])
+    return w.astype(np.float32)
+
+
+@device
+def _of_numbers(v):
+    x, y = v
+    sine, cosine = polynomial.sincos_turns(x)
+    arcs = sine, cosine, polynomial.atan2(y, x), polynomial.acos(x), polynomial.floor(x)
+    powers = polynomial.exp2(x), polynomial.exp(x), polynomial.log2(x), polynomial.log(x), polynomial.power(x, y)
+    return *arcs, *powers, power_heuristic(abs(x), abs(y))
+
+
+@entry
+def _numbers(given, order, eight, one):
+    in_both(_of_numbers, 2, given, order, eight, one)
+
+
+def test_polynomials_and_heuristics():
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.uniform(-2, 2, N), rng.uniform(-130, 130, N), np.exp2(rng.uniform(-126, 30, N))])
+    y = rng.uniform(-4, 4, len(x))
+    edges = [0, -0.0, 0.5, -0.5, 1, -1, 1.5, -1.5, -3, 128, -127, -1e-30, 1e-40, -(2.0**31), 2.0**30, 2**23 - 0.5]
+    x[: len(edges)] = edges
+    y[0], y[1], y[2:4] = 0, -0.0, 0
+    x[16:19] = np.inf, -np.inf, np.nan
+    eight, one = both(_numbers, np.stack([x, y], 1), 11)
+    np.testing.assert_array_equal(eight[4, :16], np.floor(x[:16].astype(np.float32)))
+    far = ~(abs(x) < 2.0**31) & (x != -(2.0**31))
+    eight[4, far] = one[4, far] = 0  # floor has no answer there
+    least = [1, 1, 1e-3, 1e-3, 0, 0, 0, 1, 1, 0, 0]
+    for name, a, b, size in zip(
+        ("sin", "cos", "atan2", "acos", "floor", "exp2", "exp", "log2", "log", "power", "mis"), eight, one, least, strict=True
+    ):
+        assert ulps(a, b, size).max() <= 2, name
+
+
+@device
+def _of_squares(v):
+    u, w = (v[0], v[1]), (v[2], v[3], v[4])
+    bent = warp.square_to_cosine_hemisphere(u)
+    pdfs = (
+        warp.square_to_disk_pdf(warp.square_to_disk(u)),
+        warp.square_to_disk_pdf((w[0], w[1] + w[2])),
+        warp.square_to_cosine_hemisphere_pdf(w),
+        warp.square_to_hemisphere_pdf(w),
+        warp.square_to_sphere_pdf(w),
+        warp.square_to_cone_pdf(v[0] + v[1]),
+        warp.square_to_triangle_pdf(v[0]),
+    )
+    flat = *warp.square_to_disk(u), *warp.square_to_triangle(u)
+    return *bent, *flat, *warp.square_to_hemisphere(u), *warp.square_to_sphere(u), *warp.square_to_cone(u, v[1]), *pdfs
+
+
+@entry
+def _squares(given, order, eight, one):
+    in_both(_of_squares, 5, given, order, eight, one)
+
+
+def test_warps():
+    rng = np.random.default_rng(1)
+    eight, one = both(_squares, np.concatenate([square(rng), directions(rng)], 1), 23)
+    assert np.isfinite(eight[:16]).all()
+    assert ulps(eight[:16], one[:16], 1).max() <= 1
+    assert ulps(eight[16:], one[16:]).max() <= 1
+    assert set(eight[17]) == {np.float32(0), np.float32(1 / np.pi)}
+    assert set(eight[19]) == {np.float32(0), np.float32(0.5 / np.pi)}
+
+
+@device
+def _of_vectors(v):
+    a, b, s = (v[0], v[1], v[2]), (v[3], v[4], v[5]), v[6]
+    n = vec.normalize(a)
+    x, y = vec.basis(n)
+    sums = *vec.add(a, b), *vec.sub(a, b), *vec.mul(a, b), *vec.scale(a, s), *vec.neg(a), *vec.cross(a, b)
+    numbers = vec.dot(a, b), vec.length(a), vec.magnitude(a), vec.maximum(a), vec.luminance(a), vec.is_finite(b)
+    return *sums, *numbers, *n, *x, *y, *vec.to_world(x, y, n, b), *vec.to_local(x, y, n, b)
+
+
+@entry
+def _vectors(given, order, eight, one):
+    in_both(_of_vectors, 7, given, order, eight, one)
+
+
+def test_vectors():
+    rng = np.random.default_rng(2)
+    given = np.concatenate([directions(rng), rng.standard_normal((N, 4)).astype(np.float32)], 1)
+    given[0, :3], given[1, :3], given[2, :3] = (0, 0, -1), (0, 0, 1), (0, 0, 0)
+    given[3, 3], given[4, 4], given[5, 5] = np.nan, np.inf, -np.inf
+    eight, one = both(_vectors, given, 39)
+    assert ulps(eight, one, 1).max() <= 4
+    np.testing.assert_array_equal(eight[23], np.isfinite(given[:, 3:6]).all(1))
