@@ -4,6 +4,10 @@ import numpy as np
 
 from renderer.jit import device, entry
 from renderer.kernel import polynomial, vec
+from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
+from renderer.kernel.bsdf.fresnel import fresnel_conductor, fresnel_dielectric, mean_fresnel_dielectric, schlick
+from renderer.kernel.bsdf.glass import sample_glass
+from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.sampling import warp
 from tests.renderer.wide.both import both, in_both, ulps
@@ -115,3 +119,56 @@ def test_vectors():
     eight, one = both(_vectors, given, 39)
     assert ulps(eight, one, 1).max() <= 4
     np.testing.assert_array_equal(eight[23], np.isfinite(given[:, 3:6]).all(1))
+
+
+@device
+def _of_boundaries(v):
+    cosine, eta, k, u = v[2], v[3], v[4], v[5]
+    wo, tint = (v[0], v[1], v[2]), (v[4], v[5], v[6])
+    wi, weight, transmitted = sample_glass(tint, eta, wo, u)
+    mirrored, reflectance = sample_mirror(tint, wo)
+    smooth = *fresnel_dielectric(cosine, eta), fresnel_conductor(cosine, eta, k), mean_fresnel_dielectric(eta)
+    return *smooth, *schlick(tint, u, cosine), *wi, *weight, transmitted, *mirrored, *reflectance
+
+
+@entry
+def _boundaries(given, order, eight, one):
+    in_both(_of_boundaries, 7, given, order, eight, one)
+
+
+def test_smooth_boundaries():
+    """Of an index below 1 too, where light is reflected totally: it then keeps no cosine of refraction."""
+    rng = np.random.default_rng(3)
+    given = np.concatenate([directions(rng, above=True), rng.random((N, 4))], 1).astype(np.float32)
+    given[:, 3] = rng.uniform(0.4, 2.5, N)
+    given[:3, :3] = (0, 0, 1), (1, 0, 0), (1, 0, 1e-6)
+    given[3:8, 3] = 1, 1.5, 1 / 1.5, 0.4, 1
+    given[::9, 5] = 0
+    eight, one = both(_boundaries, given, 20)
+    total = given[:, 2].astype(float) ** 2 < 1 - given[:, 3].astype(float) ** 2
+    assert 0.1 < total.mean() < 0.5
+    np.testing.assert_array_equal(eight[:2, total], [[1], [0]] * np.ones((2, total.sum())))
+    np.testing.assert_array_equal(eight[13, total], 0)
+    same = eight[13] == one[13]  # whose chance is known to a few last bits may choose otherwise
+    assert same.mean() > 0.999
+    assert ulps(eight[:, same], one[:, same], 0.01).max() <= 8
+
+
+@device
+def _of_diffuse(v):
+    albedo, wo, wi = (v[3], v[4], v[5]), (v[0], v[1], v[2]), (v[6], v[7], v[8])
+    found, weight, pdf = sample_diffuse(albedo, wo, (v[4], v[5]))
+    return *eval_diffuse(albedo, wo, wi), pdf_diffuse(wo, wi), *found, *weight, pdf
+
+
+@entry
+def _diffuse(given, order, eight, one):
+    in_both(_of_diffuse, 9, given, order, eight, one)
+
+
+def test_diffuse():
+    rng = np.random.default_rng(4)
+    given = np.concatenate([directions(rng, above=True), rng.random((N, 1)), square(rng), directions(rng)], 1)
+    eight, one = both(_diffuse, given, 11)
+    assert ulps(eight, one, 1).max() <= 1
+    np.testing.assert_array_equal(eight[:4, given[:, 8] <= 0], 0)
