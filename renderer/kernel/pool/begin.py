@@ -72,10 +72,9 @@ def begin(pool, lists, following, width, height, camera, options, batch):
         o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
         none = nil(film_x)
         one = none + _ONE
-        ox, oy, oz = none + o[0], none + o[1], none + o[2]
-        write(pool, rows, RAY, (ox, oy, oz, none + d[0], none + d[1], none + d[2], none, one))
+        write(pool, rows, RAY, (*o, *d, none, one))
         write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
-        write(pool, rows, LAST, (ox, oy, oz, none, none, none, none, none))
+        write(pool, rows, LAST, (*o, none, none, none, none, none))
         write(pool, rows, FACTS, (none, none, as_floats(key), facts[3], facts[4], none, none, none))
         write(pool, rows, FIRST, (none, none, none, none, none, none, none, none))
         write(pool, rows, FIRST + np.uintp(8), (none, none, none, none, none, none, none, none))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import out_of_line, subroutine
-from renderer.kernel.light.lights import sample_light
+from renderer.kernel.pool.tmp_lights import sample_light
 from renderer.kernel.pool.lists import LIT, eight, pad
 from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAMP, PLACE, SHADOW, read, write
 from renderer.kernel.pool.scatter import stream_of
@@ -30,7 +30,7 @@ def choose_lamps(scene, pool, lists, options):
         u = draw4(stream_of(read(pool, rows, FACTS), options), number * _TWO + _LIGHT_BLOCK)
         place, frame = read(pool, rows, PLACE), read(pool, rows, FRAME)
         light = sample_light(scene, (place[0], place[1], place[2]), (frame[0], frame[1], frame[2]), u[2], (u[0], u[1]))
-        w, r, end, none = light.direction, light.radiance, light.end, nil(u[0])
+        none = nil(u[0])
         alone = where(light.alone, nil(none) + _ONE, none)
-        write(pool, rows, LAMP, (w[0], w[1], w[2], light.pdf, r[0], r[1], r[2], alone))
-        write(pool, rows, SHADOW, (none, none, none, end[0], end[1], end[2], none, none))
+        write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))
+        write(pool, rows, SHADOW, (none, none, none, *light.end, none, none))

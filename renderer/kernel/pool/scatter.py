@@ -94,7 +94,7 @@ def _direct(pool, rows, surface, basis, m, wo, evaluate, throughput, depth, opti
     brought = limited(brought, depth + _TWO, options.clamp)
     waits = (pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
     start = departure(surface, wi[2] > _ZERO, w)
-    write(pool, rows, LAMP, (brought[0], brought[1], brought[2], none, none, none, none, none))
+    write(pool, rows, LAMP, (*brought, none, none, none, none, none))
     return start, (shadow[3], shadow[4], shadow[5]), where(waits, _ONE, none)
 
 
@@ -129,13 +129,12 @@ def _scatter(scene, pool, lists, which, fetch, evaluate, sample, both_sides, opt
         survival = _survival(throughput, eta_scale, depth, options)
         alive = (vec.maximum(throughput) > _ZERO) & (u[3] < survival) & (number + _ONE - depth <= _MOST_AGAIN)
         throughput = vec.scale(throughput, _ONE / survival)
-        p = surface.point
         if both_sides is not None:
             n = none, none, none
-        write(pool, rows, RAY, (o[0], o[1], o[2], d[0], d[1], d[2], pdf, eta_scale))
-        write(pool, rows, CARRIED, (rx, ry, rz, depth, throughput[0], throughput[1], throughput[2], number + _ONE))
-        write(pool, rows, LAST, (p[0], p[1], p[2], n[0], n[1], n[2], none, none))
-        write(pool, rows, SHADOW, (start[0], start[1], start[2], end[0], end[1], end[2], waits, where(alive, _ONE, none)))
+        write(pool, rows, RAY, (*o, *d, pdf, eta_scale))
+        write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
+        write(pool, rows, LAST, (*surface.point, *n, none, none))
+        write(pool, rows, SHADOW, (*start, *end, waits, where(alive, _ONE, none)))
 
 
 @subroutine

@@ -8,12 +8,11 @@ from renderer.arrays.rows import BASE, COLUMNS, CONDUCTOR, GLASS, MIRROR, ROUGHN
 from renderer.bvh.traverse import Hit
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
-from renderer.kernel.bsdf.rough_glass import SMOOTH as SMOOTH_ROUGHNESS
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.fetch import columns
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
-from renderer.kernel.light.lights import environment_seen, primitive_light_pdf
-from renderer.kernel.material.material import emission
+from renderer.kernel.pool.tmp_lights import environment_seen, primitive_light_pdf, emission
 from renderer.kernel.pool.lists import (
     DONE,
     LIT,
@@ -72,7 +71,7 @@ def miss(scene, pool, lists, options):
         emitted, light_pdf = environment_seen(scene, d, pdf > _ZERO)
         emitted = vec.scale(emitted, _weight(pdf, light_pdf))
         r = _added((rx, ry, rz), (tx, ty, tz), emitted, depth + _ONE, pdf >= _ZERO, options.clamp)
-        write(pool, rows, CARRIED, (r[0], r[1], r[2], depth, tx, ty, tz, number))
+        write(pool, rows, CARRIED, (*r, depth, tx, ty, tz, number))
     for k in range(count):
         append(lists, DONE, row(lists, MISSED, k))
 
@@ -127,7 +126,7 @@ def _shine(scene, surface, d, pdf, last, throughput, radiance, depth, options):
 def _class(scene, material, kind):
     """Which list's stage scatters the vertex."""
     roughness = columns(scene.material, material, COLUMNS, ROUGHNESS, 1)[0]
-    return where((kind == _CONDUCTOR) & (roughness <= SMOOTH_ROUGHNESS), _SMOOTH, to_float(kind))
+    return where((kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS), _SMOOTH, to_float(kind))
 
 
 @template
@@ -158,11 +157,10 @@ def _arrive(scene, pool, lists, which, on_sphere, options):
         over = unlit | (depth + _ONE >= np.float32(options.max_depth))
         which_next = where(over, _OVER, _class(scene, surface.material, kind))
         flags = where(surface.front, _ONE, _ZERO) + where(surface.smooth, _TWO, _ZERO)
-        p, g, n, lift, none = surface.point, surface.geometric, surface.shading, surface.lift, nil(depth)
         write(pool, rows, CARRIED, (*radiance, depth, *throughput, number))
         write(pool, rows, FACTS, (*facts[:5], as_floats(surface.material), as_floats(surface.light), as_floats(surface.object)))
-        write(pool, rows, PLACE, (p[0], p[1], p[2], surface.error, g[0], g[1], g[2], flags))
-        write(pool, rows, FRAME, (n[0], n[1], n[2], lift[0], lift[1], lift[2], which_next, none))
+        write(pool, rows, PLACE, (*surface.point, surface.error, *surface.geometric, flags))
+        write(pool, rows, FRAME, (*surface.shading, *surface.lift, which_next, nil(depth)))
 
 
 @subroutine
