@@ -1,7 +1,11 @@
 """Formulas that are written once give eight lanes what they give each lane alone."""
 
+from functools import partial
+from typing import NamedTuple
+
 import numpy as np
 
+from renderer.bvh.simd import LANES
 from renderer.jit import device, entry
 from renderer.kernel import polynomial, vec
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
@@ -11,9 +15,16 @@ from renderer.kernel.bsdf.glass import sample_glass
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, pdf_visible_normal, sample_visible_normal, smith_lambda
 from renderer.kernel.bsdf.mirror import sample_mirror
+from renderer.kernel.fetch import row
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.sampling import warp
-from tests.renderer.wide.both import both, in_both, ulps
+from renderer.kernel.surface.consistent import consistent_normal
+from renderer.kernel.surface.margins import edge_margins
+from renderer.kernel.surface.terminator import lifted
+from renderer.wide.rows import load_ints
+from renderer.wide.values import to_int
+from tests.renderer.builders import icosphere
+from tests.renderer.wide.both import both, in_both, keep, ulps
 
 N = 8 * 1000
 SMALL = np.float32(2.0**-24)
@@ -266,3 +277,108 @@ def assert_scatters_alike(eight, one, given):
     assert same.mean() > 0.999
     assert ulps(eight[:4], one[:4], 1e-3).max() <= 64  # the narrowest lobe's density is ten thousand times as sensitive as its h
     assert ulps(eight[7:, same], one[7:, same], 1e-3).max() <= 64
+
+
+@device
+def _of_triangles(v):
+    a, b, c = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8])
+    return edge_margins(a, b, c, vec.cross(vec.sub(b, a), vec.sub(c, a)))
+
+
+@entry
+def _triangles(given, order, eight, one):
+    in_both(_of_triangles, 9, given, order, eight, one)
+
+
+def test_margins():
+    rng = np.random.default_rng(7)
+    given = rng.standard_normal((N, 9))
+    given[::3, 6:] = given[::3, :3] + 1e-4 * given[::3, 6:]  # slivers,
+    given[:2] = 1, 1, 1, 1, 1, 1, 1, 1, 1  # a point,
+    given[2:4] = 0, 0, 0, 1, 0, 0, 2, 0, 0  # a line
+    eight, one = both(_triangles, given, 2)
+    assert np.isfinite(eight).all()
+    apart = abs(eight - one) / np.maximum(one, 1e-30)
+    assert apart.max() < 1e-3  # of slivers whose area cancels in float32
+    assert np.quantile(apart, 0.99) < 1e-6
+
+
+@device
+def _of_normals(v):
+    n, geometric, wo = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8])
+    return consistent_normal(n, geometric, wo)
+
+
+@entry
+def _normals(given, order, eight, one):
+    in_both(_of_normals, 9, given, order, eight, one)
+
+
+def test_consistent_normals():
+    rng = np.random.default_rng(8)
+    geometric, wo = directions(rng), directions(rng)
+    wo *= np.sign((geometric * wo).sum(1))[:, None]
+    n = geometric + rng.choice([0, 0.1, 1, 5], (N, 1)) * directions(rng)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    n[0] = geometric[0]
+    n[1] = -geometric[1]
+    wo[2:4] = n[2:4] = geometric[2:4]
+    eight, one = both(_normals, np.concatenate([n, geometric, wo], 1), 3)
+    turned = (abs(one.T - n) > 1e-6).any(1)
+    assert 0.1 < turned.mean() < 0.9
+    height = 2 * (eight.T * wo).sum(1) * (eight.T * geometric).sum(1) - (geometric * wo).sum(1)
+    assert height.min() > -1e-6
+    np.testing.assert_array_equal(eight.T[~turned], n[~turned].astype(np.float32))
+    assert abs(eight - one).max() < 2e-5
+    assert np.quantile(abs(eight - one), 0.99) < 1e-6
+
+
+class Tables(NamedTuple):
+    """The part of a scene that `lifted` reads."""
+
+    triangle: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+
+
+@device
+def _of_lifts(tables, v):
+    number, u, w = to_int(v[0]), v[1], v[2]
+    i, j, k, _ = row(tables.triangle, number, 4)
+    a, b, c = row(tables.position, i, 3), row(tables.position, j, 3), row(tables.position, k, 3)
+    sides = vec.sub(b, a), vec.sub(c, a)
+    point = vec.add(a, vec.add(vec.scale(sides[0], u), vec.scale(sides[1], w)))
+    shading = v[3], v[4], v[5]
+    return lifted(tables, point, number, u, w, shading, vec.scale(vec.cross(sides[0], sides[1]), v[6]))
+
+
+@entry
+def _lifts(tables, given, order, eight, one):
+    for i in range(0, len(given), LANES):
+        number = load_ints(order, np.uintp(i))
+        keep(eight, i, number, _of_lifts(tables, row(given, number, 7)))
+        for j in range(i, i + LANES):
+            keep(one, j, j, _of_lifts(tables, row(given, j, 7)))
+
+
+def test_lifts():
+    """Of a ball, of a box with bent normals, and of a triangle without area; for normals on either side."""
+    rng = np.random.default_rng(9)
+    ball = icosphere(2)
+    normal = ball.positions + rng.choice([0, 1.5], (len(ball.positions), 1)) * directions(rng, len(ball.positions))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    corners = np.concatenate([ball.triangles, np.zeros((len(ball.triangles), 1), np.int32)], 1)
+    corners[0, :3] = 0
+    tables = Tables(corners.astype(np.int32), ball.positions.astype(np.float32), normal.astype(np.float32))
+    number = rng.integers(0, len(corners), N)
+    number[:3] = 0
+    u = square(rng)
+    u[:, 1] *= 1 - u[:, 0]
+    shading = ball.positions[corners[number, 0]] * rng.choice([-1, 1], (N, 1))
+    given = np.concatenate([number[:, None], u, shading, rng.choice([-3, 1], (N, 1))], 1)
+    eight, one = both(partial(_lifts, tables), given, 3)
+    some = (one != 0).any(0)
+    assert 0.2 < some.mean() < 0.95
+    np.testing.assert_array_equal((eight != 0).any(0), some)
+    assert abs(eight - one).max() < 1e-6
+    np.testing.assert_array_equal(eight[:, :3], 0)
