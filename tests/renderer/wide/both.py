@@ -23,7 +23,7 @@ F32 = npt.NDArray[np.float32]
 
 
 @intrinsic
-def _keep(typingctx, table, index, lanes, values):
+def keep(typingctx, table, index, lanes, values):
     """Each of a tuple's values into its row of a C-contiguous float32 table, from column `index` on; choices as 0 and 1.
 
     lanes: a u32x8 where the tuple is eight lanes', whose plain numbers then stand for all; else a plain number.
@@ -54,9 +54,9 @@ def in_both(formula, width, given, order, eight, one):
     """The formula, of a row's numbers, for eight rows at a time and for each row."""
     for i in range(0, len(given), LANES):
         number = load_ints(order, np.uintp(i))
-        _keep(eight, i, number, formula(row(given, number, width)))
+        keep(eight, i, number, formula(row(given, number, width)))
         for j in range(i, i + LANES):
-            _keep(one, j, j, formula(row(given, j, width)))
+            keep(one, j, j, formula(row(given, j, width)))
 
 
 def both(kernel: Callable[..., Any], given: npt.ArrayLike, count: int) -> tuple[F32, F32]:
