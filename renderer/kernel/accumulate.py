@@ -150,7 +150,7 @@ def _render_tile(trace, special, scene, stack, camera, options, batch, output):
 
 
 # Each is compiled when it is first called. For pictures there is a path tracer with nothing else in it, which takes less
-# time to compile and to run.
+# time to compile and to run; plain scenes have one that follows many paths at once.
 
 
 @entry
@@ -186,9 +186,7 @@ def has_editions(settings: RenderSettings) -> bool:
 
 
 def renderer_of(settings: RenderSettings, has: Has = EVERYTHING) -> Renderer:
-    """The kernel for these settings, and for scenes that have these parts: `_render_tile` of their integrator, or, for pictures of
-    plain scenes, a pool of paths. Direct light is paths of two segments.
-    """
+    """The kernel for these settings, and for scenes that have these parts. Direct light is paths of two segments."""
     if settings.integrator == "whitted":
         return _render_whitted
     if settings.integrator == "ao":

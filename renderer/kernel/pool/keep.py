@@ -1,4 +1,4 @@
-"""Stage 5: what the paths that are over have found goes into the film's fixed point, pixel by pixel; at the end into its planes."""
+"""Stage 5: what paths that are over have found goes into the film's fixed point, pixel by pixel; at the end into its planes."""
 
 from __future__ import annotations
 

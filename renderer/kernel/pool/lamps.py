@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import out_of_line, subroutine
-from renderer.kernel.pool.tmp_lights import sample_light
+from renderer.kernel.light.lights import sample_light
 from renderer.kernel.pool.lists import LIT, eight, pad
 from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAMP, PLACE, SHADOW, read, write
 from renderer.kernel.pool.scatter import stream_of

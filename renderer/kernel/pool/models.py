@@ -1,5 +1,4 @@
-"""The scattering models that take eight paths at once, and what each reads of a material's row. The rest of a vertex's way through
-scatter.py is the same for all.
+"""The scattering models that take eight paths at once, and what each reads of a material's row.
 
 A model's `fetch` gives what its `evaluate` and `sample` take first. evaluate: (f |cos|, pdf); sample: (wi, weight, pdf, eta2), as
 `sample_material` of renderer/kernel/material/material.py gives them.
@@ -53,17 +52,20 @@ def fetch_base(scene, material, front):
 
 @device
 def evaluate_diffuse(m, wo, wi):
+    """Lambert."""
     return eval_diffuse(m[0], wo, wi), pdf_diffuse(wo, wi)
 
 
 @device
 def scatter_diffuse(m, wo, choose, u):
+    """Lambert."""
     wi, weight, pdf = sample_diffuse(m[0], wo, u)
     return wi, weight, pdf, nil(choose) + _ONE
 
 
 @device
 def scatter_mirror(m, wo, choose, u):
+    """A mirror."""
     wi, weight = sample_mirror(m[0], wo)
     return wi, weight, nil(choose), nil(choose) + _ONE
 
@@ -77,6 +79,7 @@ def fetch_glass(scene, material, front):
 
 @device
 def scatter_glass(m, wo, choose, u):
+    """Smooth glass."""
     tint, eta = m
     wi, weight, transmitted = sample_glass(tint, eta, wo, choose)
     return wi, weight, nil(choose), where(transmitted, eta * eta, _ONE)
@@ -93,12 +96,14 @@ def fetch_metallic_roughness(scene, material, front):
 
 @device
 def evaluate_metallic_roughness(m, wo, wi):
+    """GGX over a diffuse base."""
     base, metallic, roughness, f0, f90 = m
     return eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi)
 
 
 @device
 def scatter_metallic_roughness(m, wo, choose, u):
+    """GGX over a diffuse base."""
     base, metallic, roughness, f0, f90 = m
     wi, weight, pdf = sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u)
     return wi, weight, pdf, nil(choose) + _ONE
@@ -127,12 +132,14 @@ def _turned(cosine, sine, w):
 
 @device
 def evaluate_conductor(m, wo, wi):
+    """A rough metal."""
     eta, k, mean, roughness, along, across, cosine, sine = m
     return eval_and_pdf_conductor(eta, k, mean, roughness, along, across, _turned(cosine, sine, wo), _turned(cosine, sine, wi))
 
 
 @device
 def scatter_conductor(m, wo, choose, u):
+    """A rough metal."""
     eta, k, mean, roughness, along, across, cosine, sine = m
     wi, weight, pdf = sample_conductor(eta, k, mean, roughness, along, across, _turned(cosine, sine, wo), choose, u)
     return _turned(cosine, -sine, wi), weight, pdf, nil(choose) + _ONE
@@ -140,5 +147,6 @@ def scatter_conductor(m, wo, choose, u):
 
 @device
 def scatter_smooth_conductor(m, wo, choose, u):
+    """An even metal."""
     wi, weight = sample_smooth_conductor(m[0], m[1], wo)
     return wi, weight, nil(choose), nil(choose) + _ONE

@@ -12,7 +12,8 @@ from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.fetch import columns
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
-from renderer.kernel.pool.tmp_lights import environment_seen, primitive_light_pdf, emission
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf
+from renderer.kernel.material.material import emission
 from renderer.kernel.pool.lists import (
     DONE,
     LIT,
