@@ -12,17 +12,23 @@ import math
 
 import numpy as np
 
-from renderer.bvh.simd import LANES, bits, less, load, lowest_bit, select, splat
+from renderer.bvh.simd import LANES, bits, less, load, lowest_bit, splat
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
+from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2, floor, sincos_turns
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf
+from renderer.wide.lanes import as_wide, each_lane
+from renderer.wide.values import any_of, lookup, nil, not_, to_float, to_int, u32, where, where3
 
 __all__ = ["choose", "choose_from", "environment_light", "environment_radiance", "sample_environment"]
 
 _END = np.uint32(1 << (LANES - 1))
+_FIRST = np.uint32(0)
+_NEXT = np.uint32(1)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _HALF = np.float32(0.5)
 _TWO = np.float32(2.0)
 _QUARTER = np.float32(0.25)
@@ -37,40 +43,58 @@ _INV_2PI = np.float32(0.5 / math.pi)
 @device
 def choose(cdf, u):
     """The i with cdf[i] <= u < cdf[i + 1], and u stretched from that interval to [0, 1). Skips what has probability 0."""
-    low = np.uintp(0)
-    count = np.uintp(len(cdf) - 1)
-    while count > np.uintp(1):
-        half = np.uintp(count >> np.uintp(1))
-        low = select(cdf[low + half] <= u, low + half, low)
-        count -= half
-    return _stretched(cdf, low, u)
+    low = as_wide(_FIRST, u)
+    count = np.uint32(len(cdf) - 1)
+    while count > _NEXT:
+        half = np.uint32(count >> _NEXT)
+        middle = u32(low + half)
+        low = where(lookup(cdf, middle) <= u, middle, low)
+        count = np.uint32(count - half)
+    rest, width = _stretched(cdf, low, u)
+    return low, rest, width
 
 
 @device
 def _stretched(cdf, i, u):
-    width = cdf[i + np.uintp(1)] - cdf[i]
-    rest = (u - cdf[i]) / width if width > _ZERO else _ZERO
-    return np.int64(i), min(rest, np.float32(1.0 - 2.0**-24)), width
+    """Where u stands in interval i of the flat table, 0 <= u < 1, and how wide that is."""
+    low = lookup(cdf, i)
+    width = lookup(cdf, u32(i + _NEXT)) - low
+    return min(where(width > _ZERO, (u - low) / width, _ZERO), _BELOW_ONE), width
 
 
 @device
-def choose_from(cdf, start, u):
-    """What `choose` gives, to the bit, for u in [0, 1): `start` tells where to begin (renderer/scene/cutpoints.py), and eight
-    places are looked at together.
+def choose_from(cdf, start, row, u):
+    """What `choose` gives for that row of a table of cdfs, to the bit, for u in [0, 1): `start` tells where to begin
+    (renderer/scene/cutpoints.py).
+    """
+    i = as_wide(_FIRST, u)
+    if cdf.shape[-1] > 2:
+        i = each_lane(_interval, as_wide(True, u), (cdf, start, row, u))
+    rest, width = _stretched(cdf, u32(row * np.uint32(cdf.shape[-1]) + i), u)
+    return i, rest, width
+
+
+@device
+def _interval(cdf, start, row, u):
+    """The interval of a row that holds u: eight places are looked at together.
 
     Chen & Asau, "On Generating Random Variates from an Empirical Distribution", 1974.
     """
-    last = len(cdf) - LANES
+    length, parts = cdf.shape[-1], start.shape[-1]
+    before = np.int64(row) * length
+    i = np.int64(lookup(start, np.int64(row) * parts + to_int(u * np.float32(parts))))
+    last = length - LANES
     if last < 0:
-        return choose(cdf, u)
-    i = np.int64(start[np.uintp(u * np.float32(len(start)))])
+        while i < length - 2 and lookup(cdf, before + i + 1) <= u:
+            i += 1
+        return np.uint32(i)
     while True:
         first = min(i + 1, last)
-        above = bits(less(splat(u), load(cdf, np.uintp(first))))
+        above = bits(less(splat(u), load(cdf, np.uintp(before + first))))
         if above != 0 or first == last:
             break
         i += LANES
-    return _stretched(cdf, np.uintp(first - 1 + np.int64(lowest_bit(above | _END))), u)
+    return np.uint32(first - 1 + np.int64(lowest_bit(above | _END)))
 
 
 @subroutine
@@ -85,15 +109,14 @@ def _uv(frame, d):
 def _place(environment, frame, d):
     """`_uv`, which nobody needs to know in an even sky."""
     if environment.shape[0] * environment.shape[1] == 1:
-        return _HALF, _HALF
+        middle = as_wide(_HALF, d[0])
+        return middle, middle
     return _uv(frame, d)
 
 
 @device
 def _on_sun(frame, d):
     """Whether the sun's disk lies in direction d. By the chord: a cosine in float32 is off by a hundredth of the disk."""
-    if frame[7] == _ZERO:
-        return False
     x, y, z = d[0] - frame[4], d[1] - frame[5], d[2] - frame[6]
     return x * x + y * y + z * z < _TWO * frame[7]
 
@@ -111,58 +134,74 @@ def environment_light(scene, d, judged):
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)
     on_sun = _on_sun(frame, d)
-    pdf = _pdf(scene, u, v, on_sun) if judged else _ZERO
+    pdf = nil(d[0])
+    if any_of(judged):
+        pdf = where(judged, _pdf(scene, u, v, on_sun), pdf)
     return _with_sun(frame, _image_radiance(scene.environment, u, v), on_sun), pdf
 
 
 @device
 def _with_sun(frame, radiance, on_sun):
-    if on_sun:
-        radiance = (radiance[0] + frame[8], radiance[1] + frame[9], radiance[2] + frame[10])
+    if any_of(on_sun):
+        brighter = radiance[0] + frame[8], radiance[1] + frame[9], radiance[2] + frame[10]
+        radiance = where3(on_sun, brighter, radiance)
     return radiance
 
 
 @device
 def _image_radiance(environment, u, v):
-    height, width = environment.shape[0], environment.shape[1]
+    height, width = np.uint32(environment.shape[0]), np.uint32(environment.shape[1])
     if height * width == 1:
-        return environment[0, 0, 0], environment[0, 0, 1], environment[0, 0, 2]
+        return as_wide(environment[0, 0, 0], u), as_wide(environment[0, 0, 1], u), as_wide(environment[0, 0, 2], u)
     x = u * np.float32(width) - _HALF
     y = v * np.float32(height) - _HALF
-    left = floor(x)
-    upper = floor(y)
-    s = x - np.float32(left)
-    t = y - np.float32(upper)
-    x0 = left if left >= 0 else width - 1  # so NaN, the least int64
-    x1 = x0 + 1 if x0 + 1 < width else 0
-    y0 = min(max(upper, 0), height - 1)
-    y1 = min(max(upper + 1, 0), height - 1)
+    left, upper = floor(x), floor(y)
+    s = x - to_float(left)
+    t = y - to_float(upper)
+    # From -1 on, which without a sign is the greatest number; so is, nearly, what NaN becomes.
+    x0, x1 = u32(left), u32(left + _NEXT)
+    y0, y1 = u32(upper), u32(upper + _NEXT)
+    x0 = where(x0 < width, x0, np.uint32(width - _NEXT))
+    x1 = where(x1 < width, x1, _FIRST)
+    y0 = where(y0 < height, y0, _FIRST)
+    y1 = where(y1 < height, y1, np.uint32(height - _NEXT))
     a = (_ONE - s) * (_ONE - t)
     b = s * (_ONE - t)
     c = (_ONE - s) * t
     e = s * t
+    ul, ur = row(environment, u32(y0 * width + x0), 3), row(environment, u32(y0 * width + x1), 3)
+    ll, lr = row(environment, u32(y1 * width + x0), 3), row(environment, u32(y1 * width + x1), 3)
     return (
-        a * environment[y0, x0, 0] + b * environment[y0, x1, 0] + c * environment[y1, x0, 0] + e * environment[y1, x1, 0],
-        a * environment[y0, x0, 1] + b * environment[y0, x1, 1] + c * environment[y1, x0, 1] + e * environment[y1, x1, 1],
-        a * environment[y0, x0, 2] + b * environment[y0, x1, 2] + c * environment[y1, x0, 2] + e * environment[y1, x1, 2],
+        a * ul[0] + b * ur[0] + c * ll[0] + e * lr[0],
+        a * ul[1] + b * ur[1] + c * ll[1] + e * lr[1],
+        a * ul[2] + b * ur[2] + c * ll[2] + e * lr[2],
     )
 
 
 @device
 def _sine(turns):
     """sin of 2 pi turns, 0 <= turns <= 1/4, with the relative precision that small angles need."""
-    if turns > _SMALL:
-        sine, _ = sincos_turns(turns)
-        return sine
     x = _TWO_PI * turns
-    return x - x * x * x * _SIXTH * (_ONE - x * x * _TWENTIETH)
+    small = x - x * x * x * _SIXTH * (_ONE - x * x * _TWENTIETH)
+    is_large = turns > _SMALL
+    if any_of(is_large):
+        sine, _ = sincos_turns(turns)
+        small = where(is_large, sine, small)
+    return small
 
 
 @device
-def _row_extent(row, height):
+def _row_extent(number, height):
     """What cos(theta) falls by over a row of texels. As a difference of cosines, it would be lost at the poles."""
     step = _HALF / np.float32(height)
-    return _TWO * _sine((np.float32(min(row, height - 1 - row)) + _HALF) * step) * _sine(_HALF * step)
+    return _TWO * _sine((to_float(_from_pole(number, height)) + _HALF) * step) * _sine(_HALF * step)
+
+
+@device
+def _from_pole(number, height):
+    """How many rows lie between that row and the nearer pole."""
+    opposite = u32(np.uint32(height - 1) - number)
+    return where(number < opposite, number, opposite)
 
 
 @device
@@ -170,20 +209,39 @@ def sample_environment(scene, choice, u):
     """A direction in proportion to the environment's light: (unit direction, pdf per steradian).
 
     choice tells, if there is a sun, whether it is the sun's."""
+    of_sun = choice < scene.environment_frame[11]
+    pdf = nil(choice)
+    d = pdf, pdf, pdf
+    if any_of(not_(of_sun)):
+        d, pdf = _sample_beside_sun(scene, u)
+    if any_of(of_sun):
+        towards, density = _sample_sun(scene, u)
+        d, pdf = where3(of_sun, towards, d), where(of_sun, density, pdf)
+    return d, pdf
+
+
+@device
+def _sample_sun(scene, u):
     frame = scene.environment_frame
     sun_share = frame[11]
-    if choice < sun_share:
-        axis = (frame[4], frame[5], frame[6])
-        s, t = vec.basis(axis)
-        d = vec.to_world(s, t, axis, square_to_cone(u, frame[7]))
-        pdf = sun_share * square_to_cone_pdf(frame[7])
-        if sun_share < _ONE:
-            pdf += (_ONE - sun_share) * _image_pdf(scene, *_place(scene.environment, frame, d))
-        return d, pdf
+    axis = (frame[4], frame[5], frame[6])
+    s, t = vec.basis(axis)
+    d = vec.to_world(s, t, axis, square_to_cone(u, frame[7]))
+    pdf = as_wide(sun_share * square_to_cone_pdf(frame[7]), u[0])
+    if sun_share < _ONE:
+        pdf = pdf + (_ONE - sun_share) * _image_pdf(scene, *_place(scene.environment, frame, d))
+    return d, pdf
+
+
+@device
+def _sample_beside_sun(scene, u):
+    """A direction that the image chooses; it may be on the sun all the same."""
+    frame = scene.environment_frame
     d, pdf = _sample_image(scene, u)
-    pdf *= _ONE - sun_share
-    if _on_sun(frame, d):
-        pdf += sun_share * square_to_cone_pdf(frame[7])
+    pdf = pdf * (_ONE - frame[11])
+    if frame[7] > _ZERO:
+        on_sun = _on_sun(frame, d)
+        pdf = where(on_sun, pdf + frame[11] * square_to_cone_pdf(frame[7]), pdf)
     return d, pdf
 
 
@@ -191,8 +249,8 @@ def sample_environment(scene, choice, u):
 def _pdf(scene, u, v, on_sun):
     frame = scene.environment_frame
     pdf = (_ONE - frame[11]) * _image_pdf(scene, u, v)
-    if on_sun:
-        pdf += frame[11] * square_to_cone_pdf(frame[7])
+    if any_of(on_sun):
+        pdf = where(on_sun, pdf + frame[11] * square_to_cone_pdf(frame[7]), pdf)
     return pdf
 
 
@@ -200,15 +258,17 @@ def _pdf(scene, u, v, on_sun):
 def _sample_image(scene, u):
     frame, conditional = scene.environment_frame, scene.environment_conditional
     height, width = conditional.shape[0], conditional.shape[1] - 1
-    row, u0, row_probability = choose_from(scene.environment_marginal, scene.environment_row_start, u[0])
-    column, u1, column_probability = choose_from(conditional[row], scene.environment_column_start[row], u[1])
-    extent = _row_extent(row, height)
-    south = 2 * row >= height
-    edge = _sine(np.float32(height - 1 - row if south else row) * (_QUARTER / np.float32(height)))
-    below_pole = _TWO * edge * edge + (_ONE - u0 if south else u0) * extent  # 1 - |cos(theta)|
-    y = below_pole - _ONE if south else _ONE - below_pole
+    marginal, row_start = scene.environment_marginal, scene.environment_row_start
+    number, u0, row_probability = choose_from(marginal, row_start, _FIRST, u[0])
+    column, u1, column_probability = choose_from(conditional, scene.environment_column_start, number, u[1])
+    extent = _row_extent(number, height)
+    south = number + number >= np.uint32(height)
+    from_pole = u32(np.uint32(height - 1) - number)
+    edge = _sine(to_float(where(south, from_pole, number)) * (_QUARTER / np.float32(height)))
+    below_pole = _TWO * edge * edge + where(south, _ONE - u0, u0) * extent  # 1 - |cos(theta)|
+    y = where(south, below_pole - _ONE, _ONE - below_pole)
     radius = math.sqrt(max(_ZERO, below_pole * (_TWO - below_pole)))
-    sine, cosine = sincos_turns((np.float32(column) + u1) / np.float32(width) - _HALF)
+    sine, cosine = sincos_turns((to_float(column) + u1) / np.float32(width) - _HALF)
     x = radius * sine
     z = -radius * cosine
     solid_angle = _TWO_PI / np.float32(width) * extent
@@ -220,7 +280,16 @@ def _sample_image(scene, u):
 def _image_pdf(scene, u, v):
     marginal, conditional = scene.environment_marginal, scene.environment_conditional
     height, width = conditional.shape[0], conditional.shape[1] - 1
-    row = min(max(np.int64(v * np.float32(height)), 0), height - 1)  # NaN becomes the least int64
-    column = min(max(np.int64(u * np.float32(width)), 0), width - 1)
-    solid_angle = _TWO_PI / np.float32(width) * _row_extent(row, height)
-    return (marginal[row + 1] - marginal[row]) * (conditional[row, column + 1] - conditional[row, column]) / solid_angle
+    number, column = _texel(v, height), _texel(u, width)
+    solid_angle = _TWO_PI / np.float32(width) * _row_extent(number, height)
+    at = u32(number * np.uint32(width + 1) + column)
+    of_row = lookup(marginal, u32(number + _NEXT)) - lookup(marginal, number)
+    of_column = lookup(conditional, u32(at + _NEXT)) - lookup(conditional, at)
+    return of_row * of_column / solid_angle
+
+
+@device
+def _texel(place, count):
+    """Which of `count` texels that lie in a row from 0 to 1 is there: the last one beyond its end, one of them for NaN."""
+    number = u32(to_int(place * np.float32(count)))
+    return where(number < np.uint32(count), number, np.uint32(count - 1))

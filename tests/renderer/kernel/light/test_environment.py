@@ -40,7 +40,7 @@ def _choose(cdf, u, index, rest, width):
 @entry
 def _choose_from(cdf, start, u, index, rest, width):
     for i in range(len(u)):
-        index[i], rest[i], width[i] = choose_from(cdf, start, u[i])
+        index[i], rest[i], width[i] = choose_from(cdf, start, np.uint32(0), u[i])
 
 
 @functools.cache
