@@ -15,7 +15,7 @@ from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1
 from renderer.wide.values import any_of, where3
 
-__all__ = ["FIRST_HIT_SLOTS", "first_hit", "forget_first_hit", "keep_first_hit", "limited", "one_color", "reach"]
+__all__ = ["COLOR_BLOCK", "FIRST_HIT_SLOTS", "PASSING_BLOCK", "absorbed", "first_hit", "forget_first_hit", "keep_first_hit", "limited", "one_color", "reach"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -80,7 +80,8 @@ def _is_passed(scene, surface, stream, row):
 
 
 @subroutine
-def _absorbed(throughput, a, start, end):
+def absorbed(throughput, a, start, end):
+    """What is left of a throughput on the way from start to end, where a length of 1 takes exp(-a): Beer's law."""
     out_of_line()
     way = vec.sub(end, start)
     distance = math.sqrt(vec.dot(way, way))
@@ -92,7 +93,7 @@ def _attenuated(scene, material, throughput, start, end):
     """What is left of the throughput on the way from start to end, through the inside of a material: Beer's law."""
     if scene.has.layers is None or scene.material_flags[material] & ABSORBING == 0:
         return throughput
-    return _absorbed(throughput, absorption(scene, material), start, end)
+    return absorbed(throughput, absorption(scene, material), start, end)
 
 
 @device

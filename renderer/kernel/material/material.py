@@ -1,7 +1,7 @@
 """What a surface is made of, and the one place where the models are told apart.
 
 To add a model: a file in bsdf/, a number in rows.py, a branch in each of `eval_material` and `sample_material` (or their
-`_rare` halves), and its name in renderer/scene/parameters.py and packing.py.
+`rare` halves), and its name in renderer/scene/parameters.py and packing.py.
 """
 
 from __future__ import annotations
@@ -48,15 +48,18 @@ __all__ = [
     "UNLIT",
     "Material",
     "absorption",
+    "colored_index",
     "disperse",
     "emission",
     "eval_material",
+    "eval_rare",
     "fetch_material",
     "is_specular",
     "is_transparent",
     "look_up_layers",
     "opacity",
     "sample_material",
+    "sample_rare",
     "texture_factors",
     "transmits",
 ]
@@ -176,21 +179,28 @@ def _channel(throughput, u):
 
 
 @device
-def disperse(scene, surface, material, throughput, u):
-    """(material, throughput) as one colour sees it, where the material spreads colours; else as they were.
+def colored_index(scene, number, throughput, u):
+    """(index of refraction, throughput) of dispersive material `number`, as the one colour sees it that u chooses.
 
-    The colour is chosen by what the path carries of each, so that a path stays with it at the surfaces to come.
+    It is chosen by what the path carries of each, which is not nothing, so that a path stays with it at the surfaces to come.
     """
+    channel, weight = _channel(throughput, u)
+    ior = scene.material[number, rows.IOR]
+    ior += (ior - _ONE) * _SPREAD * scene.material[number, rows.DISPERSION] * np.float32(channel - 1)
+    red, green, blue = throughput
+    return ior, (
+        red * weight if channel == 0 else _ZERO,
+        green * weight if channel == 1 else _ZERO,
+        blue * weight if channel == 2 else _ZERO,
+    )
+
+
+@device
+def disperse(scene, surface, material, throughput, u):
+    """(material, throughput) as one colour sees it, where the material spreads colours; else as they were."""
     if scene.material_flags[surface.material] & rows.DISPERSIVE == 0 or vec.maximum(throughput) <= _ZERO:
         return material, throughput
-    channel, weight = _channel(throughput, u)
-    ior = scene.material[surface.material, rows.IOR]
-    ior += (ior - _ONE) * _SPREAD * scene.material[surface.material, rows.DISPERSION] * np.float32(channel - 1)
-    throughput = (
-        throughput[0] * weight if channel == 0 else _ZERO,
-        throughput[1] * weight if channel == 1 else _ZERO,
-        throughput[2] * weight if channel == 2 else _ZERO,
-    )
+    ior, throughput = colored_index(scene, surface.material, throughput, u)
     eta = ior if surface.front else _ONE / ior
     return (
         Material(
@@ -291,7 +301,8 @@ def _kd_ks(m):
 
 
 @subroutine
-def _eval_rare(has, kind, m, eta, wo, wi):
+def eval_rare(has, kind, m, eta, wo, wi):
+    """As `eval_material`, of the rarer kinds, from their looked-up properties m."""
     out_of_line()
     if has.layers is not None and kind == LAYERED:
         return eval_and_pdf_layered(m, eta, wo, wi)
@@ -306,7 +317,8 @@ def _eval_rare(has, kind, m, eta, wo, wi):
 
 
 @subroutine
-def _sample_rare(has, kind, m, eta, wo, choose, u):
+def sample_rare(has, kind, m, eta, wo, choose, u):
+    """As `sample_material`, of the rarer kinds, from their looked-up properties m."""
     out_of_line()
     if has.layers is not None and kind == LAYERED:
         return sample_layered(m, eta, wo, choose, u)
@@ -335,7 +347,7 @@ def eval_material(material, wo, wi):
     if material.kind == DIFFUSE:
         return eval_diffuse(material.base, wo, wi), pdf_diffuse(wo, wi)
     if material.kind >= CONDUCTOR:
-        return _eval_rare(material.has, material.kind, material.layers, material.eta, wo, wi)
+        return eval_rare(material.has, material.kind, material.layers, material.eta, wo, wi)
     return _BLACK, _ZERO
 
 
@@ -353,7 +365,7 @@ def sample_material(material, wo, choose, u):
         )
         return wi, weight, pdf, _ONE
     if material.kind >= CONDUCTOR:
-        return _sample_rare(material.has, material.kind, material.layers, material.eta, wo, choose, u)
+        return sample_rare(material.has, material.kind, material.layers, material.eta, wo, choose, u)
     if material.kind == MIRROR:
         wi, weight = sample_mirror(material.base, wo)
         return wi, weight, _ZERO, _ONE

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import CONDUCTOR
+from renderer.arrays.rows import BLINN_PHONG, LAYERED
 from renderer.jit import device
 from renderer.kernel.pool.rows import ROWS
 from renderer.wide.rows import load_ints
@@ -20,6 +20,9 @@ __all__ = [
     "LIST_SIZE",
     "LIT",
     "MISSED",
+    "PASSED",
+    "RARE",
+    "RARE_SPECULAR",
     "SMOOTH_CONDUCTOR",
     "SPHERES",
     "TRIANGLES",
@@ -31,10 +34,10 @@ __all__ = [
     "row",
 ]
 
-# For each kind of material (renderer/arrays/rows.py) there is a list of that number: the vertices that are to scatter. One kind
-# is two, since an even metal is a mirror.
-SMOOTH_CONDUCTOR = CONDUCTOR + 4
-ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, DONE = range(SMOOTH_CONDUCTOR + 1, SMOOTH_CONDUCTOR + 7)
+# Vertices that are to scatter are on the list of their material's kind (renderer/arrays/rows.py), but for these: what has many
+# properties, whether light sampling serves it or not, and even metals, which are mirrors.
+RARE, RARE_SPECULAR, SMOOTH_CONDUCTOR = LAYERED, BLINN_PHONG, LAYERED + 1
+ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SMOOTH_CONDUCTOR + 1, SMOOTH_CONDUCTOR + 8)
 LISTS = DONE + 1
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)

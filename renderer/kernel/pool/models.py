@@ -1,18 +1,19 @@
-"""The scattering models that take eight paths at once, and what each reads of a material's row.
+"""How each kind of material answers, eight paths at a time: to the light that was chosen, and to the chance of where to go on.
 
-A model's `fetch` gives what its `evaluate` and `sample` take first. evaluate: (f |cos|, pdf); sample: (wi, weight, pdf, eta2), as
-`sample_material` of renderer/kernel/material/material.py gives them.
+An answer is (f |cos| and its pdf towards wi, of light sampling; the direction to go on in, its weight, pdf, and eta**2), as
+`eval_material` and `sample_material` of renderer/kernel/material/material.py give them. What scatters into single directions
+only is not asked the former.
 """
 
 from __future__ import annotations
 
-import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import COLUMNS
-from renderer.jit import device
+from renderer.arrays.rows import COLUMNS, LAYER_SLOTS
+from renderer.jit import device, local_floats, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
@@ -21,132 +22,149 @@ from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughn
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.fetch import columns
+from renderer.kernel.material.material import eval_rare, look_up_layers, sample_rare
+from renderer.wide.lanes import each_lane
 from renderer.wide.values import nil, where
 
 __all__ = [
-    "evaluate_conductor",
-    "evaluate_diffuse",
-    "evaluate_metallic_roughness",
-    "fetch_base",
-    "fetch_conductor",
-    "fetch_glass",
-    "fetch_metallic_roughness",
-    "scatter_conductor",
-    "scatter_diffuse",
-    "scatter_glass",
-    "scatter_metallic_roughness",
-    "scatter_mirror",
-    "scatter_smooth_conductor",
+    "Matter",
+    "answer_conductor",
+    "answer_diffuse",
+    "answer_glass",
+    "answer_metallic_roughness",
+    "answer_mirror",
+    "answer_rare",
+    "answer_smooth_conductor",
 ]
 
-_ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_HALF = np.float32(0.5)
+
+
+class Matter(NamedTuple):
+    """What a vertex is made of. All but the first two is None where a scene is plain: the material's row tells it then."""
+
+    material: Any
+    front: Any
+    base: Any
+    metallic: Any
+    roughness: Any
+    eta: Any
+    uv: Any
+    uv1: Any
+    shading: Any  # the surface's normal
+    frame: Any  # that the vertex scatters in
 
 
 @device
-def fetch_base(scene, material, front):
-    """The colour."""
-    return (columns(scene.material, material, COLUMNS, rows.BASE, 3),)
+def _base(scene, m):
+    if scene.has.textures is not None:
+        base = m.base
+    else:
+        base = columns(scene.material, m.material, COLUMNS, rows.BASE, 3)
+    return base
 
 
 @device
-def evaluate_diffuse(m, wo, wi):
-    """Lambert."""
-    return eval_diffuse(m[0], wo, wi), pdf_diffuse(wo, wi)
+def _metallic_roughness(scene, m):
+    if scene.has.textures is not None:
+        pair = m.metallic, m.roughness
+    else:
+        pair = columns(scene.material, m.material, COLUMNS, rows.METALLIC, 2)
+    return pair
 
 
 @device
-def scatter_diffuse(m, wo, choose, u):
-    """Lambert."""
-    wi, weight, pdf = sample_diffuse(m[0], wo, u)
-    return wi, weight, pdf, nil(choose) + _ONE
+def _nothing(x):
+    """No light to answer to: (f, pdf)."""
+    none = nil(x)
+    return (none, none, none), none
 
 
 @device
-def scatter_mirror(m, wo, choose, u):
-    """A mirror."""
-    wi, weight = sample_mirror(m[0], wo)
-    return wi, weight, nil(choose), nil(choose) + _ONE
+def answer_diffuse(scene, m, wo, wi, choose, u):
+    """Lambert's."""
+    base = _base(scene, m)
+    on, weight, pdf = sample_diffuse(base, wo, u)
+    return eval_diffuse(base, wo, wi), pdf_diffuse(wo, wi), on, weight, pdf, nil(choose) + _ONE
 
 
 @device
-def fetch_glass(scene, material, front):
-    """(tint, eta)."""
-    ior = columns(scene.material, material, COLUMNS, rows.IOR, 1)[0]
-    return columns(scene.material, material, COLUMNS, rows.BASE, 3), where(front, ior, _ONE / ior)
+def answer_mirror(scene, m, wo, wi, choose, u):
+    """A mirror's."""
+    on, weight = sample_mirror(_base(scene, m), wo)
+    f, pdf = _nothing(choose)
+    return f, pdf, on, weight, pdf, pdf + _ONE
 
 
 @device
-def scatter_glass(m, wo, choose, u):
-    """Smooth glass."""
-    tint, eta = m
-    wi, weight, transmitted = sample_glass(tint, eta, wo, choose)
-    return wi, weight, nil(choose), where(transmitted, eta * eta, _ONE)
+def answer_glass(scene, m, wo, wi, choose, u):
+    """Smooth glass's."""
+    if scene.has.layers is not None:
+        eta = m.eta
+    else:
+        ior = columns(scene.material, m.material, COLUMNS, rows.IOR, 1)[0]
+        eta = where(m.front, ior, _ONE / ior)
+    on, weight, transmitted = sample_glass(_base(scene, m), eta, wo, choose)
+    f, pdf = _nothing(choose)
+    return f, pdf, on, weight, pdf, where(transmitted, eta * eta, _ONE)
 
 
 @device
-def fetch_metallic_roughness(scene, material, front):
-    """(base, metallic, roughness, f0, f90)."""
-    base = columns(scene.material, material, COLUMNS, rows.BASE, 3)
-    metallic, roughness = columns(scene.material, material, COLUMNS, rows.METALLIC, 2)
-    f90 = columns(scene.material, material, COLUMNS, rows.SPECULAR, 1)[0]
-    return base, metallic, roughness, vec.scale(columns(scene.material, material, COLUMNS, rows.F0, 3), f90), f90
+def answer_metallic_roughness(scene, m, wo, wi, choose, u):
+    """That of GGX over a diffuse base."""
+    base = _base(scene, m)
+    metallic, roughness = _metallic_roughness(scene, m)
+    f90 = columns(scene.material, m.material, COLUMNS, rows.SPECULAR, 1)[0]
+    f0 = vec.scale(columns(scene.material, m.material, COLUMNS, rows.F0, 3), f90)
+    f, light_pdf = eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi)
+    on, weight, pdf = sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u)
+    return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
 
 
 @device
-def evaluate_metallic_roughness(m, wo, wi):
-    """GGX over a diffuse base."""
-    base, metallic, roughness, f0, f90 = m
-    return eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi)
-
-
-@device
-def scatter_metallic_roughness(m, wo, choose, u):
-    """GGX over a diffuse base."""
-    base, metallic, roughness, f0, f90 = m
-    wi, weight, pdf = sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u)
-    return wi, weight, pdf, nil(choose) + _ONE
-
-
-@device
-def fetch_conductor(scene, material, front):
-    """(eta, k, mean Fresnel, roughness, both alphas, cosine and sine of the anisotropy's angle)."""
+def _indices(scene, m):
+    """A conductor's (eta, k)."""
     table = scene.material
-    eta = columns(table, material, COLUMNS, rows.ETA, 3)
-    k = columns(table, material, COLUMNS, rows.K, 3)
-    mean = columns(table, material, COLUMNS, rows.MEAN_FRESNEL, 3)
-    roughness = columns(table, material, COLUMNS, rows.ROUGHNESS, 1)[0]
-    strength, cosine, sine = columns(table, material, COLUMNS, rows.ANISOTROPY, 3)
+    return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
+
+
+@device
+def answer_conductor(scene, m, wo, wi, choose, u):
+    """A rough metal's, unless it is brushed."""
+    eta, k = _indices(scene, m)
+    mean = columns(scene.material, m.material, COLUMNS, rows.MEAN_FRESNEL, 3)
+    roughness = _metallic_roughness(scene, m)[1]
     alpha = max(roughness * roughness, MIN_ALPHA)
-    along = alpha + (_ONE - alpha) * strength * strength
-    roughness = where(strength != _ZERO, math.sqrt(_HALF * (along + alpha)), roughness)
-    return eta, k, mean, roughness, along, alpha, cosine, sine
+    f, light_pdf = eval_and_pdf_conductor(eta, k, mean, roughness, alpha, alpha, wo, wi)
+    on, weight, pdf = sample_conductor(eta, k, mean, roughness, alpha, alpha, wo, choose, u)
+    return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
 
 
 @device
-def _turned(cosine, sine, w):
-    """w in the anisotropy's frame; by the opposite sine, back from it."""
-    return cosine * w[0] + sine * w[1], cosine * w[1] - sine * w[0], w[2]
+def answer_smooth_conductor(scene, m, wo, wi, choose, u):
+    """An even metal's."""
+    eta, k = _indices(scene, m)
+    on, weight = sample_smooth_conductor(eta, k, wo)
+    f, pdf = _nothing(choose)
+    return f, pdf, on, weight, pdf, pdf + _ONE
+
+
+@subroutine
+def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, wo, wi, choose, u):
+    """A path alone, of a material with many properties."""
+    out_of_line()
+    layers = local_floats(LAYER_SLOTS)
+    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers)
+    kind = scene.material_kind[material]
+    f, light_pdf = eval_rare(scene.has, kind, layers, eta, wo, wi)
+    on, weight, pdf, eta2 = sample_rare(scene.has, kind, layers, eta, wo, choose, u)
+    return f, light_pdf, on, weight, pdf, eta2
 
 
 @device
-def evaluate_conductor(m, wo, wi):
-    """A rough metal."""
-    eta, k, mean, roughness, along, across, cosine, sine = m
-    return eval_and_pdf_conductor(eta, k, mean, roughness, along, across, _turned(cosine, sine, wo), _turned(cosine, sine, wi))
+def answer_rare(scene, m, wo, wi, choose, u):
+    """That of a material with many properties, path by path."""
+    s, t, n = m.frame
+    known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n)
+    return each_lane(_one_rare, choose == choose, (scene, *known, wo, wi, choose, u))
 
-
-@device
-def scatter_conductor(m, wo, choose, u):
-    """A rough metal."""
-    eta, k, mean, roughness, along, across, cosine, sine = m
-    wi, weight, pdf = sample_conductor(eta, k, mean, roughness, along, across, _turned(cosine, sine, wo), choose, u)
-    return _turned(cosine, -sine, wi), weight, pdf, nil(choose) + _ONE
-
-
-@device
-def scatter_smooth_conductor(m, wo, choose, u):
-    """An even metal."""
-    wi, weight = sample_smooth_conductor(m[0], m[1], wo)
-    return wi, weight, nil(choose), nil(choose) + _ONE

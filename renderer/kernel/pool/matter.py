@@ -1,0 +1,127 @@
+"""What a vertex is made of where a scene has more than what is plain: textures, normal maps, alpha, insides, colours that part.
+
+What is seldom met is looked up a path at a time, by the functions that one path alone is followed with.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.rows import (
+    ABSORBING,
+    ABSORPTION,
+    BASE,
+    COLUMNS,
+    DISPERSIVE,
+    METALLIC,
+    NEEDS_TANGENT,
+    NORMAL_MAPPED,
+    TEXTURED,
+    TRANSPARENT,
+)
+from renderer.bvh.traverse import Hit
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.fetch import columns
+from renderer.kernel.integrators.transport import COLOR_BLOCK, PASSING_BLOCK, absorbed
+from renderer.kernel.material.material import colored_index, opacity, texture_factors
+from renderer.kernel.material.normal_map import bent_frame
+from renderer.kernel.pool.rows import AXES, MAPPED, MATTER, write
+from renderer.kernel.sampling.sampler import draw4
+from renderer.kernel.surface.surface import Surface, triangle_at
+from renderer.wide.lanes import each_lane
+from renderer.wide.values import any_of, lookup, nil, not_, to_int, u32, where, where3
+
+__all__ = ["attenuated", "keep_matter", "passes", "surfaces_at"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_NONE = np.uint32(0)
+_TEXTURED, _BENT = np.uint32(TEXTURED), np.uint32(NORMAL_MAPPED | NEEDS_TANGENT)
+_TRANSPARENT, _ABSORBING, _DISPERSIVE = np.uint32(TRANSPARENT), np.uint32(ABSORBING), np.uint32(DISPERSIVE)
+_PASSING_BLOCK, _COLOR_BLOCK = np.uint32(PASSING_BLOCK), np.uint32(COLOR_BLOCK)
+
+
+@device
+def _flagged(scene, material, flag):
+    return (u32(lookup(scene.material_flags, material)) & flag) != _NONE
+
+
+@subroutine
+def _one_surface(scene, d, t, primitive, u, v, instance):
+    """`triangle_at` of one ray, as numbers in tuples."""
+    out_of_line()
+    s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance)))
+    shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
+    return shape, s.material, s.light, s.object, s.uv1, s.color, s.tangent, s.smooth, s.lift
+
+
+@device
+def surfaces_at(scene, d, hit):
+    """As `triangle_at`, for eight rays, some of which may have met triangles of instances."""
+    if scene.has.instances is not None and len(scene.to_world) > 0:
+        every = hit.t == hit.t
+        arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance
+        shape, material, light, number, uv1, color, tangent, smooth, lift = each_lane(_one_surface, every, arguments)
+        point, error, geometric, shading, uv, front = shape
+        return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, smooth, lift)
+    return triangle_at(scene, d, Hit(hit.t, hit.primitive, hit.u, hit.v, np.int32(-1)))
+
+
+@device
+def passes(scene, surface, stream, row, options):
+    """Where the paths go through their surfaces as if these were not there. row: how many each has met before."""
+    through = surface.error != surface.error
+    if scene.has.textures is not None and options.transparent:
+        may = _flagged(scene, surface.material, _TRANSPARENT)
+        if any_of(may):
+            u = draw4(stream, to_int(row) + _PASSING_BLOCK)[0]
+            through = may & (u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3]))
+    return through
+
+
+@device
+def attenuated(scene, surface, through, throughput, start):
+    """The throughput after the way from `start` to the surface, through the inside of what it is the surface of."""
+    if scene.has.layers is not None:
+        inside = not_(surface.front | through) & _flagged(scene, surface.material, _ABSORBING)
+        if any_of(inside):
+            left = absorbed(throughput, columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3), start, surface.point)
+            throughput = where3(inside, left, throughput)
+    return throughput
+
+
+@device
+def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput):
+    """Looks up what the vertices are made of, writes it down, and gives (colour, normal to scatter about, throughput)."""
+    n = surface.shading
+    base = columns(scene.material, surface.material, COLUMNS, BASE, 3)
+    if scene.has.textures is not None:
+        metallic, roughness, ior = columns(scene.material, surface.material, COLUMNS, METALLIC, 3)
+        textured = _flagged(scene, surface.material, _TEXTURED)
+        if any_of(textured):
+            arguments = scene, surface.material, surface.uv, surface.uv1
+            color, of_metallic, of_roughness = each_lane(texture_factors, textured, arguments)
+            base = where3(textured, vec.mul(base, color), base)
+            metallic = where(textured, metallic * of_metallic, metallic)
+            roughness = where(textured, roughness * of_roughness, roughness)
+        base = vec.mul(base, (surface.color[0], surface.color[1], surface.color[2]))
+        s, t = vec.basis(n)
+        bent = _flagged(scene, surface.material, _BENT)
+        if any_of(bent):
+            turned = (surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo)
+            along, across, up = each_lane(bent_frame, bent, (scene, surface.material, *turned))
+            s, t, n = where3(bent, along, s), where3(bent, across, t), where3(bent, up, n)
+        parted = _flagged(scene, surface.material, _DISPERSIVE) & (vec.maximum(throughput) > _ZERO) & not_(through)
+        if any_of(parted):
+            u = draw4(stream, to_int(number) + _COLOR_BLOCK)[0]
+            own, seen = each_lane(colored_index, parted, (scene, surface.material, throughput, u))
+            ior = where(parted, own, ior)
+            throughput = where3(parted, seen, throughput)
+        eta = where(surface.front, ior, _ONE / ior)
+        none = nil(eta)
+        write(pool, rows, MATTER, (*base, metallic, roughness, eta, *surface.uv))
+        write(pool, rows, AXES, (*s, *t, *surface.uv1))
+        write(pool, rows, MAPPED, (*n, none, none, none, none, none))
+    return base, n, throughput
+
