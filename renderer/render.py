@@ -15,10 +15,9 @@ from renderer import jit
 from renderer.arrays.edition import edition_of, only
 from renderer.arrays.has import EDITIONS
 from renderer.arrays.scene import example
-from renderer.bvh.traverse import new_stack
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, BadSample, BatchSums, Sums
-from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, renderer_of
+from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new_scratch, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
@@ -66,9 +65,10 @@ def _render(
     """A batch and its number of rays; the scene is `_prepared`. log: rows for the last sample's protocol."""
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
-    bad_count, rays = renderer_of(settings)(
+    kernel = renderer_of(settings, scene.has)
+    bad_count, rays = kernel(
         scene,
-        new_stack(),
+        new_scratch(kernel, tile.w, tile.h),
         camera_frame(settings),
         kernel_options(settings, scene),
         Batch(tile.x, tile.y, first, count),
@@ -167,7 +167,7 @@ def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:
     """Of the kernel that `warm_up` gets ready."""
-    return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{edition}"
+    return f"{renderer_of(settings or _PICTURE, EDITIONS[edition]).__name__.strip('_')}-{edition}"
 
 
 def is_warm(settings: RenderSettings, edition: str) -> bool:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.arrays.has import EDITIONS, EVERYTHING, Has
+from renderer.bvh.traverse import new_stack
 from renderer.film import (
     ALBEDO,
     COLOR,
@@ -17,46 +19,40 @@ from renderer.film import (
     NORMAL,
     OBJECT,
     POSITION,
-    SAMPLE_MAX,
     SAMPLES,
     SAMPLES_HALF,
 )
 from renderer.jit import device, entry, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.camera import camera_ray
+from renderer.kernel.fixed import fixed, in_half
 from renderer.kernel.integrators.ao import trace_ao
 from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special
+from renderer.kernel.pool.trace import new_pool, render_with_pool
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "has_editions", "in_half", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "has_editions", "new_scratch", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
+PLAIN = EDITIONS["plain"]
 MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
-_MOST = np.float32(SAMPLE_MAX)
 _COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
 _POSITION = POSITION.start
 _FIRST = np.uint32(0)  # the block of numbers that the camera uses
 _HALF = np.float32(0.5)
-_MANTISSA_TOP = np.int32(22)
 _NOTHING = (np.int64(0), np.int64(0), np.int64(0))
 
 
 @device
-def _fixed(value, scale):
-    """A value in the film's fixed point. Multiplying by a power of two is exact; this rounds once."""
-    return np.int64(np.rint(min(max(value, -_MOST), _MOST) * scale))
-
-
-@device
 def _fixed3(value, scale):
-    return _fixed(value[0], scale), _fixed(value[1], scale), _fixed(value[2], scale)
+    return fixed(value[0], scale), fixed(value[1], scale), fixed(value[2], scale)
 
 
 @device
@@ -69,13 +65,6 @@ def _add3(sums, channel, y, x, value):
     sums[channel, y, x] += value[0]
     sums[channel + 1, y, x] += value[1]
     sums[channel + 2, y, x] += value[2]
-
-
-@device
-def in_half(sample):
-    """As renderer.film.in_half: by the second highest bit of a whole number, the first that a float leaves out."""
-    second = np.int32(np.float32(sample).view(np.int32) >> _MANTISSA_TOP) & 1
-    return second == 0 and sample != 1
 
 
 class Batch(NamedTuple):
@@ -138,7 +127,7 @@ def _render_tile(trace, special, scene, stack, camera, options, batch, output):
                 albedo = _sum3(albedo, _fixed3(base, scale))
                 normal = _sum3(normal, _fixed3(upright, scale))
                 position = _sum3(position, _fixed3(place, scale))
-                depth += _fixed(distance, scale)
+                depth += fixed(distance, scale)
                 samples += 1
                 if sample == 0:  # numbers cannot be averaged, so one sample has the say
                     object_id = np.int64(object_number)
@@ -161,12 +150,17 @@ def _render_tile(trace, special, scene, stack, camera, options, batch, output):
 
 
 # Each is compiled when it is first called. For pictures there is a path tracer with nothing else in it, which takes less
-# time to compile and to run.
+# time to compile and to run; plain scenes have one that follows many paths at once.
 
 
 @entry
 def _render_path(scene, stack, camera, options, batch, output):
     return _render_tile(trace_path, None, scene, stack, camera, options, batch, output)
+
+
+@entry
+def _render_pool(scene, pool, camera, options, batch, output):
+    return render_with_pool(scene, pool, camera, options, batch, output)
 
 
 @entry
@@ -191,10 +185,17 @@ def has_editions(settings: RenderSettings) -> bool:
     return renderer_of(settings) is _render_path
 
 
-def renderer_of(settings: RenderSettings) -> Renderer:
-    """The kernel for these settings: `_render_tile` of their integrator. Direct light is paths of two segments."""
+def renderer_of(settings: RenderSettings, has: Has = EVERYTHING) -> Renderer:
+    """The kernel for these settings, and for scenes that have these parts. Direct light is paths of two segments."""
     if settings.integrator == "whitted":
         return _render_whitted
     if settings.integrator == "ao":
         return _render_ao
-    return _render_special_path if is_special(settings) else _render_path
+    if is_special(settings):
+        return _render_special_path
+    return _render_pool if has == PLAIN else _render_path
+
+
+def new_scratch(renderer: Renderer, width: int, height: int) -> Any:
+    """What a kernel is given for itself, for a batch of a tile of that size."""
+    return new_pool(width, height) if renderer is _render_pool else new_stack()

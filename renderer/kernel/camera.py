@@ -13,6 +13,7 @@ from renderer.kernel import vec
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings
+from renderer.wide.values import spread3
 
 __all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "camera_frame", "camera_ray"]
 
@@ -86,7 +87,7 @@ def _panorama_ray(camera, x, y):
     sine, cosine = sincos_turns((x - camera.middle[0]) * camera.turns[0])
     rise, level = sincos_turns((camera.middle[1] - y) * camera.turns[1])
     d = vec.to_world(camera.right, camera.up, camera.forward, (level * sine, rise, level * cosine))
-    return camera.eye, vec.normalize(d)
+    return spread3(camera.eye, x), vec.normalize(d)
 
 
 @device
@@ -99,16 +100,19 @@ def _lens_ray(camera, towards, u):
 
 @device
 def camera_ray(camera, x, y, u):
-    """The ray through the film's point (x, y), in pixels, and the lens's point that u chooses: (origin, unit direction)."""
+    """The ray through the film's point (x, y), in pixels, and the lens's point that u chooses: (origin, unit direction).
+
+    Of one sample, or of eight.
+    """
     if camera.kind == PANORAMA:
         return _panorama_ray(camera, x, y)
     towards = vec.add(camera.corner, vec.add(vec.scale(camera.across, x), vec.scale(camera.down, y)))
     if camera.kind == ORTHOGRAPHIC:
-        o, d = vec.add(camera.eye, towards), camera.forward
+        o, d = vec.add(camera.eye, towards), spread3(camera.forward, x)
     elif camera.aperture > _ZERO:
         o, d = _lens_ray(camera, towards, u)
     else:
-        o, d = camera.eye, vec.normalize(towards)
+        o, d = spread3(camera.eye, x), vec.normalize(towards)
     if camera.near > _ZERO:
         o = vec.add(o, vec.scale(d, camera.near / vec.dot(d, camera.forward)))
     return o, d

@@ -23,6 +23,8 @@ __all__ = [
     "not_",
     "rint",
     "single",
+    "spread",
+    "spread3",
     "to_float",
     "to_int",
     "u32",
@@ -120,6 +122,24 @@ def u32(typingctx, a):
 def nil(typingctx, a):
     """0 of the type of a."""
     return a(a), lambda context, builder, sig, args: ir.Constant(args[0].type, None)
+
+
+@intrinsic
+def spread(typingctx, value, like):
+    """A plain number, in all lanes where `like` has lanes."""
+    wide = is_wide(like)
+    result = ({types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[value]) if wide else value
+
+    def codegen(context, builder, sig, args):
+        return lifted(builder, sig.args[0], args[0]) if wide else args[0]
+
+    return result(value, like), codegen
+
+
+@device
+def spread3(vector, like):
+    """`spread` of a vector."""
+    return spread(vector[0], like), spread(vector[1], like), spread(vector[2], like)
 
 
 @intrinsic

@@ -13,6 +13,8 @@ import numpy as np
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.bsdf.albedo_tables import BRUSHED_NODES, table_path
 from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo
+from renderer.kernel.fetch import columns
+from renderer.wide.values import any_of, nil, not_, to_float, to_int, where
 
 __all__ = ["brushed_albedo", "brushed_mean_albedo"]
 
@@ -20,15 +22,18 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TABLE = np.load(table_path("brushed_albedo"))
 _LAST_ROUGHNESS, _LAST_RATIO, _LAST_COSINE, _LAST_AZIMUTH = (np.float32(nodes - 1) for nodes in BRUSHED_NODES)
-_MEANS = BRUSHED_NODES[2]
+# How many entries (A, B) the table has for a node of all but the roughness; the means follow the cosines' nodes.
+_RATIOS, _COSINES, _AZIMUTHS = (np.uint32(entries) for entries in _TABLE.shape[1:4])
+_MEANS = np.uint32(BRUSHED_NODES[2])
+_FIRST = np.uint32(0)
 
 
 @device
 def _node(x, last):
-    """(the node below x of 0 ... 1, how far x is beyond it)."""
-    x = min(max(x, _ZERO), _ONE) * last
-    i = min(np.int64(x), np.int64(last) - 1)
-    return i, x - np.float32(i)
+    """(The node below x of 0 ... 1, how far x is beyond it.) Lanes that hold nothing may be NaN: they too stay in the table."""
+    x = min(_ONE, max(_ZERO, x)) * last
+    i = to_int(min(last - _ONE, x))
+    return i, x - to_float(i)
 
 
 @device
@@ -36,22 +41,30 @@ def _share(side, t):
     return t if side == 1 else _ONE - t
 
 
+@device
+def _entry(roughness, ratio, cosine, azimuth):
+    """(A, B) at a node."""
+    number = ((roughness * _RATIOS + ratio) * _COSINES + cosine) * _AZIMUTHS + azimuth
+    return columns(_TABLE, number, 2, 0, 2)
+
+
 @subroutine
 def _lookup(w, alpha_x, alpha_y):
     out_of_line()
     sine2 = w[0] * w[0] + w[1] * w[1]
     x, y = alpha_x * w[0], alpha_y * w[1]
-    alpha = math.sqrt((x * x + y * y) / sine2) if sine2 > _ZERO else alpha_x
+    alpha = where(sine2 > _ZERO, math.sqrt((x * x + y * y) / sine2), alpha_x)
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
     k, c = _node(math.sqrt(max(w[2], _ZERO)), _LAST_COSINE)
     n, t = _node((alpha - alpha_y) / (alpha_x - alpha_y), _LAST_AZIMUTH)
-    a = b = _ZERO
+    a = b = nil(t)
     for corner in range(16):
-        di, dj, dk, dn = corner & 1, corner >> 1 & 1, corner >> 2 & 1, corner >> 3
+        di, dj, dk, dn = np.uint32(corner & 1), np.uint32(corner >> 1 & 1), np.uint32(corner >> 2 & 1), np.uint32(corner >> 3)
         share = _share(di, r) * _share(dj, q) * _share(dk, c) * _share(dn, t)
-        a += share * _TABLE[i + di, j + dj, k + dk, n + dn, 0]
-        b += share * _TABLE[i + di, j + dj, k + dk, n + dn, 1]
+        at_a, at_b = _entry(i + di, j + dj, k + dk, n + dn)
+        a = a + share * at_a
+        b = b + share * at_b
     return a, b
 
 
@@ -60,12 +73,13 @@ def _mean_lookup(alpha_x, alpha_y):
     out_of_line()
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
-    a = b = _ZERO
+    a = b = nil(r)
     for corner in range(4):
-        di, dj = corner & 1, corner >> 1
+        di, dj = np.uint32(corner & 1), np.uint32(corner >> 1)
         share = _share(di, r) * _share(dj, q)
-        a += share * _TABLE[i + di, j + dj, _MEANS, 0, 0]
-        b += share * _TABLE[i + di, j + dj, _MEANS, 0, 1]
+        at_a, at_b = _entry(i + di, j + dj, _MEANS, _FIRST)
+        a = a + share * at_a
+        b = b + share * at_b
     return a, b
 
 
@@ -74,14 +88,24 @@ def brushed_albedo(w, roughness, alpha_x, alpha_y):
     """(A, B) as `ggx_albedo` gives them, towards w in the frame whose x axis has alpha_x >= alpha_y.
 
     roughness: the root of both alphas where they are the same."""
-    if alpha_x > alpha_y:
-        return _lookup(w, alpha_x, alpha_y)
-    return ggx_albedo(w[2], roughness)
+    brushed = alpha_x > alpha_y
+    a = b = nil(w[2])
+    if any_of(not_(brushed)):
+        a, b = ggx_albedo(w[2], roughness)
+    if any_of(brushed):
+        brushed_a, brushed_b = _lookup(w, alpha_x, alpha_y)
+        a, b = where(brushed, brushed_a, a), where(brushed, brushed_b, b)
+    return a, b
 
 
 @device
 def brushed_mean_albedo(roughness, alpha_x, alpha_y):
     """(A, B), their means over the cosine-weighted hemisphere."""
-    if alpha_x > alpha_y:
-        return _mean_lookup(alpha_x, alpha_y)
-    return ggx_mean_albedo(roughness)
+    brushed = alpha_x > alpha_y
+    a = b = nil(roughness)
+    if any_of(not_(brushed)):
+        a, b = ggx_mean_albedo(roughness)
+    if any_of(brushed):
+        brushed_a, brushed_b = _mean_lookup(alpha_x, alpha_y)
+        a, b = where(brushed, brushed_a, a), where(brushed, brushed_b, b)
+    return a, b

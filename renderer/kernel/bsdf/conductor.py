@@ -13,6 +13,7 @@ from renderer.kernel.bsdf.energy import multiple_scattering
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
 from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+from renderer.wide.values import any_of, nil, not_, where, where3
 
 __all__ = ["eval_and_pdf_conductor", "fresnel_rgb", "sample_conductor", "sample_smooth_conductor"]
 
@@ -22,6 +23,7 @@ _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _LEAST_LOSS = np.float32(1e-3)
+_BLACK = (_ZERO, _ZERO, _ZERO)
 
 
 @device
@@ -42,10 +44,8 @@ def _albedo(w, roughness, alpha_x, alpha_y):
 
 
 @device
-def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf). mean_fresnel: over the hemisphere, cosine-weighted; roughness: the alphas' root where they are the same."""
-    if wi[2] <= _ZERO or wo[2] <= _ZERO:
-        return (_ZERO, _ZERO, _ZERO), _ZERO
+def _above(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
+    """(f |cos|, pdf) of directions above the horizon."""
     h = vec.normalize(vec.add(wo, wi))
     lambda_o = smith_lambda(wo, alpha_x, alpha_y)
     lambda_i = smith_lambda(wi, alpha_x, alpha_y)
@@ -66,17 +66,30 @@ def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo
 
 
 @device
+def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
+    """(f |cos|, pdf). mean_fresnel: over the hemisphere, cosine-weighted; roughness: the alphas' root where they are the same."""
+    none = nil(wi[2])
+    f, pdf = (none, none, none), none
+    below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
+    if any_of(not_(below)):
+        f, pdf = _above(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
+        f, pdf = where3(below, _BLACK, f), where(below, _ZERO, pdf)
+    return f, pdf
+
+
+@device
 def sample_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
     """(wi, weight, pdf)."""
-    if choose < _albedo(wo, roughness, alpha_x, alpha_y):
+    mirrored = choose < _albedo(wo, roughness, alpha_x, alpha_y)
+    wi = wo
+    if any_of(mirrored):
         h = sample_visible_normal(wo, alpha_x, alpha_y, u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
-    else:
-        wi = square_to_cosine_hemisphere(u)
+    if any_of(not_(mirrored)):
+        wi = where3(mirrored, wi, square_to_cosine_hemisphere(u))
     f, pdf = eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
-    if pdf <= _ZERO:
-        return wi, (_ZERO, _ZERO, _ZERO), _ZERO
-    return wi, vec.scale(f, _ONE / pdf), pdf
+    lost = pdf <= _ZERO
+    return wi, where3(lost, _BLACK, vec.scale(f, _ONE / pdf)), where(lost, _ZERO, pdf)
 
 
 @device

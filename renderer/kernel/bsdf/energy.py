@@ -14,6 +14,8 @@ import numpy as np
 
 from renderer.jit import device, subroutine
 from renderer.kernel.bsdf.albedo_tables import SIZE, table_path
+from renderer.kernel.fetch import columns
+from renderer.wide.values import to_float, to_int
 
 __all__ = ["ggx_albedo", "ggx_mean_albedo", "multiple_scattering", "schlick_mean"]
 
@@ -21,7 +23,10 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TABLE = np.load(table_path("ggx_albedo"))
 _LAST = np.float32(SIZE - 1)
-_MOST = SIZE - 2
+_MOST = np.float32(SIZE - 2)
+_COSINES = np.uint32(SIZE)
+_MEANS = np.uint32(SIZE * SIZE)
+_NEXT = np.uint32(1)
 _MEAN_WEIGHT = np.float32(1.0 / 21.0)  # of (1 - cosine)**5 over the cosine-weighted hemisphere
 
 
@@ -30,29 +35,36 @@ def _between(a, b, t):
     return a + t * (b - a)
 
 
+@device
+def _node(x):
+    """(The node below x of 0 ... 1, how far x is beyond it.) Lanes that hold nothing may be NaN: they too stay in the table."""
+    x = min(_ONE, max(_ZERO, x)) * _LAST
+    i = to_int(min(_MOST, x))
+    return i, x - to_float(i)
+
+
+@device
+def _pair(number, t):
+    """(A, B) between a node, counted over the whole table, and the next."""
+    a, b, next_a, next_b = columns(_TABLE, number, 2, 0, 4)
+    return _between(a, next_a, t), _between(b, next_b, t)
+
+
 @subroutine
 def ggx_albedo(cosine, roughness):
     """(A, B) towards one direction; roughness is the square root of alpha, 0 ... 1."""
-    x = min(roughness, _ONE) * _LAST
-    y = math.sqrt(min(max(cosine, _ZERO), _ONE)) * _LAST
-    i = min(np.int64(x), _MOST)
-    j = min(np.int64(y), _MOST)
-    s = x - np.float32(i)
-    t = y - np.float32(j)
-    smoother_a = _between(_TABLE[i, j, 0], _TABLE[i, j + 1, 0], t)
-    smoother_b = _between(_TABLE[i, j, 1], _TABLE[i, j + 1, 1], t)
-    rougher_a = _between(_TABLE[i + 1, j, 0], _TABLE[i + 1, j + 1, 0], t)
-    rougher_b = _between(_TABLE[i + 1, j, 1], _TABLE[i + 1, j + 1, 1], t)
+    i, s = _node(roughness)
+    j, t = _node(math.sqrt(max(_ZERO, cosine)))
+    smoother_a, smoother_b = _pair(i * _COSINES + j, t)
+    rougher_a, rougher_b = _pair((i + _NEXT) * _COSINES + j, t)
     return _between(smoother_a, rougher_a, s), _between(smoother_b, rougher_b, s)
 
 
 @subroutine
 def ggx_mean_albedo(roughness):
     """(A, B), their means over the cosine-weighted hemisphere."""
-    x = min(roughness, _ONE) * _LAST
-    i = min(np.int64(x), _MOST)
-    s = x - np.float32(i)
-    return _between(_TABLE[SIZE, i, 0], _TABLE[SIZE, i + 1, 0], s), _between(_TABLE[SIZE, i, 1], _TABLE[SIZE, i + 1, 1], s)
+    i, s = _node(roughness)
+    return _pair(i + _MEANS, s)
 
 
 @device

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from renderer.jit import device
+from renderer.wide.values import where
 
 __all__ = ["fresnel_conductor", "fresnel_dielectric", "mean_fresnel_dielectric", "schlick", "schlick_weight"]
 
@@ -21,12 +22,12 @@ _FOUR = np.float32(4.0)
 def fresnel_dielectric(cosine, eta):
     """(reflectance of unpolarised light, cosine of refraction). eta: index beyond over index here; total reflection: (1, 0)."""
     sine2 = max(_ZERO, _ONE - cosine * cosine) / (eta * eta)
-    if sine2 >= _ONE:
-        return _ONE, _ZERO
+    total = sine2 >= _ONE
     refracted = math.sqrt(_ONE - sine2)
     parallel = (eta * cosine - refracted) / (eta * cosine + refracted)
     perpendicular = (cosine - eta * refracted) / (cosine + eta * refracted)
-    return _HALF * (parallel * parallel + perpendicular * perpendicular), refracted
+    reflectance = _HALF * (parallel * parallel + perpendicular * perpendicular)
+    return where(total, _ONE, reflectance), where(total, _ZERO, refracted)
 
 
 @device
@@ -34,7 +35,7 @@ def mean_fresnel_dielectric(eta):
     """Reflectance over the cosine-weighted hemisphere (d'Eon & Irving's fit, as Kulla & Conty 2017 have it; good to 1e-3)."""
     dense = max(eta, _ONE / eta)
     outside = (dense - _ONE) / (np.float32(4.08567) + np.float32(1.00071) * dense)
-    return outside if eta >= _ONE else _ONE - (_ONE - outside) * eta * eta
+    return where(eta >= _ONE, outside, _ONE - (_ONE - outside) * eta * eta)
 
 
 @device

@@ -7,6 +7,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric
+from renderer.wide.values import not_, where3
 
 __all__ = ["sample_glass"]
 
@@ -21,7 +22,8 @@ def sample_glass(tint, eta, wo, u):
     leaving the glass undoes (pbrt 4ed, 9.5.2).
     """
     reflectance, refracted = fresnel_dielectric(wo[2], eta)
-    if u < reflectance:
-        return (-wo[0], -wo[1], wo[2]), (_ONE, _ONE, _ONE), False
+    reflected = u < reflectance
     inverse = _ONE / eta
-    return (-wo[0] * inverse, -wo[1] * inverse, -refracted), vec.scale(tint, inverse * inverse), True
+    wi = where3(reflected, (-wo[0], -wo[1], wo[2]), (-wo[0] * inverse, -wo[1] * inverse, -refracted))
+    weight = where3(reflected, (_ONE, _ONE, _ONE), vec.scale(tint, inverse * inverse))
+    return wi, weight, not_(reflected)

@@ -18,6 +18,7 @@ from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo, multiple_sc
 from renderer.kernel.bsdf.fresnel import schlick
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
+from renderer.wide.values import any_of, nil, not_, where, where3
 
 __all__ = ["eval_and_pdf_metallic_roughness", "sample_metallic_roughness"]
 
@@ -29,6 +30,7 @@ _INV_PI = np.float32(1.0 / math.pi)
 _LEAST_LOSS = np.float32(1e-3)  # of mirrors so smooth that nothing is lost but at grazing angles
 _LEAST = np.float32(1e-6)
 _MIN_CHOICE = np.float32(0.125)  # a highlight may be far brighter than its share of the surface's albedo
+_BLACK = (_ZERO, _ZERO, _ZERO)
 
 
 @device
@@ -61,10 +63,8 @@ def _view(base, metallic, roughness, f0, f90, wo):
 
 
 @device
-def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
-    """(f |cos|, pdf) from a `_view`."""
-    if wi[2] <= _ZERO or wo[2] <= _ZERO:
-        return (_ZERO, _ZERO, _ZERO), _ZERO
+def _above(base, metallic, roughness, f0, f90, view, wo, wi):
+    """(f |cos|, pdf) from a `_view`, of directions above the horizon."""
     mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
     alpha = max(roughness * roughness, MIN_ALPHA)
     h = vec.normalize(vec.add(wo, wi))
@@ -83,6 +83,18 @@ def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
 
 
 @device
+def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
+    """(f |cos|, pdf) from a `_view`."""
+    none = nil(wi[2])
+    f, pdf = (none, none, none), none
+    below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
+    if any_of(not_(below)):
+        f, pdf = _above(base, metallic, roughness, f0, f90, view, wo, wi)
+        f, pdf = where3(below, _BLACK, f), where(below, _ZERO, pdf)
+    return f, pdf
+
+
+@device
 def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
     """(f |cos|, pdf per steradian) together: they share most of their terms."""
     view = _view(base, metallic, roughness, f0, f90, wo)
@@ -93,13 +105,14 @@ def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
 def sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u):
     """(wi, weight, pdf); `choose` picks microfacets or diffuse light, u the direction."""
     view = _view(base, metallic, roughness, f0, f90, wo)
-    if choose < view[6]:
+    mirrored = choose < view[6]
+    wi = wo
+    if any_of(mirrored):
         alpha = max(roughness * roughness, MIN_ALPHA)
         h = sample_visible_normal(wo, alpha, alpha, u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
-    else:
-        wi = square_to_cosine_hemisphere(u)
+    if any_of(not_(mirrored)):
+        wi = where3(mirrored, wi, square_to_cosine_hemisphere(u))
     f, pdf = _scatter(base, metallic, roughness, f0, f90, view, wo, wi)
-    if pdf <= _ZERO:
-        return wi, (_ZERO, _ZERO, _ZERO), _ZERO
-    return wi, vec.scale(f, _ONE / pdf), pdf
+    lost = pdf <= _ZERO
+    return wi, where3(lost, _BLACK, vec.scale(f, _ONE / pdf)), where(lost, _ZERO, pdf)

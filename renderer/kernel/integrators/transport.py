@@ -13,12 +13,13 @@ from renderer.kernel import vec
 from renderer.kernel.material.material import absorption, disperse, is_transparent, opacity
 from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1
+from renderer.wide.values import any_of, where3
 
 __all__ = ["FIRST_HIT_SLOTS", "first_hit", "forget_first_hit", "keep_first_hit", "limited", "one_color", "reach"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-INDIRECT = 3  # segments from which on light counts as indirect
+_INDIRECT = np.float32(3)  # segments from which on light counts as indirect
 PASSING_BLOCK = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below,
 COLOR_BLOCK = 1 << 17  # and from here on those that spread colours
 
@@ -119,9 +120,10 @@ def one_color(scene, surface, material, throughput, stream, segment):
 @device
 def limited(light, segments, limit):
     """The light of a path of so many segments, if it is indirect with its greatest channel no greater than the limit, its hue
-    kept; limit 0: none."""
-    if limit > _ZERO and segments >= INDIRECT:
+    kept; limit 0: none. Of one path, or of eight."""
+    if limit > _ZERO:
         most = vec.maximum(light)
-        if most > limit:
-            return vec.scale(light, limit / most)
+        bright = (segments >= _INDIRECT) & (most > limit)
+        if any_of(bright):
+            light = where3(bright, vec.scale(light, limit / most), light)
     return light

@@ -56,8 +56,10 @@ __all__ = [
     "fetch_material",
     "is_specular",
     "is_transparent",
+    "look_up_layers",
     "opacity",
     "sample_material",
+    "texture_factors",
     "transmits",
 ]
 
@@ -103,6 +105,20 @@ def _texture(scene, number, slot):
 
 
 @device
+def texture_factors(scene, number, uv, uv1):
+    """What the textures of material `number` make of its colour, its metallic part and its roughness: factors."""
+    color, metallic, roughness = (_ONE, _ONE, _ONE), _ONE, _ONE
+    texture = _texture(scene, number, rows.BASE_TEXTURE)
+    if texture >= 0:
+        r, g, b, _ = sample_texture(scene, texture, uv, uv1)
+        color = r, g, b
+    texture = _texture(scene, number, rows.METALLIC_ROUGHNESS_TEXTURE)
+    if texture >= 0:
+        _, roughness, metallic, _ = sample_texture(scene, texture, uv, uv1)
+    return color, metallic, roughness
+
+
+@device
 def fetch_material(scene, surface, frame, layers):
     """The material of a surface, at the point hit.
 
@@ -115,29 +131,35 @@ def fetch_material(scene, surface, frame, layers):
     base = _rgb(row, number, rows.BASE)
     metallic, roughness, ior = columns(row, number, COLUMNS, rows.METALLIC, 3)
     if scene.has.textures is not None and flags & rows.TEXTURED != 0:
-        texture = _texture(scene, number, rows.BASE_TEXTURE)
-        if texture >= 0:
-            r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
-            base = (base[0] * r, base[1] * g, base[2] * b)
-        texture = _texture(scene, number, rows.METALLIC_ROUGHNESS_TEXTURE)
-        if texture >= 0:
-            _, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
-            roughness *= g
-            metallic *= b
+        color, of_metallic, of_roughness = texture_factors(scene, number, surface.uv, surface.uv1)
+        base = vec.mul(base, color)
+        metallic *= of_metallic
+        roughness *= of_roughness
     if scene.has.textures is not None:
         base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
     f90 = _value(row, number, rows.SPECULAR)
     f0 = vec.scale(_rgb(row, number, rows.F0), f90)
     eta = ior if surface.front else _ONE / ior
     if kind >= CONDUCTOR:
-        pane = flags & rows.THIN != 0 or abs(ior - _ONE) < _MATCHED
-        arrays = scene.has, scene.material_texture, scene.texture, scene.texture_transform, scene.texel
-        textures = Textures(*arrays, number, surface.uv, surface.uv1)
-        resolve(kind, row, textures, base, metallic, roughness, pane, layers)
-        coated = kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0
-        if scene.has.layers is not None and coated:
-            layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = coat_normal(scene, surface, frame)
+        look_up_layers(scene, number, base, metallic, roughness, surface.shading, surface.uv, surface.uv1, frame, layers)
     return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers, scene.has)
+
+
+@device
+def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers):
+    """Fills the properties, (LAYER_SLOTS,) float32, of a material of the rarer kinds.
+
+    base, metallic, roughness: looked up already; shading: the surface's normal; frame: from `shading_frame`.
+    """
+    kind, flags = scene.material_kind[number], scene.material_flags[number]
+    pane = flags & rows.THIN != 0 or abs(_value(scene.material, number, rows.IOR) - _ONE) < _MATCHED
+    arrays = scene.has, scene.material_texture, scene.texture, scene.texture_transform, scene.texel
+    textures = Textures(*arrays, number, uv, uv1)
+    resolve(kind, scene.material, textures, base, metallic, roughness, pane, layers)
+    coated = kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0
+    if scene.has.layers is not None and coated:
+        normal = coat_normal(scene, number, shading, uv, uv1, frame)
+        layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = normal
 
 
 @device

@@ -19,7 +19,7 @@ from renderer.kernel import vec
 from renderer.kernel.material.texture import sample_texture
 from renderer.kernel.surface.consistent import consistent_normal
 
-__all__ = ["coat_normal", "map_normal", "shading_frame"]
+__all__ = ["bent_frame", "coat_normal", "map_normal", "shading_frame"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -70,27 +70,34 @@ def shading_frame(scene, surface, wo):
     if scene.has.textures is None or flags & (NORMAL_MAPPED | NEEDS_TANGENT) == 0:
         s, t = vec.basis(n)
         return s, t, n
+    return bent_frame(
+        *(scene, surface.material, surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo)
+    )
+
+
+@device
+def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo):
+    """As `shading_frame`, where a normal map or a tangent counts, from what it asks of the Surface."""
     # Seen from behind, the whole frame is turned over: the map's bumps are then dents.
-    sign = _ONE if surface.front else -_ONE
-    tangent = surface.tangent
+    sign = _ONE if front else -_ONE
     s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))
-    if flags & NORMAL_MAPPED == 0:
+    if scene.material_flags[material] & NORMAL_MAPPED == 0:
         return s, t, n
-    texel = sample_texture(scene, scene.material_texture[surface.material, NORMAL_TEXTURE], surface.uv, surface.uv1)
+    texel = sample_texture(scene, scene.material_texture[material, NORMAL_TEXTURE], uv, uv1)
     color = (texel[0], texel[1], texel[2])
-    n = map_normal(color, scene.material[surface.material, NORMAL_SCALE], s, t, n, surface.geometric, wo)
+    n = map_normal(color, scene.material[material, NORMAL_SCALE], s, t, n, geometric, wo)
     s, t = _tangents(n, (s[0], s[1], s[2], tangent[3] * sign))
     return s, t, n
 
 
 @device
-def coat_normal(scene, surface, frame):
-    """The clearcoat's unit normal in the shading frame: its own map's, or the surface's without the base's map."""
+def coat_normal(scene, material, shading, uv, uv1, frame):
+    """The clearcoat's unit normal in the shading frame: its own map's, or the surface's (shading) without the base's map."""
     s, t, n = frame
-    normal = surface.shading
-    texture = scene.material_texture[surface.material, CLEARCOAT_NORMAL_TEXTURE]
+    normal = shading
+    texture = scene.material_texture[material, CLEARCOAT_NORMAL_TEXTURE]
     if texture >= 0:
         along, across = _tangents(normal, (s[0], s[1], s[2], vec.dot(vec.cross(n, s), t)))
-        r, g, b, _ = sample_texture(scene, texture, surface.uv, surface.uv1)
-        normal = _read_normal((r, g, b), scene.material[surface.material, CLEARCOAT_NORMAL_SCALE], along, across, normal)
+        r, g, b, _ = sample_texture(scene, texture, uv, uv1)
+        normal = _read_normal((r, g, b), scene.material[material, CLEARCOAT_NORMAL_SCALE], along, across, normal)
     return vec.to_local(s, t, n, normal)

@@ -14,6 +14,7 @@ import numpy as np
 from renderer.jit import out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2, sincos_turns
+from renderer.wide.values import any_of, not_, where3
 
 __all__ = ["consistent_normal"]
 
@@ -37,17 +38,16 @@ def consistent_normal(n, geometric, wo):
     height = vec.dot(geometric, wo)
     least = min(_OF_VIEWER * height, _LEAST_HEIGHT)
     mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height
-    if mirrored >= least and vec.dot(n, wo) > _ZERO:
-        return n
-    x = vec.sub(n, vec.scale(geometric, vec.dot(n, geometric)))
-    square = vec.dot(x, x)
-    if not square > _ZERO:
-        return geometric
-    x = vec.scale(x, _ONE / math.sqrt(square))
-    along = vec.dot(x, wo)
-    reach = math.sqrt(along * along + height * height)
-    if not reach > least:
-        return geometric
-    double = atan2(along, height) + acos(least / reach)
-    sine, cosine = sincos_turns(_HALF * double * _INV_2PI)
-    return vec.normalize(vec.add(vec.scale(x, sine), vec.scale(geometric, cosine)))
+    good = (mirrored >= least) & (vec.dot(n, wo) > _ZERO)
+    if any_of(not_(good)):
+        x = vec.sub(n, vec.scale(geometric, vec.dot(n, geometric)))
+        square = vec.dot(x, x)
+        x = vec.scale(x, _ONE / math.sqrt(square))
+        along = vec.dot(x, wo)
+        reach = math.sqrt(along * along + height * height)
+        double = atan2(along, height) + acos(least / reach)
+        sine, cosine = sincos_turns(_HALF * double * _INV_2PI)
+        turned = vec.normalize(vec.add(vec.scale(x, sine), vec.scale(geometric, cosine)))
+        turned = where3((square > _ZERO) & (reach > least), turned, geometric)
+        n = where3(good, n, turned)
+    return n

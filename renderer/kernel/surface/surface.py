@@ -40,12 +40,10 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
-_NO_UV = (_ZERO, _ZERO)
-_WHITE = (_ONE, _ONE, _ONE, _ONE)
-_NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 NO_LIGHT = np.uint32(0xFFFFFFFF)
 _NOTHING = np.uint32(0)
 _DIFFUSE = np.uint32(DIFFUSE)
+_TEXTURED = np.uint32(TEXTURED)
 _UNIT = np.float32(1e-6)
 _LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
@@ -160,10 +158,9 @@ def _tangent(array, i, j, k, u, v):
     """The tangent between three vertices; their signs agree (renderer/scene/tangents.py)."""
     x, y, z, sign = _mix4(row(array, i, 4), row(array, j, 4), row(array, k, 4), u, v)
     square = x * x + y * y + z * z
-    if not square > _ZERO:
-        return _NO_TANGENT
-    scale = _ONE / math.sqrt(square)
-    return x * scale, y * scale, z * scale, _ONE if sign > _ZERO else -_ONE
+    there = square > _ZERO
+    scale = where(there, _ONE / math.sqrt(square), _ZERO)
+    return x * scale, y * scale, z * scale, where(there, where(sign > _ZERO, _ONE, -_ONE), _ZERO)
 
 
 @device
@@ -181,7 +178,7 @@ def _facing(shading, geometric, wo):
 
 @device
 def _is_textured(scene, material):
-    return scene.material_flags[material] & TEXTURED != 0
+    return u32(u32(lookup(scene.material_flags, material)) & _TEXTURED) != _NOTHING
 
 
 @device
@@ -191,7 +188,9 @@ def _triangle_surface(scene, wo, hit):
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
     material = u32(part_material)
-    color, tangent = _WHITE, _NO_TANGENT
+    none = nil(u)
+    one = none + _ONE
+    color, tangent = (one, one, one, one), (none, none, none, none)
     # All up to the corners' normals is in the instance's space, if the triangle is in one.
     point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
     curvature, miss = edge_margins(row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3), normal)
@@ -211,7 +210,6 @@ def _triangle_surface(scene, wo, hit):
         tangent = _tangent(scene.tangent, i, j, k, u, v)
     length2 = vec.dot(shading, shading)
     smooth = not_(abs(length2 - _ONE) <= _UNIT)  # or no normal at all; flat meshes are spared the root
-    none = nil(u)
     lift = none, none, none
     if any_of(smooth):
         raised = lifted(scene, point, primitive, u, v, shading, where3(front, upright, vec.neg(upright)))
@@ -236,9 +234,10 @@ def _triangle_surface(scene, wo, hit):
     if any_of(beside):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
-    uv = uv1 = _NO_UV
+    uv = uv1 = none, none
     if scene.has.textures is not None:
-        uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v) if _is_textured(scene, material) else _NO_UV
+        if any_of(_is_textured(scene, material)):
+            uv = triangle_uv(scene.uv, scene.triangle, primitive, u, v)
         uv1 = triangle_uv(scene.uv1, scene.triangle, primitive, u, v) if len(scene.uv1) > 0 else uv
     if scene.has.textures is not None and len(scene.color) > 0:
         color = _mix4(row(scene.color, i, 4), row(scene.color, j, 4), row(scene.color, k, 4), u, v)
@@ -258,14 +257,30 @@ def _sphere_surface(scene, o, d, hit):
     point, error, normal = sphere_point(scene.sphere, ball, o, d, hit.t)
     front = vec.dot(normal, wo) > _ZERO
     geometric = where3(front, normal, vec.neg(normal))
-    uv = _NO_UV
-    if scene.has.textures is not None and _is_textured(scene, material):
+    none = nil(hit.t)
+    one = none + _ONE
+    uv = none, none
+    if scene.has.textures is not None and any_of(_is_textured(scene, material)):
         uv = sphere_uv(normal)
     light, number = u32(lookup(scene.sphere_light, ball)), u32(lookup(scene.sphere_object, ball))
-    none = nil(hit.t)
     smooth = none != none
     lift = none, none, none
-    return Surface(point, error, geometric, normal, uv, front, material, light, number, uv, _WHITE, _NO_TANGENT, smooth, lift)
+    return Surface(
+        point,
+        error,
+        geometric,
+        normal,
+        uv,
+        front,
+        material,
+        light,
+        number,
+        uv,
+        (one, one, one, one),
+        (none, none, none, none),
+        smooth,
+        lift,
+    )
 
 
 @device

@@ -9,6 +9,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
+from renderer.wide.values import where, where3
 
 __all__ = ["lifted"]
 
@@ -26,9 +27,8 @@ def _lift(point, corner, normal, up, side):
     further do not speak of a round surface, but of a box whose edges nobody marked as sharp.
     """
     height = side * vec.dot(vec.sub(point, corner), normal)
-    if height < _ZERO and side * vec.dot(normal, up) > _MOST_BEND:
-        return vec.scale(normal, -side * height)
-    return _NOTHING
+    beneath = (height < _ZERO) & (side * vec.dot(normal, up) > _MOST_BEND)
+    return where3(beneath, vec.scale(normal, -side * height), _NOTHING)
 
 
 @device
@@ -41,11 +41,10 @@ def lifted(scene, point, number, u, v, shading, up):
     """
     i, j, k, _ = row(scene.triangle, number, 4)
     square = vec.dot(up, up)
-    if not square > _ZERO:
-        return _NOTHING
     up = vec.scale(up, _ONE / math.sqrt(square))
-    side = _ONE if vec.dot(shading, up) > _ZERO else -_ONE
+    side = where(vec.dot(shading, up) > _ZERO, _ONE, -_ONE)
     a = _lift(point, row(scene.position, i, 3), row(scene.normal, i, 3), up, side)
     b = _lift(point, row(scene.position, j, 3), row(scene.normal, j, 3), up, side)
     c = _lift(point, row(scene.position, k, 3), row(scene.normal, k, 3), up, side)
-    return vec.add(vec.scale(a, _ONE - u - v), vec.add(vec.scale(b, u), vec.scale(c, v)))
+    lift = vec.add(vec.scale(a, _ONE - u - v), vec.add(vec.scale(b, u), vec.scale(c, v)))
+    return where3(square > _ZERO, lift, _NOTHING)

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.jit import entry
 from renderer.kernel.material.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
-from renderer.kernel.surface.surface import Surface
+from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.scene.description import Material
 from tests.renderer.builders import scene, square
 
@@ -46,7 +46,7 @@ def facing_up(**fields) -> Surface:
     up, nothing = (zero, zero, one), (zero, zero, zero)
     known = {
         "point": nothing, "error": zero, "geometric": up, "shading": up, "uv": (zero, zero), "front": True,
-        "material": np.uint32(0), "light": np.int32(-1), "object": np.int32(0), "uv1": (zero, zero),
+        "material": np.uint32(0), "light": NO_LIGHT, "object": np.uint32(0), "uv1": (zero, zero),
         "color": (one, one, one, one), "tangent": (one, zero, zero, one), "smooth": False, "lift": nothing,
     }  # fmt: skip
     return Surface(**{**known, **fields})

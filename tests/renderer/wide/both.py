@@ -17,7 +17,7 @@ from renderer.kernel.fetch import row
 from renderer.wide.operators import is_wide, lifted
 from renderer.wide.rows import load_ints
 
-__all__ = ["both", "in_both", "ulps"]
+__all__ = ["both", "in_both", "keep", "ulps"]
 
 F32 = npt.NDArray[np.float32]
 

@@ -1,0 +1,60 @@
+"""The film's fixed point, and the half of the samples that tells the noise: renderer/film.py, for kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from renderer.bvh.simd import LANES, f32x8, row_at
+from renderer.film import SAMPLE_MAX
+from renderer.jit import device
+from renderer.wide.operators import lifted
+
+__all__ = ["add_fixed8", "fixed", "in_half"]
+
+_MOST = np.float32(SAMPLE_MAX)
+_MANTISSA_TOP = np.int32(22)
+_DOUBLES = ir.VectorType(ir.DoubleType(), LANES)
+_WORDS = ir.VectorType(ir.IntType(64), LANES)
+_ROUNDER = 1.5 * 2.0**52  # added to a double below 2**51, it leaves no bits behind the point
+
+
+@device
+def fixed(value, scale):
+    """A value in the film's fixed point. Multiplying by a power of two is exact; this rounds once."""
+    return np.int64(np.rint(min(max(value, -_MOST), _MOST) * scale))
+
+
+@device
+def in_half(sample):
+    """As renderer.film.in_half: by the second highest bit of a whole number, the first that a float leaves out."""
+    second = np.int32(np.float32(sample).view(np.int32) >> _MANTISSA_TOP) & 1
+    return second == 0 and sample != 1
+
+
+@intrinsic
+def _add_rounded(typingctx, sums, index, values, scale):
+    """Adds rint(value * scale) of eight values, |value * scale| < 2**51, to eight int64 from a flat index on."""
+
+    def codegen(context, builder, sig, args):
+        pointer = row_at(context, builder, sig.args[0], args[0], args[1], _WORDS)
+        doubles = builder.fpext(args[2], _DOUBLES)
+        factor = lifted(builder, types.float64, builder.fpext(args[3], ir.DoubleType()))
+        magic = ir.Constant(_DOUBLES, [_ROUNDER] * LANES)
+        # As bits, what was added is a whole number that is taken off again: AVX2 has no conversion to int64.
+        rounded = builder.bitcast(builder.fadd(builder.fmul(doubles, factor), magic), _WORDS)
+        whole = builder.sub(rounded, builder.bitcast(magic, _WORDS))
+        before = builder.load(pointer)
+        before.align = 8
+        builder.store(builder.add(before, whole), pointer).align = 8
+        return context.get_dummy_value()
+
+    return types.void(sums, types.uintp, f32x8, types.float32), codegen
+
+
+@device
+def add_fixed8(sums, index, values, scale):
+    """Adds eight values (f32x8) in the film's fixed point to eight int64 of an array, from its flat element `index` on."""
+    _add_rounded(sums, index, min(max(values, -_MOST), _MOST), scale)

@@ -1,0 +1,81 @@
+"""Stage 0: camera rays, for rows that are free."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.bvh.simd import store_int
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.camera import camera_ray
+from renderer.kernel.pool.lists import ACTIVE, DONE, append, eight, length, pad, row
+from renderer.kernel.pool.rows import CARRIED, FACTS, FIRST, FRAME, LAST, RAY, at, read, write
+from renderer.kernel.sampling.filter import filter_offset
+from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
+from renderer.wide.values import as_floats, as_ints, nil, to_float
+
+__all__ = ["Next", "begin"]
+
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_CAMERA_BLOCK = np.uint32(0)
+_SAMPLE, _PLACE = FACTS + np.uintp(3), FACTS + np.uintp(4)
+_X, _Y = FRAME, FRAME + np.uintp(1)
+
+
+class Next(NamedTuple):
+    """Which sample of a batch is the next to be begun; pixel by pixel, row by row."""
+
+    x: Any
+    y: Any
+    sample: Any
+
+
+@device
+def _number(pool, lists, count, following, width, height, batch):
+    """Gives each of the first `count` done rows a sample: the next one that is left."""
+    x, y, sample = following.x, following.y, following.sample
+    for k in range(count):
+        path = row(lists, DONE, k)
+        store_int(pool, at(path, _X), np.int32(batch.x + x))
+        store_int(pool, at(path, _Y), np.int32(batch.y + y))
+        store_int(pool, at(path, _SAMPLE), np.int32(sample))
+        store_int(pool, at(path, _PLACE), np.int32(y * width + x))
+        append(lists, ACTIVE, path)
+        sample += 1
+        if sample == batch.first + batch.count:
+            sample = batch.first
+            x += 1
+            if x == width:
+                x = 0
+                y += 1
+    return Next(x, y, sample)
+
+
+@subroutine
+def begin(pool, lists, following, width, height, camera, options, batch):
+    """Begins paths in rows that are done, for as long as there are samples: which one is next."""
+    out_of_line()
+    left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)
+    count = min(length(lists, DONE), left)
+    following = _number(pool, lists, count, following, width, height, batch)
+    pad(lists, DONE)
+    for k in range(0, count, 8):
+        rows = eight(lists, DONE, k)
+        facts, frame = read(pool, rows, FACTS), read(pool, rows, FRAME)
+        x, y, sample = as_ints(frame[0]), as_ints(frame[1]), as_ints(facts[3])
+        key = pixel_key(x, y)
+        u = draw4(Stream(options.sampler, options.seed, key, sample), _CAMERA_BLOCK)
+        film_x = to_float(x) + _HALF + filter_offset(options.filter, u[0])
+        film_y = to_float(y) + _HALF + filter_offset(options.filter, u[1])
+        o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
+        none = nil(film_x)
+        one = none + _ONE
+        write(pool, rows, RAY, (*o, *d, none, one))
+        write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
+        write(pool, rows, LAST, (*o, none, none, none, none, none))
+        write(pool, rows, FACTS, (none, none, as_floats(key), facts[3], facts[4], none, none, none))
+        write(pool, rows, FIRST, (none, none, none, none, none, none, none, none))
+        write(pool, rows, FIRST + np.uintp(8), (none, none, none, none, none, none, none, none))
+    return following

@@ -1,0 +1,36 @@
+"""Stage 3: for each vertex that light sampling can serve, a point of a light."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import out_of_line, subroutine
+from renderer.kernel.light.lights import sample_light
+from renderer.kernel.pool.lists import LIT, eight, pad
+from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAMP, PLACE, SHADOW, read, write
+from renderer.kernel.pool.scatter import stream_of
+from renderer.kernel.sampling.sampler import draw4
+from renderer.wide.values import nil, to_int, where
+
+__all__ = ["choose_lamps"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_LIGHT_BLOCK = np.uint32(1)
+_TWO = np.uint32(2)
+
+
+@subroutine
+def choose_lamps(scene, pool, lists, options):
+    """Samples a light for each vertex that is to be lit."""
+    out_of_line()
+    for k in range(0, pad(lists, LIT), 8):
+        rows = eight(lists, LIT, k)
+        number = to_int(read(pool, rows, CARRIED)[7])
+        u = draw4(stream_of(read(pool, rows, FACTS), options), number * _TWO + _LIGHT_BLOCK)
+        place, frame = read(pool, rows, PLACE), read(pool, rows, FRAME)
+        light = sample_light(scene, (place[0], place[1], place[2]), (frame[0], frame[1], frame[2]), u[2], (u[0], u[1]))
+        none = nil(u[0])
+        alone = where(light.alone, nil(none) + _ONE, none)
+        write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))
+        write(pool, rows, SHADOW, (none, none, none, *light.end, none, none))

@@ -1,0 +1,86 @@
+"""Lists of rows' numbers: what each stage has to do.
+
+A list is read eight numbers at a time, its last number repeated to the end of eight: what is done twice to a row is the same
+both times.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.rows import CONDUCTOR
+from renderer.jit import device
+from renderer.kernel.pool.rows import ROWS
+from renderer.wide.rows import load_ints
+
+__all__ = [
+    "ACTIVE",
+    "DONE",
+    "LISTS",
+    "LIST_SIZE",
+    "LIT",
+    "MISSED",
+    "SMOOTH_CONDUCTOR",
+    "SPHERES",
+    "TRIANGLES",
+    "append",
+    "clear",
+    "eight",
+    "length",
+    "pad",
+    "row",
+]
+
+# For each kind of material (renderer/arrays/rows.py) there is a list of that number: the vertices that are to scatter. One kind
+# is two, since an even metal is a mirror.
+SMOOTH_CONDUCTOR = CONDUCTOR + 4
+ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, DONE = range(SMOOTH_CONDUCTOR + 1, SMOOTH_CONDUCTOR + 7)
+LISTS = DONE + 1
+LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
+_SIZE = np.uintp(LIST_SIZE)
+_ONE = np.uintp(1)
+
+
+@device
+def clear(lists, which):
+    """Makes a list empty."""
+    lists[np.uintp(which) * _SIZE] = np.uint32(0)
+
+
+@device
+def length(lists, which):
+    """How many numbers a list has."""
+    return np.int64(lists[np.uintp(which) * _SIZE])
+
+
+@device
+def row(lists, which, k):
+    """The list's k-th number."""
+    return np.uintp(lists[np.uintp(which) * _SIZE + _ONE + np.uintp(k)])
+
+
+@device
+def append(lists, which, number):
+    """Puts a row's number on a list."""
+    base = np.uintp(which) * _SIZE
+    count = np.uintp(lists[base]) + _ONE
+    lists[base + count] = np.uint32(number)
+    lists[base] = np.uint32(count)
+
+
+@device
+def pad(lists, which):
+    """Repeats the last number, so that `eight` may be called up to the end; returns the list's length."""
+    base = np.uintp(which) * _SIZE
+    count = np.uintp(lists[base])
+    if count > np.uintp(0):
+        last = lists[base + count]
+        for k in range(1, 8):
+            lists[base + count + np.uintp(k)] = last
+    return np.int64(count)
+
+
+@device
+def eight(lists, which, k):
+    """The list's numbers from the k-th on, u32x8."""
+    return load_ints(lists, np.uintp(which) * _SIZE + _ONE + np.uintp(k))

@@ -1,0 +1,80 @@
+"""The protocol of a path in the pool (integrators/record.py): of the only one, in the first row, when a sample is replayed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.simd import load_int
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.integrators.record import EMITTED, record_light, record_miss, record_surface
+from renderer.kernel.integrators.state import Path
+from renderer.kernel.pool.lists import MISSED, length
+from renderer.kernel.pool.meet import floats3
+from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAST, PLACE, RAY
+from renderer.kernel.surface.surface import Surface
+from renderer.wide.values import u32
+
+__all__ = ["of_first", "record_arrival"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_NO_UV = (_ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE, _ONE)
+_NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
+_NOWHERE = (_ZERO, _ZERO, _ZERO)
+
+
+@device
+def of_first(pool, column):
+    """A vector of the first row."""
+    return floats3(pool, column)
+
+
+@device
+def _path(pool, radiance):
+    return Path(
+        floats3(pool, RAY),
+        floats3(pool, RAY + np.uintp(3)),
+        floats3(pool, LAST),
+        floats3(pool, LAST + np.uintp(3)),
+        pool[RAY + np.uintp(6)],
+        floats3(pool, CARRIED + np.uintp(4)),
+        radiance,
+        pool[RAY + np.uintp(7)],
+        np.int64(pool[CARRIED + np.uintp(3)]),
+    )
+
+
+@device
+def _surface(pool):
+    material, light = load_int(pool, FACTS + np.uintp(5)), load_int(pool, FACTS + np.uintp(6))
+    return Surface(
+        floats3(pool, PLACE),
+        pool[PLACE + np.uintp(3)],
+        floats3(pool, PLACE + np.uintp(4)),
+        floats3(pool, FRAME),
+        _NO_UV,
+        True,
+        u32(material),
+        u32(light),
+        u32(load_int(pool, FACTS + np.uintp(7))),
+        _NO_UV,
+        _WHITE,
+        _NO_TANGENT,
+        False,
+        _NOWHERE,
+    )
+
+
+@subroutine
+def record_arrival(pool, lists, log, before):
+    """Where the path's ray ended, which has been looked at just now. before: the path's radiance until then."""
+    out_of_line()
+    row = np.int64(pool[CARRIED + np.uintp(7)])
+    if row < len(log):
+        path = _path(pool, before)
+        if length(lists, MISSED) > 0:
+            record_miss(log, row, path)
+        else:
+            record_surface(log, row, _surface(pool), False, pool[FACTS], path)
+        record_light(log, row, EMITTED, floats3(pool, CARRIED))

@@ -1,0 +1,76 @@
+"""Renders a batch with a pool of paths: each stage takes all that are ready for it, and what is over makes room for the next."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.bvh.traverse import new_stack
+from renderer.jit import template
+from renderer.kernel.integrators.record import DIRECT, record_light
+from renderer.kernel.pool.begin import Next, begin
+from renderer.kernel.pool.keep import SUMS, keep, unfold
+from renderer.kernel.pool.lamps import choose_lamps
+from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
+from renderer.kernel.pool.meet import floats3, meet, see_lights
+from renderer.kernel.pool.protocol import record_arrival
+from renderer.kernel.pool.rows import CARRIED, ROW, ROWS
+from renderer.kernel.pool.scatter import scatter
+from renderer.kernel.pool.surfaces import arrive, miss
+
+__all__ = ["Pool", "new_pool", "render_with_pool"]
+
+_ZERO = np.float32(0.0)
+_NUMBER = CARRIED + np.uintp(7)
+
+
+class Pool(NamedTuple):
+    """The scratch space of a batch."""
+
+    stack: Any  # of a ray's way through the tree
+    rows: Any  # (ROWS * ROW,) f32: rows.py
+    lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
+    film: Any  # (pixels * SUMS,) i64, zeros: keep.py
+
+
+def new_pool(width: int, height: int) -> Pool:
+    """For one batch of a tile of that size."""
+    rows = np.zeros(ROWS * int(ROW), np.float32)
+    return Pool(new_stack(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), np.zeros(width * height * SUMS, np.int64))
+
+
+@template
+def render_with_pool(scene, pool, camera, options, batch, output):
+    """As `_render_tile` of renderer/kernel/accumulate.py."""
+    paths, lists, log = pool.rows, pool.lists, output.log
+    height, width = output.sums.shape[1], output.sums.shape[2]
+    lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
+    bad_count = 0
+    rays = 0
+    for which in range(LISTS):
+        clear(lists, which)
+    for k in range(ROWS):
+        append(lists, DONE, k)
+    following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
+    while width * height * batch.count > 0:
+        following = begin(paths, lists, following, width, height, camera, options, batch)
+        if length(lists, ACTIVE) == 0:
+            break
+        clear(lists, DONE)
+        number, before = np.int64(paths[_NUMBER]), floats3(paths, CARRIED)
+        rays += length(lists, ACTIVE)
+        meet(scene, pool.stack, paths, lists)
+        miss(scene, paths, lists, options)
+        arrive(scene, paths, lists, options)
+        if len(log) > 0:
+            record_arrival(paths, lists, log, before)
+        if lit:
+            choose_lamps(scene, paths, lists, options)
+        scatter(scene, paths, lists, options, lit)
+        rays += see_lights(scene, pool.stack, paths, lists)
+        if number < len(log):
+            record_light(log, number, DIRECT, floats3(paths, CARRIED))
+        bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
+    unfold(pool.film, output.sums)
+    return bad_count, rays
