@@ -22,6 +22,8 @@ from renderer.kernel.light.punctual import sample_punctual
 from renderer.kernel.material.material import emission, opacity
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 from renderer.kernel.surface.surface import leave, sphere_uv, triangle_point, triangle_uv
+from renderer.wide.lanes import as_wide, each_lane
+from renderer.wide.values import any_of, lookup, nil, not_, u32, where, where3
 
 __all__ = [
     "LightSample",
@@ -40,13 +42,14 @@ _FAR = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
 _CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
-_BLACK = (_ZERO, _ZERO, _ZERO)
-_NO_UV = (_ZERO, _ZERO)
-_NO_SAMPLE_W = (_ZERO, _ZERO, _ONE)
+_LEAST = np.float32(1e-30)
+_FIRST = np.uint32(0)
+_NEXT = np.uint32(1)
+_TEXTURED = np.uint32(TEXTURED)
 
 
 class LightSample(NamedTuple):
-    """A direction that light comes from. Vectors are tuples of float32 in world space."""
+    """A direction that light comes from. Vectors are tuples of float32 in world space; or all of it is of eight lanes."""
 
     direction: tuple[float, float, float]  # unit, from the point lit
     end: tuple[float, float, float]  # what must be seen from the point lit
@@ -56,8 +59,31 @@ class LightSample(NamedTuple):
 
 
 @device
-def _nothing():
-    return LightSample(_NO_SAMPLE_W, _BLACK, _BLACK, _ZERO, False)
+def _nothing(p):
+    """No sample at p."""
+    zero, one = nil(p[0]), as_wide(_ONE, p[0])
+    black = zero, zero, zero
+    return LightSample((zero, zero, one), black, black, zero, as_wide(False, p[0]))
+
+
+@device
+def _either(choice, a, b):
+    """`where` of samples."""
+    return LightSample(
+        where3(choice, a.direction, b.direction),
+        where3(choice, a.end, b.end),
+        where3(choice, a.radiance, b.radiance),
+        where(choice, a.pdf, b.pdf),
+        where(choice, a.alone, b.alone),
+    )
+
+
+@device
+def _if_found(found, sample, p):
+    """The sample, or nothing where there is none; there mostly is."""
+    if any_of(not_(found)):
+        sample = _either(found, sample, _nothing(p))
+    return sample
 
 
 @device
@@ -81,19 +107,19 @@ def _sample_triangle(scene, number, area, p, u):
     square = vec.dot(d, d)
     w = vec.scale(d, _ONE / math.sqrt(square))
     projected = -vec.dot(normal, w)  # twice the area, seen from p
-    if not (square > _ZERO and abs(projected) > _ZERO):
-        return _nothing()
     part = row(scene.triangle, number, 4)[3]
-    material = np.uint32(row(scene.part, part, PART_COLUMNS)[PART_MATERIAL])
-    uv = uv1 = _NO_UV
-    alpha = _ONE
+    material = u32(row(scene.part, part, PART_COLUMNS)[PART_MATERIAL])
+    uv = uv1 = nil(b), nil(b)
+    alpha = as_wide(_ONE, b)
     if scene.has.textures is not None:
-        uv = triangle_uv(scene.uv, scene.triangle, number, b, c) if scene.material_flags[material] & TEXTURED != 0 else _NO_UV
+        if any_of(u32(lookup(scene.material_flags, material)) & _TEXTURED != _FIRST):
+            uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
         uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
-        alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else _ONE
+        alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else alpha
     radiance = _emitted(scene, material, uv, uv1, alpha, projected > _ZERO)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
-    return LightSample(w, end, radiance, _TWO * square / abs(projected), False)
+    sample = LightSample(w, end, radiance, _TWO * square / abs(projected), as_wide(False, b))
+    return _if_found((square > _ZERO) & (abs(projected) > _ZERO), sample, p)
 
 
 @device
@@ -104,52 +130,72 @@ def _cone(square, radius):
 
 
 @device
+def _sample_cap(to_center, square, radius, u):
+    """What is seen of a sphere from outside, uniform in its solid angle: (the sphere's normal there, pdf)."""
+    one_minus_cos = _cone(square, radius)
+    local = square_to_cone(u, one_minus_cos)
+    axis = vec.scale(to_center, _ONE / math.sqrt(square))
+    s, t = vec.basis(axis)
+    # The point on the sphere from the cone's angle theta, without cancellation: pbrt 4ed, 6.2.4.
+    sine2 = local[0] * local[0] + local[1] * local[1]
+    most2 = radius * radius / square
+    ratio = min(_ONE, sine2 / most2)
+    cos_alpha = sine2 / math.sqrt(most2) + local[2] * math.sqrt(max(_ZERO, _ONE - ratio))
+    sin_alpha = math.sqrt(max(_ZERO, _ONE - cos_alpha * cos_alpha))
+    stretch = where(sine2 > _ZERO, sin_alpha / math.sqrt(sine2), _ZERO)
+    normal = vec.to_world(s, t, axis, (local[0] * stretch, local[1] * stretch, -cos_alpha))
+    return normal, square_to_cone_pdf(one_minus_cos)
+
+
+@device
+def _sphere(scene, number):
+    """(centre, radius)."""
+    x, y, z, radius = row(scene.sphere, number, 4)
+    return (x, y, z), radius
+
+
+@device
 def _sample_sphere(scene, number, p, u):
     """A point of a sphere, uniform in the solid angle seen from p (from inside or close by, by area): as `_sample_triangle`."""
-    center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
-    radius = scene.sphere[number, 3]
+    center, radius = _sphere(scene, number)
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
-    cone = square > _CLOSE * radius * radius
-    if cone:
-        one_minus_cos = _cone(square, radius)
-        local = square_to_cone(u, one_minus_cos)
-        axis = vec.scale(to_center, _ONE / math.sqrt(square))
-        s, t = vec.basis(axis)
-        # The point on the sphere from the cone's angle theta, without cancellation: pbrt 4ed, 6.2.4.
-        sine2 = local[0] * local[0] + local[1] * local[1]
-        most2 = radius * radius / square
-        ratio = min(_ONE, sine2 / most2)
-        cos_alpha = sine2 / math.sqrt(most2) + local[2] * math.sqrt(max(_ZERO, _ONE - ratio))
-        sin_alpha = math.sqrt(max(_ZERO, _ONE - cos_alpha * cos_alpha))
-        stretch = sin_alpha / math.sqrt(sine2) if sine2 > _ZERO else _ZERO
-        normal = vec.to_world(s, t, axis, (local[0] * stretch, local[1] * stretch, -cos_alpha))
-        pdf = square_to_cone_pdf(one_minus_cos)
-    else:
-        normal = square_to_sphere(u)
-        pdf = _ZERO
+    outside = square > _CLOSE * radius * radius
+    pdf = nil(square)
+    normal = pdf, pdf, pdf
+    if any_of(outside):
+        normal, pdf = _sample_cap(to_center, square, radius, u)
+    if any_of(not_(outside)):
+        normal = where3(outside, normal, square_to_sphere(u))
     q = vec.add(center, vec.scale(normal, radius))
     d = vec.sub(q, p)
     far2 = vec.dot(d, d)
-    if not far2 > _ZERO:
-        return _nothing()
     w = vec.scale(d, _ONE / math.sqrt(far2))
     cosine = -vec.dot(normal, w)
-    if not cone:
-        if cosine == _ZERO:
-            return _nothing()
-        pdf = far2 * _INV_4PI / (abs(cosine) * radius * radius)
-    uv = sphere_uv(normal)
-    radiance = _emitted(scene, np.uint32(scene.sphere_material[number]), uv, uv, _ONE, cone or cosine > _ZERO)
-    error = _ERROR * (max(abs(center[0]), max(abs(center[1]), abs(center[2]))) + radius)
-    return LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, False)
+    if any_of(not_(outside)):
+        pdf = where(outside, pdf, far2 * _INV_4PI / (abs(cosine) * radius * radius))
+    uv = nil(square), nil(square)
+    if scene.has.textures is not None:
+        uv = sphere_uv(normal)
+    material = u32(lookup(scene.sphere_material, number))
+    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), outside | (cosine > _ZERO))
+    error = _ERROR * (vec.magnitude(center) + radius)
+    sample = LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, as_wide(False, square))
+    return _if_found((far2 > _ZERO) & (outside | (cosine != _ZERO)), sample, p)
 
 
 @device
 def choose_light(scene, p, n, choice):
     """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
+    return _choose_light(scene, p, n, choice, as_wide(True, choice))
+
+
+@device
+def _choose_light(scene, p, n, choice, wanted):
+    """`choose_light` for the lanes where it is `wanted`; any light in the others."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        return choose_from_tree(scene.light_node, p, n, choice)
+        light, chance = each_lane(choose_from_tree, wanted, (scene.light_node, p, n, choice))
+        return u32(light), chance
     light, _, chance = choose(scene.light_cdf, choice)
     return light, chance
 
@@ -157,17 +203,23 @@ def choose_light(scene, p, n, choice):
 @device
 def sample_one_light(scene, light, p, u):
     """Towards p from the light of that number: a LightSample, its pdf without the choice of the light."""
-    primitive = np.uint32(scene.light_primitive[light])
-    triangles = len(scene.triangle)
-    if primitive < triangles:
-        return _sample_triangle(scene, primitive, scene.light_area[light], p, u)
-    if primitive < triangles + len(scene.sphere):
-        return _sample_sphere(scene, primitive - triangles, p, u)
-    if scene.has.lights is None:
-        return _nothing()
-    number = primitive - triangles - len(scene.sphere)
-    w, end, radiance, density = sample_punctual(scene.punctual_kind, scene.punctual, number, p, u)
-    return LightSample(w, end, radiance, density, True)
+    primitive = u32(lookup(scene.light_primitive, light))
+    beyond = u32(primitive - np.uint32(len(scene.triangle)))  # a triangle's is far beyond all spheres
+    is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
+    sample = _nothing(p)
+    if any_of(is_triangle):
+        area = lookup(scene.light_area, light)
+        sample = _sample_triangle(scene, where(is_triangle, primitive, _FIRST), area, p, u)
+    if any_of(is_sphere):
+        sample = _either(is_sphere, _sample_sphere(scene, where(is_sphere, beyond, _FIRST), p, u), sample)
+    if scene.has.lights is not None:
+        alone = not_(is_triangle | is_sphere)
+        if any_of(alone):
+            number = u32(beyond - np.uint32(len(scene.sphere)))
+            arguments = scene.punctual_kind, scene.punctual, number, p, u
+            w, end, radiance, density = each_lane(sample_punctual, alone, arguments)
+            sample = _either(alone, LightSample(w, end, radiance, density, alone), sample)
+    return sample
 
 
 @device
@@ -176,21 +228,33 @@ def sample_light(scene, p, n, choice, u):
 
     n is zero where the point is lit from all sides."""
     environment_chance = scene.environment_frame[3]
-    if choice < environment_chance:
-        choice /= environment_chance
-        w, pdf = sample_environment(scene, choice, u)
+    from_far = choice < environment_chance
+    nearby = not_(from_far)
+    sample = _nothing(p)
+    if any_of(from_far):
+        w, pdf = sample_environment(scene, choice / environment_chance, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
-        return LightSample(w, vec.add(p, vec.scale(w, _FAR)), radiance, pdf * environment_chance, False)
-    if len(scene.light_primitive) == 0:
-        return _nothing()
-    if environment_chance > _ZERO:
-        choice = (choice - environment_chance) / (_ONE - environment_chance)
-    light, chance = choose_light(scene, p, n, choice)
-    if chance == _ZERO:
-        return _nothing()
-    sample = sample_one_light(scene, light, p, u)
-    pdf = sample.pdf * (_ONE - environment_chance) * chance
-    return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
+        end = vec.add(p, vec.scale(w, _FAR))
+        sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
+    if any_of(nearby):
+        if environment_chance > _ZERO:
+            choice = (choice - environment_chance) / (_ONE - environment_chance)
+        near = _sample_lights(scene, p, n, choice, nearby, u, _ONE - environment_chance)
+        sample = _either(nearby, near, sample)
+    return sample
+
+
+@device
+def _sample_lights(scene, p, n, choice, wanted, u, share):
+    """As `sample_light`, of all lights but the environment, which are chosen by that share, where `wanted`."""
+    sample = _nothing(p)
+    if len(scene.light_primitive) > 0:
+        light, chance = _choose_light(scene, p, n, choice, wanted)
+        if any_of(wanted & (chance != _ZERO)):
+            found = sample_one_light(scene, light, p, u)
+            sample = LightSample(found.direction, found.end, found.radiance, found.pdf * share * chance, found.alone)
+            sample = _if_found(chance != _ZERO, sample, p)
+    return sample
 
 
 @device
@@ -198,7 +262,7 @@ def environment_seen(scene, w, judged):
     """(radiance from the environment's direction w, the density with which `sample_light` gives w, per steradian: 0 unless
     `judged`)."""
     chance = scene.environment_frame[3]
-    radiance, pdf = environment_light(scene, w, judged and chance > _ZERO)
+    radiance, pdf = environment_light(scene, w, judged & (chance > _ZERO))
     return radiance, chance * pdf
 
 
@@ -208,21 +272,32 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
 
     cosine: under which p sees the light's surface."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        chance = tree_chance(scene.light_node, p, n, light)
+        chance = each_lane(tree_chance, as_wide(True, cosine), (scene.light_node, p, n, light))
     else:
-        chance = scene.light_cdf[light + 1] - scene.light_cdf[light]
-    chance *= _ONE - scene.environment_frame[3]
-    primitive = scene.light_primitive[light]
-    triangles = len(scene.triangle)
+        chance = lookup(scene.light_cdf, u32(light + _NEXT)) - lookup(scene.light_cdf, light)
+    chance = chance * (_ONE - scene.environment_frame[3])
+    primitive = u32(lookup(scene.light_primitive, light))
+    triangles = np.uint32(len(scene.triangle))
+    is_triangle = primitive < triangles
     d = vec.sub(hit, p)
     square = vec.dot(d, d)
-    if primitive < triangles:
-        return chance * square / max(cosine * scene.light_area[light], np.float32(1e-30))
-    number = primitive - triangles
-    center = (scene.sphere[number, 0], scene.sphere[number, 1], scene.sphere[number, 2])
-    radius = scene.sphere[number, 3]
+    pdf = nil(cosine)
+    if any_of(is_triangle):
+        pdf = chance * square / max(cosine * lookup(scene.light_area, light), _LEAST)
+    if any_of(not_(is_triangle)):
+        number = where(is_triangle, _FIRST, u32(primitive - triangles))
+        pdf = where(is_triangle, pdf, _sphere_light_pdf(scene, number, p, square, cosine, chance))
+    return pdf
+
+
+@device
+def _sphere_light_pdf(scene, number, p, square, cosine, chance):
+    """Of a sphere that is chosen by that chance, where it is at distance**2 `square`."""
+    center, radius = _sphere(scene, number)
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)
-    if center2 > _CLOSE * radius * radius:
-        return chance * square_to_cone_pdf(_cone(center2, radius))
-    return chance * square * _INV_4PI / max(cosine * radius * radius, np.float32(1e-30))
+    outside = center2 > _CLOSE * radius * radius
+    pdf = chance * square_to_cone_pdf(_cone(center2, radius))
+    if any_of(not_(outside)):
+        pdf = where(outside, pdf, chance * square * _INV_4PI / max(cosine * radius * radius, _LEAST))
+    return pdf

@@ -42,6 +42,8 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.material.layers import Textures, resolve
 from renderer.kernel.material.normal_map import coat_normal
 from renderer.kernel.material.texture import sample_texture
+from renderer.wide.lanes import as_wide, each_lane
+from renderer.wide.values import any_of, lookup, u32, where, where3
 
 __all__ = [
     "LAYER_SLOTS",
@@ -68,6 +70,9 @@ _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
+_NONE = np.uint32(0)
+_TRANSPARENT = np.uint32(rows.TRANSPARENT)
+_NO_TEXTURE = np.uint32(2**32 - 1)
 _MATCHED = np.float32(5e-3)  # indices of refraction that are closer do not bend light
 _SPREAD = np.float32(0.025)  # of the index over the channels, KHR_materials_dispersion
 
@@ -228,16 +233,23 @@ def is_transparent(scene, number):
 @device
 def opacity(scene, number, uv, uv1, vertex_alpha):
     """The chance, 0 ... 1, that light meets material `number` there rather than pass as if it were not."""
-    if scene.has.textures is None:
-        return _ONE
-    flags = scene.material_flags[number]
-    if flags & rows.TRANSPARENT == 0:
-        return _ONE
+    chance = as_wide(_ONE, number)
+    if scene.has.textures is not None:
+        transparent = u32(lookup(scene.material_flags, number)) & _TRANSPARENT != _NONE
+        if any_of(transparent):
+            alpha = each_lane(_alpha, transparent, (scene, number, uv, uv1, vertex_alpha))
+            chance = where(transparent, alpha, chance)
+    return chance
+
+
+@device
+def _alpha(scene, number, uv, uv1, vertex_alpha):
+    """The opacity of a material that may be transparent."""
     alpha = _value(scene.material, number, rows.OPACITY) * vertex_alpha
     texture = _texture(scene, number, rows.BASE_TEXTURE)
     if texture >= 0:
         alpha *= sample_texture(scene, texture, uv, uv1)[3]
-    if flags & rows.MASKED != 0:
+    if scene.material_flags[number] & rows.MASKED != 0:
         return _ONE if alpha >= _value(scene.material, number, rows.ALPHA_CUTOFF) else _ZERO
     return min(max(alpha, _ZERO), _ONE)
 
@@ -253,15 +265,20 @@ def absorption(scene, number):
 @device
 def emission(scene, number, uv, uv1, front):
     """The radiance that leaves the given side of material `number` at these texture coordinates."""
-    if not (front or _value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO):
-        return _BLACK
-    radiance = _rgb(scene.material, number, rows.EMISSION)
+    shines = front | (_value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO)
+    radiance = where3(shines, _rgb(scene.material, number, rows.EMISSION), _BLACK)
     if scene.has.textures is not None:
-        texture = _texture(scene, number, rows.EMISSION_TEXTURE)
-        if texture >= 0:
-            r, g, b, _ = sample_texture(scene, texture, uv, uv1)
-            radiance = (radiance[0] * r, radiance[1] * g, radiance[2] * b)
+        texture = u32(_texture(scene, number, rows.EMISSION_TEXTURE))
+        textured = shines & (texture != _NO_TEXTURE)
+        if any_of(textured):
+            texels = each_lane(_texels, textured, (scene, texture, uv, uv1))
+            radiance = where3(textured, vec.mul(radiance, texels), radiance)
     return radiance
+
+
+@device
+def _texels(scene, texture, uv, uv1):
+    return sample_texture(scene, np.int32(texture), uv, uv1)
 
 
 @device

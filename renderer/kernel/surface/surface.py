@@ -371,5 +371,5 @@ def departure(surface, reflected, d):
 @device
 def leave(point, error, normal, towards):
     """The point moved off its surface, to the side that `towards` is on: where a ray may start without meeting it again."""
-    distance = error if vec.dot(normal, towards) > _ZERO else -error
+    distance = where(vec.dot(normal, towards) > _ZERO, error, -error)
     return vec.add(point, vec.scale(normal, distance))

@@ -9,11 +9,14 @@ from renderer.arrays.edition import edition_of, only
 from renderer.jit import entry, template
 from renderer.kernel.fetch import row
 from renderer.kernel.light.environment import choose, choose_from, environment_light, sample_environment
+from renderer.kernel.light.lights import choose_light, environment_seen, primitive_light_pdf, sample_light, sample_one_light
+from renderer.scene.compile import compile_scene
 from renderer.scene.cutpoints import cutpoints
-from renderer.scene.description import Environment, Material, Sky
-from renderer.scene.lights import cumulative
+from renderer.scene.description import Environment, Image, Instance, Light, Material, SceneDescription, Sky, Sphere, Texture
+from renderer.scene.lights import chosen_by, cumulative
 from renderer.wide.rows import load_ints
-from tests.renderer.builders import scene, square
+from renderer.wide.values import to_int, u32
+from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.wide.both import LANES, both, keep, ulps
 
 N = 8 * 500
@@ -108,3 +111,79 @@ def test_eight_choices_are_those_of_one_each(count):
     np.testing.assert_array_equal(eight, one)
     np.testing.assert_array_equal(one[0], one[3])
     np.testing.assert_array_equal(one[0], np.searchsorted(cdfs[2], u[:, 0], "right") - 1)
+
+
+@template
+def _of_lights(made, given):
+    p, n, hit = (given[0], given[1], given[2]), (given[3], given[4], given[5]), (given[6], given[7], given[8])
+    u, number = (given[9], given[10]), u32(to_int(given[12]))
+    light, chance = choose_light(made, p, n, given[11])
+    one, any_ = sample_one_light(made, number, p, u), sample_light(made, p, n, given[11], u)
+    pdf = primitive_light_pdf(made, u32(to_int(given[13])), p, n, hit, abs(given[3]))
+    seen = environment_seen(made, n, given[10] < np.float32(0.5))
+    return (
+        light, any_.alone, one.alone, chance, pdf, *seen[0], seen[1],
+        any_.pdf, *any_.direction, *any_.end, *any_.radiance,
+        one.pdf, *one.direction, *one.end, *one.radiance,
+    )  # fmt: skip
+
+
+@entry
+def _lights(made, given, order, eight, one):
+    in_both(_of_lights, made, 14, given, order, eight, one)
+
+
+SHINING = [Material(), emitter(2.0, double_sided=True), emitter(3.0)]
+TRIANGLES = (square((0, 0, 2), (1, 0, 0), (0, -0.7, 0.2), 1), square((-1.5, 0.5, 0), (0, 0, 0.4), (0.1, 0.6, 0), 2))
+LAMP = Sphere((0.5, 0, 0), 2.0, 1)  # most points are in it
+BALL = Sphere((1, 1, 1), 0.6, 2)
+BULBS = (Light("point", gray(3), (0, 3, 0), radius=0.2), Light("directional", gray(0.5), direction=(0, -1, 0.2), angle=2.0))
+
+
+def textured():
+    """A shining mesh with random texels and fading vertices, a ball with the same, and a sky."""
+    mesh = square((0, 0, 2), (1, 0, 0), (0, -0.7, 0.2), 1)
+    mesh.uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    mesh.colors = np.linspace(0, 1, 16, dtype=np.float32).reshape(4, 4)
+    codes = np.random.default_rng(5).integers(0, 256, (8, 8, 4)).astype(np.uint8)
+    veil = Material(emission=(3.0, 2.0, 1.0), emission_texture=0, double_sided=True, opacity=0.7, alpha_mode="blend")
+    return compile_scene(
+        SceneDescription(
+            meshes=[mesh, square((-1.5, 0.5, 0), (0, 0, 0.4), (0.1, 0.6, 0), 0)],
+            instances=[Instance(0), Instance(1)],
+            spheres=[Sphere((1, 1, 1), 0.6, 1)],
+            materials=[emitter(2.0), veil],
+            textures=[Texture(0)],
+            images=[Image("texels", codes), Image("sky", sky(), srgb=False)],
+            environment=Environment(image=1),
+        )
+    )
+
+
+LIGHTS = {
+    "triangles": lambda: chosen_by(scene(SHINING, TRIANGLES), "power"),
+    "spheres": lambda: chosen_by(scene(SHINING, spheres=(LAMP, BALL)), "power"),
+    "triangles, spheres and a sky": lambda: chosen_by(scene(SHINING, TRIANGLES, (LAMP, BALL), environment=sky()), "power"),
+    "without a body": lambda: chosen_by(scene(SHINING, TRIANGLES, (BALL,), lights=BULBS), "power"),
+    "a tree": lambda: scene(SHINING, TRIANGLES, (LAMP, BALL), 0.3, BULBS),  # as light is chosen unless told otherwise
+    "textures": textured,
+}
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_lights_are_sampled_for_eight_as_for_one(name):
+    made = plain(LIGHTS[name]())
+    rng = np.random.default_rng(2)
+    lights = len(made.light_primitive)
+    bodies = np.flatnonzero(made.light_primitive < len(made.triangle) + len(made.sphere))
+    p, hit = rng.uniform(-2.5, 2.5, (2, N, 3))
+    p[::50], p[1::50] = (0, 0, 2), (1, 1, 1)  # on a light's plane, in a light's middle
+    numbers = rng.integers(0, lights, N), rng.choice(bodies, N)
+    eight, one = of(_lights, made, np.concatenate([p, unit(rng, N), hit, rng.random((N, 3)), np.stack(numbers, 1)], 1), 29)
+    np.testing.assert_array_equal(eight[:3], one[:3])
+    assert ulps(eight[3:5], one[3:5], 1e-6).max() <= 64
+    assert ulps(eight[5:9], one[5:9], 1e-3).max() <= 64
+    for a, b in (eight[9:19], one[9:19]), (eight[19:], one[19:]):
+        np.testing.assert_array_equal(a[0] == 0, b[0] == 0)
+        assert ulps(a[0], b[0], 1e-6).max() <= 64
+        assert ulps(a[1:], b[1:], 1.0).max() <= 16
