@@ -15,7 +15,18 @@ from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1
 from renderer.wide.values import any_of, where3
 
-__all__ = ["COLOR_BLOCK", "FIRST_HIT_SLOTS", "PASSING_BLOCK", "absorbed", "first_hit", "forget_first_hit", "keep_first_hit", "limited", "one_color", "reach"]
+__all__ = [
+    "COLOR_BLOCK",
+    "FIRST_HIT_SLOTS",
+    "PASSING_BLOCK",
+    "absorbed",
+    "first_hit",
+    "forget_first_hit",
+    "keep_first_hit",
+    "limited",
+    "one_color",
+    "reach",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

@@ -76,6 +76,7 @@ def begin(pool, lists, following, width, height, camera, options, batch):
         write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
         write(pool, rows, LAST, (*o, none, none, none, none, none))
         write(pool, rows, FACTS, (none, none, as_floats(key), facts[3], facts[4], none, none, none))
+        write(pool, rows, FRAME, (none, none, none, none, none, none, none, none))
         write(pool, rows, FIRST, (none, none, none, none, none, none, none, none))
         write(pool, rows, FIRST + np.uintp(8), (none, none, none, none, none, none, none, none))
     return following

@@ -16,6 +16,7 @@ from renderer.arrays.rows import (
     METALLIC,
     NEEDS_TANGENT,
     NORMAL_MAPPED,
+    ROUGHNESS,
     TEXTURED,
     TRANSPARENT,
 )
@@ -93,11 +94,12 @@ def attenuated(scene, surface, through, throughput, start):
 
 @device
 def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput):
-    """Looks up what the vertices are made of, writes it down, and gives (colour, normal to scatter about, throughput)."""
+    """Looks up what the vertices are made of, writes it down, and gives (colour, roughness, normal to scatter about, throughput)."""
     n = surface.shading
+    roughness = columns(scene.material, surface.material, COLUMNS, ROUGHNESS, 1)[0]
     base = columns(scene.material, surface.material, COLUMNS, BASE, 3)
     if scene.has.textures is not None:
-        metallic, roughness, ior = columns(scene.material, surface.material, COLUMNS, METALLIC, 3)
+        metallic, _, ior = columns(scene.material, surface.material, COLUMNS, METALLIC, 3)
         textured = _flagged(scene, surface.material, _TEXTURED)
         if any_of(textured):
             arguments = scene, surface.material, surface.uv, surface.uv1
@@ -123,5 +125,4 @@ def keep_matter(scene, pool, rows, surface, through, wo, stream, number, through
         write(pool, rows, MATTER, (*base, metallic, roughness, eta, *surface.uv))
         write(pool, rows, AXES, (*s, *t, *surface.uv1))
         write(pool, rows, MAPPED, (*n, none, none, none, none, none))
-    return base, n, throughput
-
+    return base, roughness, n, throughput

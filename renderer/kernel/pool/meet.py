@@ -5,21 +5,36 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.simd import store_int
-from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
-from renderer.kernel.pool.lists import ACTIVE, DONE, MISSED, SMOOTH_CONDUCTOR, SPHERES, TRIANGLES, append, clear, length, row
+from renderer.kernel.integrators.transport import limited
+from renderer.kernel.integrators.visibility import transmittance
+from renderer.kernel.pool.lists import (
+    ACTIVE,
+    DONE,
+    MISSED,
+    PASSED,
+    SMOOTH_CONDUCTOR,
+    SPHERES,
+    TRIANGLES,
+    append,
+    clear,
+    length,
+    row,
+)
 from renderer.kernel.pool.rows import CARRIED, FACTS, LAMP, LAST, RAY, SHADOW, at
 
 __all__ = ["floats3", "meet", "see_lights"]
 
-_ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _1, _2 = np.uintp(1), np.uintp(2)
 _U, _V = LAST + np.uintp(6), LAST + np.uintp(7)
 _T, _PRIMITIVE = FACTS, FACTS + np.uintp(1)
+_INSTANCE = FACTS + np.uintp(5)
 _D = RAY + np.uintp(3)
+_SEGMENTS = LAMP + np.uintp(3)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
 
 
@@ -46,11 +61,13 @@ def meet(scene, stack, pool, lists):
         pool[at(path, _V)] = hit.v
         pool[at(path, _T)] = hit.t
         store_int(pool, at(path, _PRIMITIVE), hit.primitive)
+        if scene.has.instances is not None:
+            store_int(pool, at(path, _INSTANCE), hit.instance)
         append(lists, TRIANGLES if hit.primitive < triangles else SPHERES, path)
 
 
 @subroutine
-def see_lights(scene, stack, pool, lists):
+def see_lights(scene, stack, pool, lists, options):
     """Casts the shadow rays of the vertices that have one, and adds what lights them: how many.
 
     Paths that go on are the active ones from here on, the others are done.
@@ -63,10 +80,14 @@ def see_lights(scene, stack, pool, lists):
             path = row(lists, which, k)
             if pool[at(path, _WAITS)] != _ZERO:
                 cast += 1
-                start = floats3(pool, at(path, SHADOW))
-                if not any_hit(scene.bvh, stack, start, vec.sub(floats3(pool, at(path, _END)), start), _ONE):
-                    brought = floats3(pool, at(path, LAMP))
+                start, end = floats3(pool, at(path, SHADOW)), floats3(pool, at(path, _END))
+                share = transmittance(scene, stack, start, end, options.transparent)
+                if share > _ZERO:
+                    brought = vec.scale(floats3(pool, at(path, LAMP)), share)
+                    brought = limited(brought, pool[at(path, _SEGMENTS)], options.clamp)
                     for c in range(3):
                         pool[at(path, CARRIED + np.uintp(c))] += brought[c]
             append(lists, ACTIVE if pool[at(path, _GOES_ON)] != _ZERO else DONE, path)
+    for k in range(length(lists, PASSED)):
+        append(lists, ACTIVE, row(lists, PASSED, k))
     return cast

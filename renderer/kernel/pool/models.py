@@ -167,4 +167,3 @@ def answer_rare(scene, m, wo, wi, choose, u):
     s, t, n = m.frame
     known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n)
     return each_lane(_one_rare, choose == choose, (scene, *known, wo, wi, choose, u))
-

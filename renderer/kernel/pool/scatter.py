@@ -4,35 +4,43 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import CONDUCTOR, DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR
+from renderer.arrays.rows import CONDUCTOR, DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR, TRANSMITS
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
-from renderer.kernel.integrators.transport import limited
-from renderer.kernel.pool.lists import SMOOTH_CONDUCTOR, eight, length, pad
+from renderer.kernel.pool.lists import RARE, RARE_SPECULAR, SMOOTH_CONDUCTOR, eight, length, pad
 from renderer.kernel.pool.models import (
-    evaluate_conductor,
-    evaluate_diffuse,
-    evaluate_metallic_roughness,
-    fetch_base,
-    fetch_conductor,
-    fetch_glass,
-    fetch_metallic_roughness,
-    scatter_conductor,
-    scatter_diffuse,
-    scatter_glass,
-    scatter_metallic_roughness,
-    scatter_mirror,
-    scatter_smooth_conductor,
+    Matter,
+    answer_conductor,
+    answer_diffuse,
+    answer_glass,
+    answer_metallic_roughness,
+    answer_mirror,
+    answer_rare,
+    answer_smooth_conductor,
 )
-from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAMP, LAST, PLACE, RAY, SHADOW, read, write
+from renderer.kernel.pool.rows import (
+    AXES,
+    CARRIED,
+    FACTS,
+    FRAME,
+    LAMP,
+    LAST,
+    MAPPED,
+    MATTER,
+    PLACE,
+    RAY,
+    SHADOW,
+    read,
+    write,
+)
 from renderer.kernel.sampling.sampler import Stream, draw4
 from renderer.kernel.surface.surface import Surface, departure, leaves
 from renderer.settings import MAX_FLOOR
-from renderer.wide.values import as_ints, nil, to_int, where
+from renderer.wide.values import as_ints, lookup, nil, to_int, u32, where, where3
 
-__all__ = ["scatter", "stream_of"]
+__all__ = ["scatter", "side_of", "stream_of"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -41,6 +49,7 @@ _ROULETTE_FROM = np.float32(4.0)
 _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 _MOST_AGAIN = np.float32(MAX_AGAIN)
 _BLOCK = np.uint32(2)
+_TRANSMITS, _NONE = np.uint32(TRANSMITS), np.uint32(0)
 _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
@@ -82,46 +91,63 @@ def _survival(throughput, eta_scale, depth, options):
     return where(options.roulette > _ZERO, options.roulette, chance)
 
 
-@template
-def _direct(pool, rows, surface, basis, m, wo, evaluate, throughput, depth, options):
-    """Makes the shadow rays ready: next-event estimation with the points of lights that lamps.py chose."""
-    lamp, shadow = read(pool, rows, LAMP), read(pool, rows, SHADOW)
-    w, pdf, light, none = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6]), nil(depth)
-    wi = vec.to_local(basis[0], basis[1], surface.shading, w)
-    f, scatter_pdf = evaluate(m, wo, wi)
-    weight = where(lamp[7] != _ZERO, _ONE, power_heuristic(pdf, scatter_pdf)) / pdf
-    brought = vec.mul(throughput, vec.scale(vec.mul(f, light), weight))
-    brought = limited(brought, depth + _TWO, options.clamp)
-    waits = (pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
-    start = departure(surface, wi[2] > _ZERO, w)
-    write(pool, rows, LAMP, (*brought, none, none, none, none, none))
-    return start, (shadow[3], shadow[4], shadow[5]), where(waits, _ONE, none)
+@device
+def _matter(scene, pool, rows, surface):
+    """What the vertices are made of, and (s, t, n) to scatter in."""
+    if scene.has.textures is not None:
+        matter, axes, mapped = read(pool, rows, MATTER), read(pool, rows, AXES), read(pool, rows, MAPPED)
+        frame = (axes[0], axes[1], axes[2]), (axes[3], axes[4], axes[5]), (mapped[0], mapped[1], mapped[2])
+        base, uv, uv1 = (matter[0], matter[1], matter[2]), (matter[6], matter[7]), (axes[6], axes[7])
+        known = base, matter[3], matter[4], matter[5], uv, uv1, surface.shading
+        made = Matter(surface.material, surface.front, *known, frame)
+    else:
+        s, t = vec.basis(surface.shading)
+        frame = s, t, surface.shading
+        made = Matter(surface.material, surface.front, None, None, None, None, None, None, None, frame)
+    return made
+
+
+@device
+def side_of(scene, material, n):
+    """The normal that a vertex is lit from the side of; zero where light from behind it counts as well."""
+    if scene.has.layers is not None:
+        both = (u32(lookup(scene.material_flags, material)) & _TRANSMITS) != _NONE
+        none = nil(n[0])
+        n = where3(both, (none, none, none), n)
+    return n
 
 
 @template
-def _scatter(scene, pool, lists, which, fetch, evaluate, sample, both_sides, options, lit):
-    """evaluate: None where light sampling finds nothing; both_sides: True where a vertex is lit from both, else None.
-
-    lit: whether there is anything that light sampling would find in the scene.
+def _scatter(scene, pool, lists, which, answer, is_lit, both_sides, options, lit):
+    """answer: of models.py; is_lit: None where light sampling finds nothing; both_sides: None, or True where vertices are lit from
+    both. lit: whether there is anything that light sampling would find in the scene.
     """
     for k in range(0, pad(lists, which), 8):
         rows = eight(lists, which, k)
-        ray, facts = read(pool, rows, RAY), read(pool, rows, FACTS)
+        ray, facts, lamp = read(pool, rows, RAY), read(pool, rows, FACTS), read(pool, rows, LAMP)
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         surface = _surface(facts, read(pool, rows, PLACE), read(pool, rows, FRAME))
-        n, throughput = surface.shading, (tx, ty, tz)
-        s, t = vec.basis(n)
+        m = _matter(scene, pool, rows, surface)
+        s, t, n = m.frame
+        throughput, none = (tx, ty, tz), nil(depth)
         wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
-        m = fetch(scene, surface.material, surface.front)
-        none = nil(depth)
-        start, end, waits = (none, none, none), (none, none, none), none
-        if evaluate is not None and lit:
-            start, end, waits = _direct(pool, rows, surface, (s, t), m, wo, evaluate, throughput, depth, options)
-
+        towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
+        wi = vec.to_local(s, t, n, towards)
         u = draw4(stream_of(facts, options), to_int(number) * _BLOCK + _BLOCK)
-        wi, weight, pdf, eta2 = sample(m, wo, u[2], (u[0], u[1]))
-        d = vec.to_world(s, t, n, wi)
-        reflected = wi[2] > _ZERO
+        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
+
+        start, end, waits = (none, none, none), (none, none, none), none
+        if is_lit is not None and lit:
+            share = where(lamp[7] != _ZERO, _ONE, power_heuristic(light_pdf, scatter_pdf)) / light_pdf
+            brought = vec.mul(throughput, vec.scale(vec.mul(f, light), share))
+            shadow = read(pool, rows, SHADOW)
+            start, end = departure(surface, wi[2] > _ZERO, towards), (shadow[3], shadow[4], shadow[5])
+            seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
+            waits = where(seen, _ONE, none)
+            write(pool, rows, LAMP, (*brought, depth + _TWO, none, none, none, none))
+
+        d = vec.to_world(s, t, n, on)
+        reflected = on[2] > _ZERO
         o = departure(surface, reflected, d)
         depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
         throughput = vec.mul(throughput, weight)
@@ -129,8 +155,7 @@ def _scatter(scene, pool, lists, which, fetch, evaluate, sample, both_sides, opt
         survival = _survival(throughput, eta_scale, depth, options)
         alive = (vec.maximum(throughput) > _ZERO) & (u[3] < survival) & (number + _ONE - depth <= _MOST_AGAIN)
         throughput = vec.scale(throughput, _ONE / survival)
-        if both_sides is not None:
-            n = none, none, none
+        n = (none, none, none) if both_sides is not None else side_of(scene, surface.material, n)
         write(pool, rows, RAY, (*o, *d, pdf, eta_scale))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, LAST, (*surface.point, *n, none, none))
@@ -140,53 +165,57 @@ def _scatter(scene, pool, lists, which, fetch, evaluate, sample, both_sides, opt
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, DIFFUSE, fetch_base, evaluate_diffuse, scatter_diffuse, None, options, lit)
+    _scatter(scene, pool, lists, DIFFUSE, answer_diffuse, True, None, options, lit)
 
 
 @subroutine
 def _scatter_mirror(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, MIRROR, fetch_base, None, scatter_mirror, None, options, lit)
+    _scatter(scene, pool, lists, MIRROR, answer_mirror, None, None, options, lit)
 
 
 @subroutine
 def _scatter_glass(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, GLASS, fetch_glass, None, scatter_glass, True, options, lit)
+    _scatter(scene, pool, lists, GLASS, answer_glass, None, True, options, lit)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(
-        scene,
-        pool,
-        lists,
-        METALLIC_ROUGHNESS,
-        fetch_metallic_roughness,
-        evaluate_metallic_roughness,
-        scatter_metallic_roughness,
-        None,
-        options,
-        lit,
-    )
+    _scatter(scene, pool, lists, METALLIC_ROUGHNESS, answer_metallic_roughness, True, None, options, lit)
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, CONDUCTOR, fetch_conductor, evaluate_conductor, scatter_conductor, None, options, lit)
+    _scatter(scene, pool, lists, CONDUCTOR, answer_conductor, True, None, options, lit)
 
 
 @subroutine
 def _scatter_smooth_conductor(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, SMOOTH_CONDUCTOR, fetch_conductor, None, scatter_smooth_conductor, None, options, lit)
+    _scatter(scene, pool, lists, SMOOTH_CONDUCTOR, answer_smooth_conductor, None, None, options, lit)
+
+
+@subroutine
+def _scatter_rare(scene, pool, lists, options, lit):
+    out_of_line()
+    _scatter(scene, pool, lists, RARE, answer_rare, True, None, options, lit)
+
+
+@subroutine
+def _scatter_rare_specular(scene, pool, lists, options, lit):
+    out_of_line()
+    _scatter(scene, pool, lists, RARE_SPECULAR, answer_rare, None, None, options, lit)
 
 
 @subroutine
 def scatter(scene, pool, lists, options, lit):
-    """Scatters every listed vertex: writes the path's next ray, and the shadow ray towards its light."""
+    """Scatters every listed vertex: writes the path's next ray, and the shadow ray towards its light.
+
+    lit: whether there is anything that light sampling would find in the scene.
+    """
     out_of_line()
     if length(lists, DIFFUSE) > 0:
         _scatter_diffuse(scene, pool, lists, options, lit)
@@ -200,3 +229,8 @@ def scatter(scene, pool, lists, options, lit):
         _scatter_conductor(scene, pool, lists, options, lit)
     if length(lists, SMOOTH_CONDUCTOR) > 0:
         _scatter_smooth_conductor(scene, pool, lists, options, lit)
+    if scene.has.layers is not None:
+        if length(lists, RARE) > 0:
+            _scatter_rare(scene, pool, lists, options, lit)
+        if length(lists, RARE_SPECULAR) > 0:
+            _scatter_rare_specular(scene, pool, lists, options, lit)

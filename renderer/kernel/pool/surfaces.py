@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import BLINN_PHONG, COLUMNS, CONDUCTOR, GLASS, LAYERED, MIRROR, NEEDS_TANGENT, ROUGHNESS, UNLIT
+from renderer.arrays.rows import BLINN_PHONG, CONDUCTOR, GLASS, LAYERED, MIRROR, NEEDS_TANGENT, UNLIT
 from renderer.bvh.traverse import Hit
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.kernel.fetch import columns
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
 from renderer.kernel.integrators.visibility import MAX_PASSED
@@ -110,9 +109,8 @@ def _shine(scene, surface, through, d, pdf, vertex, normal, throughput, radiance
 
 
 @device
-def _list_of(scene, material, kind):
+def _list_of(scene, material, kind, roughness):
     """Which list's stage scatters the vertex."""
-    roughness = columns(scene.material, material, COLUMNS, ROUGHNESS, 1)[0]
     even = (kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS)
     which = where(even, _SMOOTH, to_float(kind))
     if scene.has.layers is not None:
@@ -140,7 +138,7 @@ def _arrive(scene, pool, lists, which, on_sphere, options):
         through = passes(scene, surface, stream, number + passed, options)
         throughput = attenuated(scene, surface, through, throughput, vertex)
         radiance = _shine(scene, surface, through, d, pdf, vertex, normal, throughput, radiance, depth, options)
-        base, n, throughput = keep_matter(scene, pool, rows, surface, through, vec.neg(d), stream, number, throughput)
+        base, roughness, n, throughput = keep_matter(scene, pool, rows, surface, through, vec.neg(d), stream, number, throughput)
         kind = u32(lookup(scene.material_kind, surface.material))
         unlit = (kind == _UNLIT) & not_(through)
         if any_of(unlit):
@@ -151,7 +149,7 @@ def _arrive(scene, pool, lists, which, on_sphere, options):
         _keep_first(pool, rows, (number == _ZERO) & not_(through), surface, base, n, distance)
 
         over = unlit | (depth + _ONE >= np.float32(options.max_depth))
-        which_next = where(over, _OVER, _list_of(scene, surface.material, kind))
+        which_next = where(over, _OVER, _list_of(scene, surface.material, kind, roughness))
         if scene.has.textures is not None and any_of(through):
             passed = where(through, passed + _ONE, passed)
             which_next = where(through, where(passed >= _MOST_PASSED, _OVER, _THROUGH), which_next)

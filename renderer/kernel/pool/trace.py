@@ -68,7 +68,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if lit:
             choose_lamps(scene, paths, lists, options)
         scatter(scene, paths, lists, options, lit)
-        rays += see_lights(scene, pool.stack, paths, lists)
+        rays += see_lights(scene, pool.stack, paths, lists, options)
         if number < len(log):
             record_light(log, number, DIRECT, floats3(paths, CARRIED))
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
