@@ -160,7 +160,7 @@ def _add_emission(scene, surface, path, number, options, special):
         weight = _ONE
         if path.pdf > _ZERO:
             cosine = vec.dot(surface.geometric, vec.neg(path.d))
-            light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine)
+            light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine, True)
             weight = _mis_weight(path.pdf, light_pdf, options, special)
         if special is not None and options.mistake != NO_MISTAKE and number > 0:
             weight *= mistaken(options.mistake, path.vertex, surface.point)

@@ -117,8 +117,11 @@ def _place(environment, frame, d):
 @device
 def _on_sun(frame, d):
     """Whether the sun's disk lies in direction d. By the chord: a cosine in float32 is off by a hundredth of the disk."""
-    x, y, z = d[0] - frame[4], d[1] - frame[5], d[2] - frame[6]
-    return x * x + y * y + z * z < _TWO * frame[7]
+    on_sun = as_wide(False, d[0])
+    if frame[7] > _ZERO:
+        x, y, z = d[0] - frame[4], d[1] - frame[5], d[2] - frame[6]
+        on_sun = x * x + y * y + z * z < _TWO * frame[7]
+    return on_sun
 
 
 @device
@@ -239,8 +242,8 @@ def _sample_beside_sun(scene, u):
     frame = scene.environment_frame
     d, pdf = _sample_image(scene, u)
     pdf = pdf * (_ONE - frame[11])
-    if frame[7] > _ZERO:
-        on_sun = _on_sun(frame, d)
+    on_sun = _on_sun(frame, d)
+    if any_of(on_sun):
         pdf = where(on_sun, pdf + frame[11] * square_to_cone_pdf(frame[7]), pdf)
     return d, pdf
 

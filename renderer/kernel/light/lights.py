@@ -267,12 +267,12 @@ def environment_seen(scene, w, judged):
 
 
 @device
-def primitive_light_pdf(scene, light, p, n, hit, cosine):
+def primitive_light_pdf(scene, light, p, n, hit, cosine, judged):
     """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
 
-    cosine: under which p sees the light's surface."""
+    cosine: under which p sees the light's surface. 0 unless `judged`."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
-        chance = each_lane(tree_chance, as_wide(True, cosine), (scene.light_node, p, n, light))
+        chance = each_lane(tree_chance, judged, (scene.light_node, p, n, light))
     else:
         chance = lookup(scene.light_cdf, u32(light + _NEXT)) - lookup(scene.light_cdf, light)
     chance = chance * (_ONE - scene.environment_frame[3])
@@ -287,7 +287,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine):
     if any_of(not_(is_triangle)):
         number = where(is_triangle, _FIRST, u32(primitive - triangles))
         pdf = where(is_triangle, pdf, _sphere_light_pdf(scene, number, p, square, cosine, chance))
-    return pdf
+    return where(judged, pdf, _ZERO)
 
 
 @device

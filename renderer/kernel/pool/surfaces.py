@@ -102,7 +102,7 @@ def _shine(scene, surface, through, d, pdf, vertex, normal, throughput, radiance
         light = where(lit, surface.light, _FIRST_LIGHT)
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
         cosine = vec.dot(surface.geometric, vec.neg(d))
-        light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine)
+        light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, lit & (pdf > _ZERO))
         emitted = vec.scale(emitted, _weight(pdf, light_pdf))
         radiance = _added(radiance, throughput, emitted, depth + _ONE, lit, options.clamp)
     return radiance

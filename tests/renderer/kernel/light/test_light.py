@@ -46,7 +46,7 @@ def _density(made, stack, p, n, direction, pdf):
             surface = surface_at(made, o, d, hit)
             if shines(surface):
                 cosine = -vec.dot(surface.geometric, d)
-                pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine)
+                pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine, True)
 
 
 def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):

@@ -1,0 +1,65 @@
+"""Scalar functions lane by lane: called for the lanes that are wanted, and for one path as any other function."""
+
+import numpy as np
+
+from renderer.bvh.simd import bits, load
+from renderer.jit import device, entry
+from renderer.wide.lanes import as_wide, each_lane
+from renderer.wide.values import to_int, u32
+from tests.renderer.wide.both import LANES, keep
+
+N = LANES
+
+
+@device
+def _looked_up(table, number, pair, calls):
+    """Of several types, by way of a branch; counts how often it is called."""
+    calls[0] += 1
+    if number >= 100:
+        return (table[0], np.int64(number) - 100), pair[0], True
+    return (table[number], np.int64(-1)), pair[1], pair[0] > pair[1]
+
+
+@entry
+def _in_lanes(table, x, common, below, calls, out):
+    a = load(x, np.uintp(0))
+    (value, number), other, choice = each_lane(_looked_up, a < below, (table, to_int(a), (a, common), calls))
+    keep(out, 0, number, (value, number, other, choice))
+
+
+@entry
+def _of_one(table, x, common, below, calls, out):
+    for i in range(len(x)):
+        arguments = table, u32(to_int(x[i])), (x[i], common), calls
+        (value, number), other, choice = each_lane(_looked_up, x[i] < below, arguments)
+        keep(out, i, u32(number), (value, u32(number), other, choice))
+
+
+def test_a_function_is_called_for_the_lanes_that_want_it():
+    table = np.linspace(1, 2, 8, dtype=np.float32)
+    x = np.array([3, 107, 0, 500, 7, 100, 5, 501], np.float32)
+    out, calls = np.full((2, 4, N), np.float32(-9)), np.zeros((2, 1), np.int32)
+    for k, kernel in enumerate((_in_lanes, _of_one)):
+        kernel(table, x, np.float32(4), np.float32(200), calls[k], out[k])
+    assert calls.tolist() == [[6], [6]]
+    for value, number, other, choice in out:
+        np.testing.assert_array_equal(value, [*table[[3, 0, 0]], 0, table[7], table[0], table[5], 0])
+        np.testing.assert_array_equal(number, [-1, 7, -1, 0, -1, 0, -1, 0])
+        np.testing.assert_array_equal(other, [4, 107, 4, 0, 4, 100, 4, 0])
+        np.testing.assert_array_equal(choice, [0, 1, 0, 0, 1, 1, 1, 0])
+
+
+@entry
+def _spread(x, out):
+    a = load(x, np.uintp(0))
+    keep(out, 0, to_int(a), (as_wide(x[1], a), as_wide(np.uint32(7), a)))
+    out[2, 0] = bits(as_wide(True, a))
+    out[2, 1] = bits(as_wide(False, a))
+    out[2, 2] = as_wide(x[1], x[0])
+
+
+def test_a_number_stands_in_all_lanes_where_eight_are_expected():
+    x, out = np.arange(1.5, 9.5, dtype=np.float32), np.zeros((3, N), np.float32)
+    _spread(x, out)
+    np.testing.assert_array_equal(out[:2], [[2.5] * N, [7] * N])
+    np.testing.assert_array_equal(out[2, :3], [255, 0, 2.5])
