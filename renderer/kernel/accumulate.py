@@ -193,7 +193,7 @@ def renderer_of(settings: RenderSettings, has: Has = EVERYTHING) -> Renderer:
         return _render_ao
     if is_special(settings):
         return _render_special_path
-    return _render_pool if has == PLAIN else _render_path
+    return _render_pool
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:

@@ -66,7 +66,7 @@ def surfaces_at(scene, d, hit):
         shape, material, light, number, uv1, color, tangent, smooth, lift = each_lane(_one_surface, every, arguments)
         point, error, geometric, shading, uv, front = shape
         return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, smooth, lift)
-    return triangle_at(scene, d, Hit(hit.t, hit.primitive, hit.u, hit.v, np.int32(-1)))
+    return triangle_at(scene, d, Hit(hit.t, hit.primitive, hit.u, hit.v, None))
 
 
 @device
@@ -94,7 +94,7 @@ def attenuated(scene, surface, through, throughput, start):
 
 @device
 def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput):
-    """Looks up what the vertices are made of, writes it down, and gives (colour, roughness, normal to scatter about, throughput)."""
+    """Looks up what the vertices are made of and writes it down: (colour, roughness, normal to scatter about, throughput)."""
     n = surface.shading
     roughness = columns(scene.material, surface.material, COLUMNS, ROUGHNESS, 1)[0]
     base = columns(scene.material, surface.material, COLUMNS, BASE, 3)

@@ -41,7 +41,7 @@ _ONE = np.float32(1.0)
 
 
 class Matter(NamedTuple):
-    """What a vertex is made of. All but the first two is None where a scene is plain: the material's row tells it then."""
+    """What a vertex is made of. Where a scene is plain, what is between `front` and `shading` is in the material's row alone."""
 
     material: Any
     front: Any

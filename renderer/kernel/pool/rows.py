@@ -32,7 +32,7 @@ ROWS = 128  # paths; 64 to 256 are as fast
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, eta scale: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to
 LAST = np.uintp(16)  # the last vertex 3, the normal that it is lit from the side of 3; the hit's u and v
-# The hit's t and primitive; pixel key, sample's number, pixel's place in the tile; material (at first the instance), light, object.
+# The hit's t and primitive; pixel key, sample's number, pixel's place in the tile; material (first the instance), light, object.
 FACTS = np.uintp(24)
 PLACE = np.uintp(32)  # the surface's point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # shading normal 3, lift 3, the list that it is on (lists.py), surfaces passed so far

@@ -93,18 +93,16 @@ def _survival(throughput, eta_scale, depth, options):
 
 @device
 def _matter(scene, pool, rows, surface):
-    """What the vertices are made of, and (s, t, n) to scatter in."""
+    """What the vertices are made of, as far as it was looked up."""
+    n, none = surface.shading, nil(surface.error)
+    s, t = vec.basis(n)
+    base, metallic, roughness, eta, uv, uv1 = (none, none, none), none, none, none, (none, none), (none, none)
     if scene.has.textures is not None:
         matter, axes, mapped = read(pool, rows, MATTER), read(pool, rows, AXES), read(pool, rows, MAPPED)
-        frame = (axes[0], axes[1], axes[2]), (axes[3], axes[4], axes[5]), (mapped[0], mapped[1], mapped[2])
-        base, uv, uv1 = (matter[0], matter[1], matter[2]), (matter[6], matter[7]), (axes[6], axes[7])
-        known = base, matter[3], matter[4], matter[5], uv, uv1, surface.shading
-        made = Matter(surface.material, surface.front, *known, frame)
-    else:
-        s, t = vec.basis(surface.shading)
-        frame = s, t, surface.shading
-        made = Matter(surface.material, surface.front, None, None, None, None, None, None, None, frame)
-    return made
+        base, metallic, roughness, eta = (matter[0], matter[1], matter[2]), matter[3], matter[4], matter[5]
+        uv, uv1 = (matter[6], matter[7]), (axes[6], axes[7])
+        s, t, n = (axes[0], axes[1], axes[2]), (axes[3], axes[4], axes[5]), (mapped[0], mapped[1], mapped[2])
+    return Matter(surface.material, surface.front, base, metallic, roughness, eta, uv, uv1, surface.shading, (s, t, n))
 
 
 @device
@@ -119,8 +117,8 @@ def side_of(scene, material, n):
 
 @template
 def _scatter(scene, pool, lists, which, answer, is_lit, both_sides, options, lit):
-    """answer: of models.py; is_lit: None where light sampling finds nothing; both_sides: None, or True where vertices are lit from
-    both. lit: whether there is anything that light sampling would find in the scene.
+    """answer: of models.py; is_lit: None where light sampling finds nothing; both_sides: True where vertices are lit from both,
+    else None; lit: whether there is anything that light sampling would find in the scene.
     """
     for k in range(0, pad(lists, which), 8):
         rows = eight(lists, which, k)

@@ -109,7 +109,7 @@ def _inward(scene, hit, error, curvature):
     a, b, c = row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
     u, v = hit.u - _THIRD, hit.v - _THIRD
     inward = vec.add(vec.scale(vec.sub(a, b), u), vec.scale(vec.sub(a, c), v))
-    if scene.has.instances is not None and hit.instance >= 0:
+    if hit.instance is not None and hit.instance >= 0:
         inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
     fraction = min(_INWARD * error * curvature, _QUARTER)
     far = vec.magnitude(inward)
@@ -196,7 +196,7 @@ def _triangle_surface(scene, wo, hit):
     curvature, miss = edge_margins(row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3), normal)
     error = max(error, miss)
     upright = normal
-    if scene.has.instances is not None and hit.instance >= 0:
+    if hit.instance is not None and hit.instance >= 0:
         normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
     square = vec.dot(normal, normal)
     flat = square == _ZERO  # so small that its area is 0 in float32
@@ -214,10 +214,12 @@ def _triangle_surface(scene, wo, hit):
     if any_of(smooth):
         raised = lifted(scene, point, primitive, u, v, shading, where3(front, upright, vec.neg(upright)))
         lift = where3(smooth, raised, lift)
-        if hit.instance < 0:
+        if hit.instance is not None and hit.instance >= 0:
+            pass  # it is made unit in the world
+        else:
             unit = where3(length2 > _ZERO, vec.scale(shading, _ONE / math.sqrt(length2)), geometric)
             shading = where3(smooth, unit, shading)
-    if scene.has.instances is not None and hit.instance >= 0:
+    if hit.instance is not None and hit.instance >= 0:
         point = point_to_world(scene.to_world, hit.instance, point, _ONE)
         lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
         error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)

@@ -1,0 +1,80 @@
+"""Rows of memory, read and written eight at a time, against numpy's indexing."""
+
+import numpy as np
+import pytest
+
+from renderer.bvh.simd import LANES, load, store
+from renderer.jit import entry
+from renderer.kernel.fetch import columns, row
+from renderer.wide.rows import gather, load_ints, scatter
+from renderer.wide.values import as_floats
+
+ROWS, N = 40, 8 * 50
+
+
+def of_width(width, seed=0):
+    """A table whose last row is the memory's last: what read on behind it would read another array."""
+    rng = np.random.default_rng(seed)
+    return rng.random((ROWS, width), np.float32), rng.integers(0, ROWS, N, np.int32)
+
+
+@entry
+def _gather(table, number, found):
+    for i in range(0, len(number), LANES):
+        at = load_ints(number, np.uintp(i))
+        first = gather(table, at, np.uintp(19), np.uintp(2), 1)
+        for column, values in enumerate(first + gather(table, at, np.uintp(19), np.uintp(0), 2)):
+            store(found, np.uintp(column * len(number) + i), values)
+        for column, values in enumerate(gather(table, at, np.uintp(19), np.uintp(1), 3)):
+            store(found, np.uintp((3 + column) * len(number) + i), values)
+        for column, values in enumerate(gather(table, at, np.uintp(19), np.uintp(3), 7)):
+            store(found, np.uintp((6 + column) * len(number) + i), values)
+        for column, values in enumerate(gather(table, at, np.uintp(19), np.uintp(2), 17)):
+            store(found, np.uintp((13 + column) * len(number) + i), values)
+
+
+def test_columns_of_eight_rows():
+    table, number = of_width(19)
+    found = np.empty((30, N), np.float32)
+    _gather(table, number, found)
+    wanted = [2, 0, 1, *range(1, 4), *range(3, 10), *range(2, 19)]
+    np.testing.assert_array_equal(found, table[number][:, wanted].T)
+
+
+@entry
+def _fetch(floats, ints, number, found, words):
+    for i in range(0, len(number), LANES):
+        at = load_ints(number, np.uintp(i))
+        for column, values in enumerate(row(floats, at, 5) + columns(floats, at, 5, 1, 4)):
+            store(found, np.uintp(column * len(number) + i), values)
+        for column, values in enumerate(row(ints, at, 3)):
+            store(words, np.uintp(column * len(number) + i), as_floats(values))
+
+
+def test_rows_of_a_scenes_tables():
+    floats, number = of_width(5)
+    ints = np.random.default_rng(1).integers(-(2**31), 2**31, (ROWS, 3), np.int32)
+    found, words = np.empty((9, N), np.float32), np.empty((3, N), np.float32)
+    _fetch(floats, ints, number, found, words)
+    np.testing.assert_array_equal(found, floats[number][:, [*range(5), *range(1, 5)]].T)
+    np.testing.assert_array_equal(words.view(np.int32), ints[number].T)
+
+
+@entry
+def _scatter(table, number, values):
+    for i in range(0, len(number), LANES):
+        a, b = load(values, np.uintp(i)), load(values, np.uintp(len(number) + i))
+        scatter(table, load_ints(number, np.uintp(i)), np.uintp(11), np.uintp(2), (a, b, a, b, a, b, b, a))
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_rows_written(repeated):
+    """Of two lanes with one row the last stays; what is beside the eight columns stays too."""
+    rng = np.random.default_rng(2)
+    number = rng.integers(0, 3, 16, np.int32) if repeated else rng.permutation(ROWS)[:16].astype(np.int32)
+    table, values = rng.random((ROWS, 11), np.float32), rng.random((2, 16), np.float32)
+    wanted = table.copy()
+    for k, (a, b) in zip(number, values.T, strict=True):
+        wanted[k, 2:10] = a, b, a, b, a, b, b, a
+    _scatter(table, number, values)
+    np.testing.assert_array_equal(table, wanted)
