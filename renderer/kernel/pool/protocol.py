@@ -10,11 +10,11 @@ from renderer.kernel.integrators.record import EMITTED, record_light, record_mis
 from renderer.kernel.integrators.state import Path
 from renderer.kernel.pool.lists import MISSED, length
 from renderer.kernel.pool.meet import floats3
-from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAST, PLACE, RAY
-from renderer.kernel.surface.surface import Surface
+from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, PLACE, RAY
+from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import u32
 
-__all__ = ["of_first", "record_arrival"]
+__all__ = ["first_row", "record_arrival"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -22,12 +22,7 @@ _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
-
-
-@device
-def of_first(pool, column):
-    """A vector of the first row."""
-    return floats3(pool, column)
+_PASSED = HIT + np.uintp(5)
 
 
 @device
@@ -35,8 +30,8 @@ def _path(pool, radiance):
     return Path(
         floats3(pool, RAY),
         floats3(pool, RAY + np.uintp(3)),
-        floats3(pool, LAST),
-        floats3(pool, LAST + np.uintp(3)),
+        floats3(pool, PLACE),
+        floats3(pool, FRAME),
         pool[RAY + np.uintp(6)],
         floats3(pool, CARRIED + np.uintp(4)),
         radiance,
@@ -46,18 +41,17 @@ def _path(pool, radiance):
 
 
 @device
-def _surface(pool):
-    material, light = load_int(pool, FACTS + np.uintp(5)), load_int(pool, FACTS + np.uintp(6))
+def _surface(pool, point):
     return Surface(
-        floats3(pool, PLACE),
+        point,
         pool[PLACE + np.uintp(3)],
         floats3(pool, PLACE + np.uintp(4)),
         floats3(pool, FRAME),
         _NO_UV,
         True,
-        u32(material),
-        u32(light),
-        u32(load_int(pool, FACTS + np.uintp(7))),
+        u32(load_int(pool, FRAME + np.uintp(6))),
+        NO_LIGHT,
+        u32(load_int(pool, HIT + np.uintp(6))),
         _NO_UV,
         _WHITE,
         _NO_TANGENT,
@@ -66,15 +60,24 @@ def _surface(pool):
     )
 
 
+@device
+def first_row(pool):
+    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed)."""
+    passed = pool[_PASSED]
+    return np.int64(pool[CARRIED + np.uintp(7)] + passed), passed
+
+
 @subroutine
-def record_arrival(pool, lists, log, before):
-    """Where the path's ray ended, which has been looked at just now. before: the path's radiance until then."""
+def record_arrival(pool, lists, log, row, passed, before):
+    """Where the path's ray ended, which has been looked at just now. row, passed: of `first_row`, before: the path's radiance,
+    all three until then.
+    """
     out_of_line()
-    row = np.int64(pool[CARRIED + np.uintp(7)])
-    if row < len(log):
-        path = _path(pool, before)
-        if length(lists, MISSED) > 0:
-            record_miss(log, row, path)
-        else:
-            record_surface(log, row, _surface(pool), False, pool[FACTS], path)
-        record_light(log, row, EMITTED, floats3(pool, CARRIED))
+    path = _path(pool, before)
+    if length(lists, MISSED) > 0:
+        record_miss(log, row, path)
+    else:
+        through = pool[_PASSED] != passed
+        point = floats3(pool, RAY) if through else floats3(pool, PLACE)  # where it goes on from: beside what it passed
+        record_surface(log, row, _surface(pool, point), through, pool[HIT], path)
+    record_light(log, row, EMITTED, floats3(pool, CARRIED))
