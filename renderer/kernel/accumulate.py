@@ -182,7 +182,7 @@ def has_editions(settings: RenderSettings) -> bool:
     """Whether there is a plain edition of the kernel for these settings: of the path tracer for pictures. The rarer kernels have
     everything in them, so that nobody waits for each of them twice.
     """
-    return renderer_of(settings) is _render_path
+    return renderer_of(settings) is _render_pool
 
 
 def renderer_of(settings: RenderSettings, has: Has = EVERYTHING) -> Renderer:
