@@ -14,7 +14,7 @@ from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAST, PLACE, RAY
 from renderer.kernel.surface.surface import Surface
 from renderer.wide.values import u32
 
-__all__ = ["of_first", "record_arrival"]
+__all__ = ["first_row", "record_arrival"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -25,9 +25,10 @@ _NOWHERE = (_ZERO, _ZERO, _ZERO)
 
 
 @device
-def of_first(pool, column):
-    """A vector of the first row."""
-    return floats3(pool, column)
+def first_row(pool):
+    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed)."""
+    passed = pool[FRAME + np.uintp(7)]
+    return np.int64(pool[CARRIED + np.uintp(7)] + passed), passed
 
 
 @device
@@ -67,14 +68,14 @@ def _surface(pool):
 
 
 @subroutine
-def record_arrival(pool, lists, log, before):
-    """Where the path's ray ended, which has been looked at just now. before: the path's radiance until then."""
+def record_arrival(pool, lists, log, row, passed, before):
+    """Where the path's ray ended, which has been looked at just now. row, passed: of `first_row`, before: the path's radiance,
+    all three until then.
+    """
     out_of_line()
-    row = np.int64(pool[CARRIED + np.uintp(7)])
-    if row < len(log):
-        path = _path(pool, before)
-        if length(lists, MISSED) > 0:
-            record_miss(log, row, path)
-        else:
-            record_surface(log, row, _surface(pool), False, pool[FACTS], path)
-        record_light(log, row, EMITTED, floats3(pool, CARRIED))
+    path = _path(pool, before)
+    if length(lists, MISSED) > 0:
+        record_miss(log, row, path)
+    else:
+        record_surface(log, row, _surface(pool), pool[FRAME + np.uintp(7)] != passed, pool[FACTS], path)
+    record_light(log, row, EMITTED, floats3(pool, CARRIED))

@@ -151,13 +151,14 @@ def _scatter(scene, pool, lists, which, answer, is_lit, both_sides, options, lit
         throughput = vec.mul(throughput, weight)
         eta_scale = ray[7] * eta2
         survival = _survival(throughput, eta_scale, depth, options)
-        alive = (vec.maximum(throughput) > _ZERO) & (u[3] < survival) & (number + _ONE - depth <= _MOST_AGAIN)
+        # A throughput that is no number lives on, so that the film is told of it.
+        over = (vec.maximum(throughput) <= _ZERO) | (u[3] >= survival) | (number + _ONE - depth > _MOST_AGAIN)
         throughput = vec.scale(throughput, _ONE / survival)
         n = (none, none, none) if both_sides is not None else side_of(scene, surface.material, n)
         write(pool, rows, RAY, (*o, *d, pdf, eta_scale))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, LAST, (*surface.point, *n, none, none))
-        write(pool, rows, SHADOW, (*start, *end, waits, where(alive, _ONE, none)))
+        write(pool, rows, SHADOW, (*start, *end, waits, where(over, none, _ONE)))
 
 
 @subroutine

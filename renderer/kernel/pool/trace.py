@@ -14,7 +14,7 @@ from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
 from renderer.kernel.pool.meet import floats3, meet, see_lights
-from renderer.kernel.pool.protocol import record_arrival
+from renderer.kernel.pool.protocol import first_row, record_arrival
 from renderer.kernel.pool.rows import CARRIED, ROW, ROWS
 from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.surfaces import arrive, miss
@@ -22,7 +22,6 @@ from renderer.kernel.pool.surfaces import arrive, miss
 __all__ = ["Pool", "new_pool", "render_with_pool"]
 
 _ZERO = np.float32(0.0)
-_NUMBER = CARRIED + np.uintp(7)
 
 
 class Pool(NamedTuple):
@@ -58,19 +57,20 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if length(lists, ACTIVE) == 0:
             break
         clear(lists, DONE)
-        number, before = np.int64(paths[_NUMBER]), floats3(paths, CARRIED)
+        row, passed = first_row(paths)
+        before = floats3(paths, CARRIED)
         rays += length(lists, ACTIVE)
         meet(scene, pool.stack, paths, lists)
         miss(scene, paths, lists, options)
         arrive(scene, paths, lists, options)
-        if len(log) > 0:
-            record_arrival(paths, lists, log, before)
+        if row < len(log):
+            record_arrival(paths, lists, log, row, passed, before)
         if lit:
             choose_lamps(scene, paths, lists, options)
         scatter(scene, paths, lists, options, lit)
         rays += see_lights(scene, pool.stack, paths, lists, options)
-        if number < len(log):
-            record_light(log, number, DIRECT, floats3(paths, CARRIED))
+        if row < len(log):
+            record_light(log, row, DIRECT, floats3(paths, CARRIED))
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
     unfold(pool.film, output.sums)
     return bad_count, rays
