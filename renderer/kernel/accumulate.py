@@ -31,12 +31,12 @@ from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special
-from renderer.kernel.pool.trace import new_pool, render_with_pool
+from renderer.kernel.pool.trace import new_pool, render_with_pool, scatter_nothing
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "has_editions", "new_scratch", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "half_of", "has_editions", "new_scratch", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -164,6 +164,12 @@ def _render_pool(scene, pool, camera, options, batch, output):
 
 
 @entry
+def _half_of_render_pool(scene, pool, camera, options, batch, output):
+    scatter_nothing(scene, pool, options)
+    return 0, 0
+
+
+@entry
 def _render_special_path(scene, stack, camera, options, batch, output):
     return _render_tile(trace_path, True, scene, stack, camera, options, batch, output)
 
@@ -194,6 +200,11 @@ def renderer_of(settings: RenderSettings, has: Has = EVERYTHING) -> Renderer:
     if is_special(settings):
         return _render_special_path
     return _render_pool
+
+
+def half_of(renderer: Renderer) -> Renderer | None:
+    """Compiles a part of the kernel when it is called as that is: for a process beside the one that compiles the rest."""
+    return _half_of_render_pool if renderer is _render_pool else None
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:

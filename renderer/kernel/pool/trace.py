@@ -19,7 +19,7 @@ from renderer.kernel.pool.rows import CARRIED, ROW, ROWS
 from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.surfaces import arrive, miss
 
-__all__ = ["Pool", "new_pool", "render_with_pool"]
+__all__ = ["Pool", "new_pool", "render_with_pool", "scatter_nothing"]
 
 _ZERO = np.float32(0.0)
 
@@ -37,6 +37,15 @@ def new_pool(width: int, height: int) -> Pool:
     """For one batch of a tile of that size."""
     rows = np.zeros(ROWS * int(ROW), np.float32)
     return Pool(new_stack(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), np.zeros(width * height * SUMS, np.int64))
+
+
+@template
+def scatter_nothing(scene, pool, options):
+    """Calls the later stages with nothing to do: about half of what there is to compile."""
+    for which in range(LISTS):
+        clear(pool.lists, which)
+    choose_lamps(scene, pool.rows, pool.lists, options)
+    scatter(scene, pool.rows, pool.lists, options, False)
 
 
 @template
