@@ -16,7 +16,7 @@ from tests.renderer.kernel.pool.features import FEATURES, SIZE, made
 
 SPP = 4
 # Of the pixels. Roundings differ, since the compiler merges other multiplications with additions: they decide now and then
-# what a path does where a number lies within 1e-7 of a border, such as an edge. At 16 samples a pixel none of all these did.
+# what a path does where a number lies within 1e-7 of a border, such as an edge. At 64 samples a pixel none of all these parted.
 MOST_PARTED = 0.005
 
 
