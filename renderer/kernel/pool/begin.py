@@ -10,7 +10,7 @@ from renderer.bvh.simd import store_int
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.camera import camera_ray
 from renderer.kernel.pool.lists import ACTIVE, DONE, append, eight, length, pad, row
-from renderer.kernel.pool.rows import CARRIED, FACTS, FIRST, FRAME, LAST, RAY, at, read, write
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PLACE, RAY, SAMPLE, at, read, write
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.wide.values import as_floats, as_ints, nil, to_float
@@ -20,8 +20,7 @@ __all__ = ["Next", "begin"]
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _CAMERA_BLOCK = np.uint32(0)
-_SAMPLE, _PLACE = FACTS + np.uintp(3), FACTS + np.uintp(4)
-_X, _Y = FRAME, FRAME + np.uintp(1)
+_NUMBER, _PLACE, _X, _Y = (SAMPLE + np.uintp(k) for k in (1, 2, 3, 4))
 
 
 class Next(NamedTuple):
@@ -40,7 +39,7 @@ def _number(pool, lists, count, following, width, height, batch):
         path = row(lists, DONE, k)
         store_int(pool, at(path, _X), np.int32(batch.x + x))
         store_int(pool, at(path, _Y), np.int32(batch.y + y))
-        store_int(pool, at(path, _SAMPLE), np.int32(sample))
+        store_int(pool, at(path, _NUMBER), np.int32(sample))
         store_int(pool, at(path, _PLACE), np.int32(y * width + x))
         append(lists, ACTIVE, path)
         sample += 1
@@ -63,8 +62,8 @@ def begin(pool, lists, following, width, height, camera, options, batch):
     pad(lists, DONE)
     for k in range(0, count, 8):
         rows = eight(lists, DONE, k)
-        facts, frame = read(pool, rows, FACTS), read(pool, rows, FRAME)
-        x, y, sample = as_ints(frame[0]), as_ints(frame[1]), as_ints(facts[3])
+        told = read(pool, rows, SAMPLE)
+        sample, x, y = as_ints(told[1]), as_ints(told[3]), as_ints(told[4])
         key = pixel_key(x, y)
         u = draw4(Stream(options.sampler, options.seed, key, sample), _CAMERA_BLOCK)
         film_x = to_float(x) + _HALF + filter_offset(options.filter, u[0])
@@ -72,11 +71,14 @@ def begin(pool, lists, following, width, height, camera, options, batch):
         o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
         none = nil(film_x)
         one = none + _ONE
+        nothing = none, none, none, none, none, none, none, none
         write(pool, rows, RAY, (*o, *d, none, one))
         write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
-        write(pool, rows, LAST, (*o, none, none, none, none, none))
-        write(pool, rows, FACTS, (none, none, as_floats(key), facts[3], facts[4], none, none, none))
-        write(pool, rows, FRAME, (none, none, none, none, none, none, none, none))
-        write(pool, rows, FIRST, (none, none, none, none, none, none, none, none))
-        write(pool, rows, FIRST + np.uintp(8), (none, none, none, none, none, none, none, none))
+        write(pool, rows, HIT, nothing)
+        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], none, none, none))
+        write(pool, rows, PLACE, (*o, none, none, none, none, none))
+        write(pool, rows, FRAME, nothing)
+        write(pool, rows, FIRST, nothing)
+        write(pool, rows, FIRST + np.uintp(8), nothing)
+        write(pool, rows, MAPPED, nothing)
     return following

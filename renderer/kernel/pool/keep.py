@@ -23,7 +23,7 @@ from renderer.kernel import vec
 from renderer.kernel.fixed import add_fixed8, in_half
 from renderer.kernel.pool.lists import DONE, length, row
 from renderer.kernel.pool.meet import floats3
-from renderer.kernel.pool.rows import CARRIED, FACTS, FIRST, at
+from renderer.kernel.pool.rows import CARRIED, FIRST, SAMPLE, at
 
 __all__ = ["SUMS", "keep", "unfold"]
 
@@ -39,7 +39,7 @@ _COLUMN_OF = np.array([_COLUMNS[channel] for channel in range(CHANNELS)], np.int
 _HALF = CARRIED + np.uintp(4)
 _NORMAL, _PLACE = FIRST + np.uintp(4), FIRST + np.uintp(8)
 _OBJECT_OF, _MATERIAL_OF = FIRST + np.uintp(7), FIRST + np.uintp(11)
-_SAMPLE, _PIXEL = FACTS + np.uintp(3), FACTS + np.uintp(4)
+_SAMPLE, _PIXEL = SAMPLE + np.uintp(1), SAMPLE + np.uintp(2)
 
 
 @subroutine

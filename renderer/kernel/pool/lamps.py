@@ -7,10 +7,10 @@ import numpy as np
 from renderer.jit import out_of_line, subroutine
 from renderer.kernel.light.lights import sample_light
 from renderer.kernel.pool.lists import LIT, eight, pad
-from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAMP, MAPPED, PLACE, SHADOW, read, write
-from renderer.kernel.pool.scatter import side_of, stream_of
+from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, few, write
+from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.sampling.sampler import draw4
-from renderer.wide.values import as_ints, nil, to_int, where
+from renderer.wide.values import nil, to_int, where
 
 __all__ = ["choose_lamps"]
 
@@ -18,6 +18,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _LIGHT_BLOCK = np.uint32(1)
 _TWO = np.uint32(2)
+_NUMBER = CARRIED + np.uintp(7)
 
 
 @subroutine
@@ -26,15 +27,12 @@ def choose_lamps(scene, pool, lists, options):
     out_of_line()
     for k in range(0, pad(lists, LIT), 8):
         rows = eight(lists, LIT, k)
-        number = to_int(read(pool, rows, CARRIED)[7])
-        facts = read(pool, rows, FACTS)
-        u = draw4(stream_of(facts, options), number * _TWO + _LIGHT_BLOCK)
-        place, frame = read(pool, rows, PLACE), read(pool, rows, FRAME)
-        n = (frame[0], frame[1], frame[2])
+        number = to_int(few(pool, rows, _NUMBER, 1)[0])
+        u = draw4(stream_of(pool, rows, options), number * _TWO + _LIGHT_BLOCK)
+        point, n = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
         if scene.has.textures is not None:
-            mapped = read(pool, rows, MAPPED)
-            n = side_of(scene, as_ints(facts[5]), (mapped[0], mapped[1], mapped[2]))
-        light = sample_light(scene, (place[0], place[1], place[2]), n, u[2], (u[0], u[1]))
+            n = few(pool, rows, MAPPED + np.uintp(3), 3)
+        light = sample_light(scene, point, n, u[2], (u[0], u[1]))
         none = nil(u[0])
         alone = where(light.alone, nil(none) + _ONE, none)
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))

@@ -8,22 +8,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import BLINN_PHONG, LAYERED
 from renderer.jit import device
 from renderer.kernel.pool.rows import ROWS
 from renderer.wide.rows import load_ints
 
 __all__ = [
     "ACTIVE",
+    "CONDUCTOR",
+    "DIFFUSE",
     "DONE",
     "LISTS",
     "LIST_SIZE",
     "LIT",
+    "METALLIC_ROUGHNESS",
     "MISSED",
     "PASSED",
     "RARE",
     "RARE_SPECULAR",
-    "SMOOTH_CONDUCTOR",
+    "SCATTERING",
+    "SPECULAR",
     "SPHERES",
     "TRIANGLES",
     "append",
@@ -34,10 +37,10 @@ __all__ = [
     "row",
 ]
 
-# Vertices that are to scatter are on the list of their material's kind (renderer/arrays/rows.py), but for these: what has many
-# properties, whether light sampling serves it or not, and even metals, which are mirrors.
-RARE, RARE_SPECULAR, SMOOTH_CONDUCTOR = LAYERED, BLINN_PHONG, LAYERED + 1
-ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SMOOTH_CONDUCTOR + 1, SMOOTH_CONDUCTOR + 8)
+# Vertices that are to scatter are listed by how they do. What has many properties may be such that light sampling finds nothing.
+DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR = range(6)
+SCATTERING = 6
+ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SCATTERING, SCATTERING + 7)
 LISTS = DONE + 1
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)

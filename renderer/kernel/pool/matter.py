@@ -18,6 +18,7 @@ from renderer.arrays.rows import (
     NORMAL_MAPPED,
     ROUGHNESS,
     TEXTURED,
+    TRANSMITS,
     TRANSPARENT,
 )
 from renderer.bvh.traverse import Hit
@@ -27,7 +28,7 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.integrators.transport import COLOR_BLOCK, PASSING_BLOCK, absorbed
 from renderer.kernel.material.material import colored_index, opacity, texture_factors
 from renderer.kernel.material.normal_map import bent_frame
-from renderer.kernel.pool.rows import AXES, MAPPED, MATTER, write
+from renderer.kernel.pool.rows import AXES, MAPPED, MATTER, PLACE, few, write
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.surface.surface import Surface, triangle_at
 from renderer.wide.lanes import each_lane
@@ -39,7 +40,12 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
 _TEXTURED, _BENT = np.uint32(TEXTURED), np.uint32(NORMAL_MAPPED | NEEDS_TANGENT)
-_TRANSPARENT, _ABSORBING, _DISPERSIVE = np.uint32(TRANSPARENT), np.uint32(ABSORBING), np.uint32(DISPERSIVE)
+_TRANSMITS, _TRANSPARENT, _ABSORBING, _DISPERSIVE = (
+    np.uint32(TRANSMITS),
+    np.uint32(TRANSPARENT),
+    np.uint32(ABSORBING),
+    np.uint32(DISPERSIVE),
+)
 _PASSING_BLOCK, _COLOR_BLOCK = np.uint32(PASSING_BLOCK), np.uint32(COLOR_BLOCK)
 
 
@@ -82,12 +88,13 @@ def passes(scene, surface, stream, row, options):
 
 
 @device
-def attenuated(scene, surface, through, throughput, start):
-    """The throughput after the way from `start` to the surface, through the inside of what it is the surface of."""
+def attenuated(scene, surface, through, throughput, pool, rows):
+    """The throughput after the way from the last vertex to the surface, through the inside of what it is the surface of."""
     if scene.has.layers is not None:
         inside = not_(surface.front | through) & _flagged(scene, surface.material, _ABSORBING)
         if any_of(inside):
-            left = absorbed(throughput, columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3), start, surface.point)
+            taken = columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3)
+            left = absorbed(throughput, taken, few(pool, rows, PLACE, 3), surface.point)
             throughput = where3(inside, left, throughput)
     return throughput
 
@@ -124,5 +131,8 @@ def keep_matter(scene, pool, rows, surface, through, wo, stream, number, through
         none = nil(eta)
         write(pool, rows, MATTER, (*base, metallic, roughness, eta, *surface.uv))
         write(pool, rows, AXES, (*s, *t, *surface.uv1))
-        write(pool, rows, MAPPED, (*n, none, none, none, none, none))
+        side = where3(_flagged(scene, surface.material, _TRANSMITS), (none, none, none), n)
+        if any_of(through):
+            side = where3(through, few(pool, rows, MAPPED + np.uintp(3), 3), side)  # the last vertex's stays
+        write(pool, rows, MAPPED, (*n, *side, none, none))
     return base, roughness, n, throughput

@@ -15,7 +15,7 @@ from renderer.kernel.pool.lists import (
     DONE,
     MISSED,
     PASSED,
-    SMOOTH_CONDUCTOR,
+    SCATTERING,
     SPHERES,
     TRIANGLES,
     append,
@@ -23,17 +23,15 @@ from renderer.kernel.pool.lists import (
     length,
     row,
 )
-from renderer.kernel.pool.rows import CARRIED, FACTS, LAMP, LAST, RAY, SHADOW, at
+from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at
 
 __all__ = ["floats3", "meet", "see_lights"]
 
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _1, _2 = np.uintp(1), np.uintp(2)
-_U, _V = LAST + np.uintp(6), LAST + np.uintp(7)
-_T, _PRIMITIVE = FACTS, FACTS + np.uintp(1)
-_INSTANCE = FACTS + np.uintp(5)
 _D = RAY + np.uintp(3)
+_U, _V, _PRIMITIVE, _INSTANCE = (HIT + np.uintp(k) for k in (1, 2, 3, 4))
 _SEGMENTS = LAMP + np.uintp(3)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
 
@@ -59,7 +57,7 @@ def meet(scene, stack, pool, lists):
             continue
         pool[at(path, _U)] = hit.u
         pool[at(path, _V)] = hit.v
-        pool[at(path, _T)] = hit.t
+        pool[at(path, HIT)] = hit.t
         store_int(pool, at(path, _PRIMITIVE), hit.primitive)
         if scene.has.instances is not None:
             store_int(pool, at(path, _INSTANCE), hit.instance)
@@ -75,7 +73,7 @@ def see_lights(scene, stack, pool, lists, options):
     out_of_line()
     cast = 0
     clear(lists, ACTIVE)
-    for which in range(SMOOTH_CONDUCTOR + 1):
+    for which in range(SCATTERING):
         for k in range(length(lists, which)):
             path = row(lists, which, k)
             if pool[at(path, _WAITS)] != _ZERO:

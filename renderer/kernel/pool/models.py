@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import COLUMNS, LAYER_SLOTS
+from renderer.arrays.rows import COLUMNS, CONDUCTOR, GLASS, LAYER_SLOTS
 from renderer.jit import device, local_floats, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
@@ -24,20 +24,19 @@ from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import eval_rare, look_up_layers, sample_rare
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import nil, where
+from renderer.wide.values import any_of, lookup, nil, u32, where, where3
 
 __all__ = [
     "Matter",
     "answer_conductor",
     "answer_diffuse",
-    "answer_glass",
     "answer_metallic_roughness",
-    "answer_mirror",
     "answer_rare",
-    "answer_smooth_conductor",
+    "answer_specular",
 ]
 
 _ONE = np.float32(1.0)
+_CONDUCTOR, _GLASS = np.uint32(CONDUCTOR), np.uint32(GLASS)
 
 
 class Matter(NamedTuple):
@@ -74,13 +73,6 @@ def _metallic_roughness(scene, m):
 
 
 @device
-def _nothing(x):
-    """No light to answer to: (f, pdf)."""
-    none = nil(x)
-    return (none, none, none), none
-
-
-@device
 def answer_diffuse(scene, m, wo, wi, choose, u):
     """Lambert's."""
     base = _base(scene, m)
@@ -89,24 +81,41 @@ def answer_diffuse(scene, m, wo, wi, choose, u):
 
 
 @device
-def answer_mirror(scene, m, wo, wi, choose, u):
-    """A mirror's."""
-    on, weight = sample_mirror(_base(scene, m), wo)
-    f, pdf = _nothing(choose)
-    return f, pdf, on, weight, pdf, pdf + _ONE
-
-
-@device
-def answer_glass(scene, m, wo, wi, choose, u):
-    """Smooth glass's."""
+def _eta(scene, m):
+    """The index of refraction beyond the surface over that on the viewer's side."""
     if scene.has.layers is not None:
         eta = m.eta
     else:
         ior = columns(scene.material, m.material, COLUMNS, rows.IOR, 1)[0]
         eta = where(m.front, ior, _ONE / ior)
-    on, weight, transmitted = sample_glass(_base(scene, m), eta, wo, choose)
-    f, pdf = _nothing(choose)
-    return f, pdf, on, weight, pdf, where(transmitted, eta * eta, _ONE)
+    return eta
+
+
+@device
+def _indices(scene, m):
+    """A conductor's (eta, k)."""
+    table = scene.material
+    return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
+
+
+@device
+def answer_specular(scene, m, wo, wi, choose, u):
+    """That of mirrors, smooth glass, and even metals."""
+    kind = u32(lookup(scene.material_kind, m.material))
+    base, none = _base(scene, m), nil(choose)
+    on, weight = sample_mirror(base, wo)
+    eta2 = none + _ONE
+    glass = kind == _GLASS
+    if any_of(glass):
+        eta = _eta(scene, m)
+        through, passing, transmitted = sample_glass(base, eta, wo, choose)
+        on, weight = where3(glass, through, on), where3(glass, passing, weight)
+        eta2 = where(glass & transmitted, eta * eta, _ONE)
+    metal = kind == _CONDUCTOR
+    if any_of(metal):
+        eta, k = _indices(scene, m)
+        weight = where3(metal, sample_smooth_conductor(eta, k, wo)[1], weight)
+    return (none, none, none), none, on, weight, none, eta2
 
 
 @device
@@ -122,13 +131,6 @@ def answer_metallic_roughness(scene, m, wo, wi, choose, u):
 
 
 @device
-def _indices(scene, m):
-    """A conductor's (eta, k)."""
-    table = scene.material
-    return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
-
-
-@device
 def answer_conductor(scene, m, wo, wi, choose, u):
     """A rough metal's, unless it is brushed."""
     eta, k = _indices(scene, m)
@@ -138,15 +140,6 @@ def answer_conductor(scene, m, wo, wi, choose, u):
     f, light_pdf = eval_and_pdf_conductor(eta, k, mean, roughness, alpha, alpha, wo, wi)
     on, weight, pdf = sample_conductor(eta, k, mean, roughness, alpha, alpha, wo, choose, u)
     return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
-
-
-@device
-def answer_smooth_conductor(scene, m, wo, wi, choose, u):
-    """An even metal's."""
-    eta, k = _indices(scene, m)
-    on, weight = sample_smooth_conductor(eta, k, wo)
-    f, pdf = _nothing(choose)
-    return f, pdf, on, weight, pdf, pdf + _ONE
 
 
 @subroutine

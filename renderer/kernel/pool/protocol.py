@@ -10,8 +10,8 @@ from renderer.kernel.integrators.record import EMITTED, record_light, record_mis
 from renderer.kernel.integrators.state import Path
 from renderer.kernel.pool.lists import MISSED, length
 from renderer.kernel.pool.meet import floats3
-from renderer.kernel.pool.rows import CARRIED, FACTS, FRAME, LAST, PLACE, RAY
-from renderer.kernel.surface.surface import Surface
+from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, PLACE, RAY
+from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import u32
 
 __all__ = ["first_row", "record_arrival"]
@@ -22,13 +22,7 @@ _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
-
-
-@device
-def first_row(pool):
-    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed)."""
-    passed = pool[FRAME + np.uintp(7)]
-    return np.int64(pool[CARRIED + np.uintp(7)] + passed), passed
+_PASSED = HIT + np.uintp(5)
 
 
 @device
@@ -36,8 +30,8 @@ def _path(pool, radiance):
     return Path(
         floats3(pool, RAY),
         floats3(pool, RAY + np.uintp(3)),
-        floats3(pool, LAST),
-        floats3(pool, LAST + np.uintp(3)),
+        floats3(pool, PLACE),
+        floats3(pool, FRAME),
         pool[RAY + np.uintp(6)],
         floats3(pool, CARRIED + np.uintp(4)),
         radiance,
@@ -47,24 +41,30 @@ def _path(pool, radiance):
 
 
 @device
-def _surface(pool):
-    material, light = load_int(pool, FACTS + np.uintp(5)), load_int(pool, FACTS + np.uintp(6))
+def _surface(pool, point):
     return Surface(
-        floats3(pool, PLACE),
+        point,
         pool[PLACE + np.uintp(3)],
         floats3(pool, PLACE + np.uintp(4)),
         floats3(pool, FRAME),
         _NO_UV,
         True,
-        u32(material),
-        u32(light),
-        u32(load_int(pool, FACTS + np.uintp(7))),
+        u32(load_int(pool, FRAME + np.uintp(6))),
+        NO_LIGHT,
+        u32(load_int(pool, HIT + np.uintp(6))),
         _NO_UV,
         _WHITE,
         _NO_TANGENT,
         False,
         _NOWHERE,
     )
+
+
+@device
+def first_row(pool):
+    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed)."""
+    passed = pool[_PASSED]
+    return np.int64(pool[CARRIED + np.uintp(7)] + passed), passed
 
 
 @subroutine
@@ -77,5 +77,7 @@ def record_arrival(pool, lists, log, row, passed, before):
     if length(lists, MISSED) > 0:
         record_miss(log, row, path)
     else:
-        record_surface(log, row, _surface(pool), pool[FRAME + np.uintp(7)] != passed, pool[FACTS], path)
+        through = pool[_PASSED] != passed
+        point = floats3(pool, RAY) if through else floats3(pool, PLACE)  # where it goes on from: beside what it passed
+        record_surface(log, row, _surface(pool, point), through, pool[HIT], path)
     record_light(log, row, EMITTED, floats3(pool, CARRIED))

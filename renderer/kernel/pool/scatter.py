@@ -4,43 +4,50 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import CONDUCTOR, DIFFUSE, GLASS, METALLIC_ROUGHNESS, MIRROR, TRANSMITS
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
-from renderer.kernel.pool.lists import RARE, RARE_SPECULAR, SMOOTH_CONDUCTOR, eight, length, pad
+from renderer.kernel.pool.lists import (
+    CONDUCTOR,
+    DIFFUSE,
+    METALLIC_ROUGHNESS,
+    RARE,
+    RARE_SPECULAR,
+    SPECULAR,
+    eight,
+    length,
+    pad,
+)
 from renderer.kernel.pool.models import (
     Matter,
     answer_conductor,
     answer_diffuse,
-    answer_glass,
     answer_metallic_roughness,
-    answer_mirror,
     answer_rare,
-    answer_smooth_conductor,
+    answer_specular,
 )
 from renderer.kernel.pool.rows import (
     AXES,
     CARRIED,
-    FACTS,
     FRAME,
     LAMP,
-    LAST,
     MAPPED,
     MATTER,
     PLACE,
     RAY,
+    SAMPLE,
     SHADOW,
+    few,
     read,
     write,
 )
 from renderer.kernel.sampling.sampler import Stream, draw4
-from renderer.kernel.surface.surface import Surface, departure, leaves
+from renderer.kernel.surface.surface import NO_LIGHT, Surface, departure, leaves
 from renderer.settings import MAX_FLOOR
-from renderer.wide.values import as_ints, lookup, nil, to_int, u32, where, where3
+from renderer.wide.values import as_ints, nil, to_int, where
 
-__all__ = ["scatter", "side_of", "stream_of"]
+__all__ = ["scatter", "stream_of"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -49,20 +56,21 @@ _ROULETTE_FROM = np.float32(4.0)
 _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 _MOST_AGAIN = np.float32(MAX_AGAIN)
 _BLOCK = np.uint32(2)
-_TRANSMITS, _NONE = np.uint32(TRANSMITS), np.uint32(0)
+_END = SHADOW + np.uintp(3)
 _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 
 
 @device
-def stream_of(facts, options):
-    """The numbers of eight samples, from the group FACTS of their rows."""
-    return Stream(options.sampler, options.seed, as_ints(facts[2]), as_ints(facts[3]))
+def stream_of(pool, rows, options):
+    """The numbers of eight rows' samples."""
+    key, sample = few(pool, rows, SAMPLE, 2)
+    return Stream(options.sampler, options.seed, as_ints(key), as_ints(sample))
 
 
 @device
-def _surface(facts, place, frame):
+def _surface(place, frame):
     """The surface, as far as scattering asks for it, from the groups of its rows."""
     front = (place[7] == _ONE) | (place[7] == _ONE + _TWO)
     return Surface(
@@ -72,9 +80,9 @@ def _surface(facts, place, frame):
         (frame[0], frame[1], frame[2]),
         _NO_UV,
         front,
-        as_ints(facts[5]),
-        as_ints(facts[6]),
-        as_ints(facts[7]),
+        as_ints(frame[6]),
+        NO_LIGHT,
+        NO_LIGHT,
         _NO_UV,
         _WHITE,
         _NO_TANGENT,
@@ -105,41 +113,28 @@ def _matter(scene, pool, rows, surface):
     return Matter(surface.material, surface.front, base, metallic, roughness, eta, uv, uv1, surface.shading, (s, t, n))
 
 
-@device
-def side_of(scene, material, n):
-    """The normal that a vertex is lit from the side of; zero where light from behind it counts as well."""
-    if scene.has.layers is not None:
-        both = (u32(lookup(scene.material_flags, material)) & _TRANSMITS) != _NONE
-        none = nil(n[0])
-        n = where3(both, (none, none, none), n)
-    return n
-
-
 @template
-def _scatter(scene, pool, lists, which, answer, is_lit, both_sides, options, lit):
-    """answer: of models.py; is_lit: None where light sampling finds nothing; both_sides: True where vertices are lit from both,
-    else None; lit: whether there is anything that light sampling would find in the scene.
-    """
+def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
+    """answer: of models.py; is_lit: None where light sampling finds nothing; lit: as in `scatter`."""
     for k in range(0, pad(lists, which), 8):
         rows = eight(lists, which, k)
-        ray, facts, lamp = read(pool, rows, RAY), read(pool, rows, FACTS), read(pool, rows, LAMP)
+        ray, lamp = read(pool, rows, RAY), read(pool, rows, LAMP)
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
-        surface = _surface(facts, read(pool, rows, PLACE), read(pool, rows, FRAME))
+        surface = _surface(read(pool, rows, PLACE), read(pool, rows, FRAME))
         m = _matter(scene, pool, rows, surface)
         s, t, n = m.frame
         throughput, none = (tx, ty, tz), nil(depth)
         wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
         towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
         wi = vec.to_local(s, t, n, towards)
-        u = draw4(stream_of(facts, options), to_int(number) * _BLOCK + _BLOCK)
+        u = draw4(stream_of(pool, rows, options), to_int(number) * _BLOCK + _BLOCK)
         f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
 
         start, end, waits = (none, none, none), (none, none, none), none
         if is_lit is not None and lit:
             share = where(lamp[7] != _ZERO, _ONE, power_heuristic(light_pdf, scatter_pdf)) / light_pdf
             brought = vec.mul(throughput, vec.scale(vec.mul(f, light), share))
-            shadow = read(pool, rows, SHADOW)
-            start, end = departure(surface, wi[2] > _ZERO, towards), (shadow[3], shadow[4], shadow[5])
+            start, end = departure(surface, wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
             seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
             waits = where(seen, _ONE, none)
             write(pool, rows, LAMP, (*brought, depth + _TWO, none, none, none, none))
@@ -154,59 +149,45 @@ def _scatter(scene, pool, lists, which, answer, is_lit, both_sides, options, lit
         # A throughput that is no number lives on, so that the film is told of it.
         over = (vec.maximum(throughput) <= _ZERO) | (u[3] >= survival) | (number + _ONE - depth > _MOST_AGAIN)
         throughput = vec.scale(throughput, _ONE / survival)
-        n = (none, none, none) if both_sides is not None else side_of(scene, surface.material, n)
         write(pool, rows, RAY, (*o, *d, pdf, eta_scale))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
-        write(pool, rows, LAST, (*surface.point, *n, none, none))
         write(pool, rows, SHADOW, (*start, *end, waits, where(over, none, _ONE)))
 
 
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, DIFFUSE, answer_diffuse, True, None, options, lit)
+    _scatter(scene, pool, lists, DIFFUSE, answer_diffuse, True, options, lit)
 
 
 @subroutine
-def _scatter_mirror(scene, pool, lists, options, lit):
+def _scatter_specular(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, MIRROR, answer_mirror, None, None, options, lit)
-
-
-@subroutine
-def _scatter_glass(scene, pool, lists, options, lit):
-    out_of_line()
-    _scatter(scene, pool, lists, GLASS, answer_glass, None, True, options, lit)
+    _scatter(scene, pool, lists, SPECULAR, answer_specular, None, options, lit)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, METALLIC_ROUGHNESS, answer_metallic_roughness, True, None, options, lit)
+    _scatter(scene, pool, lists, METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit)
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, CONDUCTOR, answer_conductor, True, None, options, lit)
-
-
-@subroutine
-def _scatter_smooth_conductor(scene, pool, lists, options, lit):
-    out_of_line()
-    _scatter(scene, pool, lists, SMOOTH_CONDUCTOR, answer_smooth_conductor, None, None, options, lit)
+    _scatter(scene, pool, lists, CONDUCTOR, answer_conductor, True, options, lit)
 
 
 @subroutine
 def _scatter_rare(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, RARE, answer_rare, True, None, options, lit)
+    _scatter(scene, pool, lists, RARE, answer_rare, True, options, lit)
 
 
 @subroutine
 def _scatter_rare_specular(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, RARE_SPECULAR, answer_rare, None, None, options, lit)
+    _scatter(scene, pool, lists, RARE_SPECULAR, answer_rare, None, options, lit)
 
 
 @subroutine
@@ -218,16 +199,12 @@ def scatter(scene, pool, lists, options, lit):
     out_of_line()
     if length(lists, DIFFUSE) > 0:
         _scatter_diffuse(scene, pool, lists, options, lit)
-    if length(lists, MIRROR) > 0:
-        _scatter_mirror(scene, pool, lists, options, lit)
-    if length(lists, GLASS) > 0:
-        _scatter_glass(scene, pool, lists, options, lit)
+    if length(lists, SPECULAR) > 0:
+        _scatter_specular(scene, pool, lists, options, lit)
     if length(lists, METALLIC_ROUGHNESS) > 0:
         _scatter_metallic_roughness(scene, pool, lists, options, lit)
     if length(lists, CONDUCTOR) > 0:
         _scatter_conductor(scene, pool, lists, options, lit)
-    if length(lists, SMOOTH_CONDUCTOR) > 0:
-        _scatter_smooth_conductor(scene, pool, lists, options, lit)
     if scene.has.layers is not None:
         if length(lists, RARE) > 0:
             _scatter_rare(scene, pool, lists, options, lit)

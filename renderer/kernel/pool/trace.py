@@ -62,7 +62,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         rays += length(lists, ACTIVE)
         meet(scene, pool.stack, paths, lists)
         miss(scene, paths, lists, options)
-        arrive(scene, paths, lists, options)
+        arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before)
         if lit:
