@@ -12,7 +12,7 @@ from renderer.jit import entry
 from renderer.kernel.accumulate import MAX_BAD, Batch
 from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lists import DONE, LIST_SIZE, LISTS, append
-from renderer.kernel.pool.rows import CARRIED, FACTS, FIRST, ROW, ROWS
+from renderer.kernel.pool.rows import CARRIED, FIRST, ROW, ROWS, SAMPLE
 
 WIDTH, HEIGHT = 3, 2
 SCALE = np.float32(2.0**24)
@@ -44,8 +44,8 @@ def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]
     random = np.random.default_rng(5)
     rows = random.normal(0, 10, (count, int(ROW))).astype(np.float32)
     facts = rows.view(np.int32)
-    facts[:, int(FACTS) + 3] = samples
-    facts[:, int(FACTS) + 4] = random.integers(0, WIDTH * HEIGHT, count)
+    facts[:, int(SAMPLE) + 1] = samples
+    facts[:, int(SAMPLE) + 2] = random.integers(0, WIDTH * HEIGHT, count)
     facts[:, int(FIRST) + 7] = random.integers(0, 1 << 22, count)
     facts[:, int(FIRST) + 11] = random.integers(0, 1 << 22, count)
     rows[:, int(FIRST) + 12 : int(FIRST) + 16] = 0
@@ -58,7 +58,7 @@ def test_every_sample_is_in_its_pixels_sums() -> None:
     expected = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
     facts = rows.view(np.int32)
     for row, ids, sample in zip(rows, facts, samples, strict=True):
-        y, x = divmod(int(ids[int(FACTS) + 4]), WIDTH)
+        y, x = divmod(int(ids[int(SAMPLE) + 2]), WIDTH)
         color, first = row[int(CARRIED) : int(CARRIED) + 3], int(FIRST)
         planes = [(COLOR, color), (ALBEDO, row[first : first + 3]), (NORMAL, row[first + 4 : first + 7])]
         planes += [(POSITION, row[first + 8 : first + 11]), (slice(DEPTH, DEPTH + 1), row[first + 3 : first + 4])]
@@ -75,7 +75,7 @@ def test_every_sample_is_in_its_pixels_sums() -> None:
     assert (bad, bad_count) == ([], 0)
 
 
-@pytest.mark.parametrize("column", [*range(8, 11), *range(64, 67), *range(68, 71), *range(72, 75)])
+@pytest.mark.parametrize("column", [int(group) + k for group in (CARRIED, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> None:
     rows = paths(20, np.arange(20))
@@ -83,7 +83,7 @@ def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> N
     spoilt[7, column] = value
     sums, bad, bad_count = kept(spoilt)
     np.testing.assert_array_equal(sums, kept(np.delete(rows, 7, axis=0))[0])
-    y, x = divmod(int(rows.view(np.int32)[7, int(FACTS) + 4]), WIDTH)
+    y, x = divmod(int(rows.view(np.int32)[7, int(SAMPLE) + 2]), WIDTH)
     assert (bad, bad_count) == ([(100 + x, 200 + y, 7)], 1)
 
 
