@@ -65,7 +65,7 @@ def _render(
     """A batch and its number of rays; the scene is `_prepared`. log: rows for the last sample's protocol."""
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
-    kernel = renderer_of(settings, scene.has)
+    kernel = renderer_of(settings)
     bad_count, rays = kernel(
         scene,
         new_scratch(kernel, tile.w, tile.h),
@@ -167,7 +167,7 @@ def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:
     """Of the kernel that `warm_up` gets ready."""
-    return f"{renderer_of(settings or _PICTURE, EDITIONS[edition]).__name__.strip('_')}-{edition}"
+    return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{edition}"
 
 
 def is_warm(settings: RenderSettings, edition: str) -> bool:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.arrays.has import EDITIONS, EVERYTHING, Has
 from renderer.bvh.traverse import new_stack
 from renderer.film import (
     ALBEDO,
@@ -40,7 +39,6 @@ __all__ = ["MAX_BAD", "Batch", "Output", "half_of", "has_editions", "new_scratch
 
 Renderer = Callable[..., tuple[int, int]]
 
-PLAIN = EDITIONS["plain"]
 MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
 _COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
@@ -85,11 +83,11 @@ class Output(NamedTuple):
 
 
 @template
-def _render_tile(trace, special, scene, stack, camera, options, batch, output):
-    """Renders a batch: (number of bad samples, number of rays).
+def _render_tile(trace, scene, stack, camera, options, batch, output):
+    """Renders a batch, a path at a time: (number of bad samples, number of rays).
 
-    trace: the integrator, known when this is compiled, as is whether `special` is None; stack: from new_stack; camera: from
-    camera_frame; options: from kernel_options.
+    trace: the integrator, known when this is compiled; stack: from new_stack; camera: from camera_frame; options: from
+    kernel_options.
     """
     sums, bad, log = output.sums, output.bad, output.log
     x0, y0, first, count = batch.x, batch.y, batch.first, batch.count
@@ -111,7 +109,7 @@ def _render_tile(trace, special, scene, stack, camera, options, batch, output):
                     Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)), _FIRST
                 )  # as in path.py: in good time
                 stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
-                radiance, met = trace(scene, stack, o, d, options, stream, log, hit, special)
+                radiance, met = trace(scene, stack, o, d, options, stream, log, hit)
                 rays += met
                 base, upright, place, distance, object_number, material_number = first_hit(hit)
                 finite = vec.is_finite(radiance) and vec.is_finite(upright) and vec.is_finite(base)
@@ -149,13 +147,8 @@ def _render_tile(trace, special, scene, stack, camera, options, batch, output):
     return bad_count, rays
 
 
-# Each is compiled when it is first called. For pictures there is a path tracer with nothing else in it, which takes less
-# time to compile and to run; plain scenes have one that follows many paths at once.
-
-
-@entry
-def _render_path(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_path, None, scene, stack, camera, options, batch, output)
+# Each is compiled when it is first called. For pictures there is a path tracer with nothing else in it, which follows many
+# paths at once.
 
 
 @entry
@@ -171,17 +164,17 @@ def _half_of_render_pool(scene, pool, camera, options, batch, output):
 
 @entry
 def _render_special_path(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_path, True, scene, stack, camera, options, batch, output)
+    return _render_tile(trace_path, scene, stack, camera, options, batch, output)
 
 
 @entry
 def _render_whitted(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_whitted, None, scene, stack, camera, options, batch, output)
+    return _render_tile(trace_whitted, scene, stack, camera, options, batch, output)
 
 
 @entry
 def _render_ao(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_ao, None, scene, stack, camera, options, batch, output)
+    return _render_tile(trace_ao, scene, stack, camera, options, batch, output)
 
 
 def has_editions(settings: RenderSettings) -> bool:
@@ -191,8 +184,8 @@ def has_editions(settings: RenderSettings) -> bool:
     return renderer_of(settings) is _render_pool
 
 
-def renderer_of(settings: RenderSettings, has: Has = EVERYTHING) -> Renderer:
-    """The kernel for these settings, and for scenes that have these parts. Direct light is paths of two segments."""
+def renderer_of(settings: RenderSettings) -> Renderer:
+    """The kernel for these settings. Direct light is paths of two segments."""
     if settings.integrator == "whitted":
         return _render_whitted
     if settings.integrator == "ao":

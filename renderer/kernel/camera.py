@@ -13,14 +13,13 @@ from renderer.kernel import vec
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings
-from renderer.wide.values import spread3
+from renderer.wide.values import as_wide3
 
 __all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "camera_frame", "camera_ray"]
 
 PERSPECTIVE, ORTHOGRAPHIC, PANORAMA = (np.int32(PROJECTIONS.index(n)) for n in ("perspective", "orthographic", "panorama"))
 
 _ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
 Vector = tuple[np.float32, np.float32, np.float32]
 
 
@@ -87,7 +86,7 @@ def _panorama_ray(camera, x, y):
     sine, cosine = sincos_turns((x - camera.middle[0]) * camera.turns[0])
     rise, level = sincos_turns((camera.middle[1] - y) * camera.turns[1])
     d = vec.to_world(camera.right, camera.up, camera.forward, (level * sine, rise, level * cosine))
-    return spread3(camera.eye, x), vec.normalize(d)
+    return as_wide3(camera.eye, x), vec.normalize(d)
 
 
 @device
@@ -108,11 +107,11 @@ def camera_ray(camera, x, y, u):
         return _panorama_ray(camera, x, y)
     towards = vec.add(camera.corner, vec.add(vec.scale(camera.across, x), vec.scale(camera.down, y)))
     if camera.kind == ORTHOGRAPHIC:
-        o, d = vec.add(camera.eye, towards), spread3(camera.forward, x)
+        o, d = vec.add(camera.eye, towards), as_wide3(camera.forward, x)
     elif camera.aperture > _ZERO:
         o, d = _lens_ray(camera, towards, u)
     else:
-        o, d = spread3(camera.eye, x), vec.normalize(towards)
+        o, d = as_wide3(camera.eye, x), vec.normalize(towards)
     if camera.near > _ZERO:
         o = vec.add(o, vec.scale(d, camera.near / vec.dot(d, camera.forward)))
     return o, d

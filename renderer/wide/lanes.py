@@ -1,4 +1,4 @@
-"""What is not worth eight lanes: scalar functions called lane by lane, and plain numbers put where eight are expected."""
+"""What is not worth eight lanes: scalar functions called lane by lane."""
 
 from __future__ import annotations
 
@@ -10,23 +10,12 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from renderer.bvh.simd import LANES, f32x8, mask8
-from renderer.wide.operators import is_wide, lifted, u32x8
+from renderer.wide.operators import is_wide, u32x8
 
-__all__ = ["as_wide", "each_lane"]
+__all__ = ["each_lane"]
 
 _I1, _I8, _I32 = ir.IntType(1), ir.IntType(8), ir.IntType(32)
 _NUMBERS: dict[types.Type, types.Type] = {f32x8: types.float32, u32x8: types.uint32, mask8: types.boolean}
-
-
-@intrinsic
-def as_wide(typingctx, number, like):
-    """The float32, uint32 or bool, in all lanes where `like` is of eight; else as it is."""
-    wide = next(lanes for lanes, plain in _NUMBERS.items() if plain == number) if is_wide(like) else number
-
-    def codegen(context, builder, sig, args):
-        return lifted(builder, sig.args[0], args[0]) if is_wide(like) else args[0]
-
-    return wide(number, like), codegen
 
 
 @intrinsic

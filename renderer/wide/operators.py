@@ -107,7 +107,6 @@ _unary(math.sqrt, lambda builder, a: called(builder, "sqrt", a), f64x8)
 
 _binary(operator.and_, lambda builder, a, b: builder.and_(a, b), mask8, mask8, types.boolean, known=True)
 _binary(operator.or_, lambda builder, a, b: builder.or_(a, b), mask8, mask8, types.boolean, known=True)
-_unary(operator.invert, lambda builder, a: builder.not_(a), mask8)
 
 _binary(operator.add, lambda builder, a, b: builder.add(a, b), u32x8, u32x8, types.uint32)
 _binary(operator.sub, lambda builder, a, b: builder.sub(a, b), u32x8, u32x8, types.uint32)

@@ -17,14 +17,14 @@ __all__ = [
     "any_of",
     "as_floats",
     "as_ints",
+    "as_wide",
+    "as_wide3",
     "double",
     "lookup",
     "nil",
     "not_",
     "rint",
     "single",
-    "spread",
-    "spread3",
     "to_float",
     "to_int",
     "u32",
@@ -125,21 +125,21 @@ def nil(typingctx, a):
 
 
 @intrinsic
-def spread(typingctx, value, like):
-    """A plain number, in all lanes where `like` has lanes."""
+def as_wide(typingctx, number, like):
+    """The float32, uint32 or bool, in all lanes where `like` is of eight; else as it is."""
     wide = is_wide(like)
-    result = ({types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[value]) if wide else value
+    result = {types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[number] if wide else number
 
     def codegen(context, builder, sig, args):
         return lifted(builder, sig.args[0], args[0]) if wide else args[0]
 
-    return result(value, like), codegen
+    return result(number, like), codegen
 
 
 @device
-def spread3(vector, like):
-    """`spread` of a vector."""
-    return spread(vector[0], like), spread(vector[1], like), spread(vector[2], like)
+def as_wide3(vector, like):
+    """`as_wide` of a vector."""
+    return as_wide(vector[0], like), as_wide(vector[1], like), as_wide(vector[2], like)
 
 
 @intrinsic

@@ -13,7 +13,7 @@ from rayfarm.client import Client
 from tests.helpers import ROOT, Farm, wait_until
 from worker.process import spawn_guard
 
-PLAIN = "render_path-plain"
+PLAIN = "render_pool-plain"
 
 pytestmark = pytest.mark.farm
 

@@ -10,10 +10,10 @@ import pytest
 
 from renderer.artefact import ArtefactError, is_name, is_signed, name_of, pack, unpack
 
-KERNEL = "render_path-plain"
+KERNEL = "render_pool-plain"
 FILES = {
     "kernel.path/path._render-1.py311.0123456789abcdef.code": b"code" * 999,
-    "render_path-plain.done": b"kernel.path/path._render-1.py311.0123456789abcdef.code\n",
+    "render_pool-plain.done": b"kernel.path/path._render-1.py311.0123456789abcdef.code\n",
 }
 
 
@@ -24,10 +24,10 @@ def folder(tmp_path: Path) -> Path:
         path = made / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    (made / "render_path-plain.lock").touch()
+    (made / "render_pool-plain.lock").touch()
     (made / "kernel.path" / ".part-x").touch()
     (made / "kernel.path" / "path._render-1.py311.00000000000000ff.code").write_bytes(b"of another kernel")
-    (made / "render_path-full.done").touch()
+    (made / "render_pool-full.done").touch()
     return made
 
 

@@ -18,7 +18,6 @@ from renderer.kernel.polynomial import exp, sincos_turns
 __all__ = ["film_reflectance"]
 
 _ZERO = np.float32(0.0)
-_QUARTER = np.float32(0.25)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)

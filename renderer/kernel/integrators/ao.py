@@ -15,7 +15,8 @@ from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.surface import departure, surface_at
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["trace_ao"]
 
@@ -27,7 +28,7 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 
 @template
-def trace_ao(scene, stack, o, d, options, stream, log, first, special):
+def trace_ao(scene, stack, o, d, options, stream, log, first):
     """As `trace_path` of path.py: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 
     What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit

@@ -23,7 +23,6 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INV_4PI = np.float32(0.25 / math.pi)
-_BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 
 

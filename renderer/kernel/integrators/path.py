@@ -1,6 +1,8 @@
-"""The path tracer: unidirectional paths with next-event estimation, multiple importance sampling, and Russian roulette.
+"""The path tracer that comparisons ask for: it finds light by any strategy, and can make mistakes on purpose.
 
-After Veach, "Robust Monte Carlo Methods for Light Transport Simulation" (1997); pbrt 4ed, 13.4 has the same steps.
+Unidirectional paths with next-event estimation, multiple importance sampling, and Russian roulette, after Veach, "Robust Monte
+Carlo Methods for Light Transport Simulation" (1997); pbrt 4ed, 13.4 has the same steps. They are followed one at a time, so
+that the steps are told here in their order; pictures come from renderer/kernel/pool/, which makes the same samples.
 """
 
 from __future__ import annotations
@@ -22,14 +24,15 @@ from renderer.kernel.integrators.state import (
     with_radiance,
     with_throughput,
 )
-from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, power_heuristic, share_of_light, special_bounce
+from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
-from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
+from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.surface import departure, shines, surface_at
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import shines, surface_at
 from renderer.settings import MAX_FLOOR
 
 __all__ = ["trace_path"]
@@ -42,19 +45,18 @@ _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
 @template
-def trace_path(scene, stack, o, d, options, stream, log, first, special):
+def trace_path(scene, stack, o, d, options, stream, log, first):
     """The path of one sample of one pixel, from the ray o + t d on, d unit: (radiance, number of rays).
 
     first: (FIRST_HIT_SLOTS,), filled with what `first_hit` of transport.py reads.
-    options: renderer.kernel.options.Options; log: rows for record.py, none in pictures. special: None compiles
-    the path tracer for pictures, which leaves out what `is_special` settings ask for; else all is in.
+    options: renderer.kernel.options.Options; log: rows for record.py, none in pictures.
     """
     forget_first_hit(first)
     path = camera_path(o, d)
     rays = 0
     number = 0  # of the vertex that the ray is on its way to
     passed = 0  # surfaces without effect, by their alpha
-    lit = _has_lights(scene, options, special)
+    lit = _has_lights(scene, options)
     layers = local_floats(LAYER_SLOTS)
     while True:
         # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
@@ -66,7 +68,7 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_miss(log, row, path)
-            path = _add_environment(scene, path, options, special)
+            path = _add_environment(scene, path, options)
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
             break
@@ -83,7 +85,7 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        path = _add_emission(scene, surface, path, number, options, special)
+        path = _add_emission(scene, surface, path, number, options)
         vertex, path = vertex_at(scene, surface, path, stream, number, layers)
         if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
@@ -96,12 +98,12 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
             break
 
         if lit and not is_specular(vertex.material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, special)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
 
-        path = _bounce(scene, vertex, path, options, for_bounce, special)
+        path = _bounce(scene, vertex, path, options, for_bounce)
         if vec.maximum(path.throughput) <= _ZERO:
             break
         survival = _survival(path, options)
@@ -115,10 +117,10 @@ def trace_path(scene, stack, o, d, options, stream, log, first, special):
 
 
 @template
-def _has_lights(scene, options, special):
+def _has_lights(scene, options):
     """Whether there is anything that next-event estimation would find."""
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
-    if special is not None and options.sampling != MIS and options.sampling != LIGHT:
+    if options.sampling != MIS and options.sampling != LIGHT:
         lit = len(scene.punctual_kind) > 0
     return lit
 
@@ -131,29 +133,19 @@ def _add(path, light, segments, options):
 
 
 @template
-def _mis_weight(pdf, other_pdf, options, special):
-    """Of light that one strategy found with the density `pdf`, above 0, and the other would find with `other_pdf`."""
-    if special is None:
-        weight = power_heuristic(pdf, other_pdf)
-    else:
-        weight = heuristic_weight(options.heuristic, pdf, other_pdf)
-    return weight
-
-
-@template
-def _add_environment(scene, path, options, special):
+def _add_environment(scene, path, options):
     """The environment's light that the ray meets, weighed against what next-event estimation finds of it."""
     if path.pdf >= _ZERO:
         emitted, light_pdf = environment_seen(scene, path.d, path.pdf > _ZERO)
         weight = _ONE
         if path.pdf > _ZERO:
-            weight = _mis_weight(path.pdf, light_pdf, options, special)
+            weight = heuristic_weight(options.heuristic, path.pdf, light_pdf)
         path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 
 
 @template
-def _add_emission(scene, surface, path, number, options, special):
+def _add_emission(scene, surface, path, number, options):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
     if shines(surface) and path.pdf >= _ZERO:
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
@@ -161,24 +153,22 @@ def _add_emission(scene, surface, path, number, options, special):
         if path.pdf > _ZERO:
             cosine = vec.dot(surface.geometric, vec.neg(path.d))
             light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine, True)
-            weight = _mis_weight(path.pdf, light_pdf, options, special)
-        if special is not None and options.mistake != NO_MISTAKE and number > 0:
+            weight = heuristic_weight(options.heuristic, path.pdf, light_pdf)
+        if options.mistake != NO_MISTAKE and number > 0:
             weight *= mistaken(options.mistake, path.vertex, surface.point)
         path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 
 
 @template
-def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, special):
+def _add_direct(scene, stack, vertex, path, number, options, stream, numbers):
     """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
     surface, material = vertex.surface, vertex.material
     s, t, n = vertex.frame
     rays = 0
-    count = 1
-    if special is not None and number == 0:
-        count = options.light_samples
+    count = options.light_samples if number == 0 else 1
     for k in range(count):
-        if special is not None and count > 1:
+        if count > 1:
             numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
         light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]))
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
@@ -189,24 +179,19 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, sp
                 rays += 1
                 weight = transmittance(scene, stack, start, light.end, options.transparent) / light.pdf
                 if weight > _ZERO:
-                    if special is None:
-                        weight *= _ONE if light.alone else power_heuristic(light.pdf, scatter_pdf)
-                    else:
-                        weight *= share_of_light(options, light.pdf, scatter_pdf, light.alone) / np.float32(count)
-                        if options.mistake != NO_MISTAKE:
-                            weight *= mistaken(options.mistake, surface.point, light.end)
+                    weight *= share_of_light(options, light.pdf, scatter_pdf, light.alone) / np.float32(count)
+                    if options.mistake != NO_MISTAKE:
+                        weight *= mistaken(options.mistake, surface.point, light.end)
                     path = _add(path, vec.scale(vec.mul(f, light.radiance), weight), 2, options)
     return path, rays
 
 
 @template
-def _bounce(scene, vertex, path, options, numbers, special):
+def _bounce(scene, vertex, path, options, numbers):
     """The path after its vertex has scattered it, in a direction by its BSDF or by the strategy asked for."""
     material, wo = vertex.material, vertex.wo
     u = (numbers[0], numbers[1])
-    if special is None:
-        wi, weight, pdf, eta2 = sample_material(material, wo, numbers[2], u)
-    elif options.sampling == MIXTURE and not is_specular(material):
+    if options.sampling == MIXTURE and not is_specular(material):
         wi, weight, pdf, eta2 = mixture_bounce(scene, vertex.surface.point, vertex.frame, material, wo, numbers[2], u)
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)

@@ -11,7 +11,8 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
 from renderer.kernel.material.normal_map import shading_frame
-from renderer.kernel.surface.surface import Surface, departure, leaves
+from renderer.kernel.surface.departure import departure, leaves
+from renderer.kernel.surface.surface import Surface
 
 __all__ = [
     "MAX_AGAIN",

@@ -29,7 +29,6 @@ __all__ = [
 ]
 
 _ZERO = np.float32(0.0)
-_ONE = np.float32(1.0)
 _INDIRECT = np.float32(3)  # segments from which on light counts as indirect
 PASSING_BLOCK = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below,
 COLOR_BLOCK = 1 << 17  # and from here on those that spread colours

@@ -10,7 +10,8 @@ from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
-from renderer.kernel.surface.surface import departure, surface_at
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["MAX_PASSED", "transmittance"]
 

@@ -33,7 +33,8 @@ from renderer.kernel.light.lights import LightSample, choose_light, sample_light
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.surface import departure, shines, surface_at
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_whitted"]
 
@@ -115,7 +116,7 @@ def _add(path, light):
 
 
 @template
-def trace_whitted(scene, stack, o, d, options, stream, log, first, special):
+def trace_whitted(scene, stack, o, d, options, stream, log, first):
     """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface."""
     forget_first_hit(first)
     path = camera_path(o, d)

@@ -18,8 +18,8 @@ from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2, floor, sincos_turns
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf
-from renderer.wide.lanes import as_wide, each_lane
-from renderer.wide.values import any_of, lookup, nil, not_, to_float, to_int, u32, where, where3
+from renderer.wide.lanes import each_lane
+from renderer.wide.values import any_of, as_wide, lookup, nil, not_, to_float, to_int, u32, where, where3
 
 __all__ = ["choose", "choose_from", "environment_light", "environment_radiance", "sample_environment"]
 

@@ -21,9 +21,10 @@ from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.punctual import sample_punctual
 from renderer.kernel.material.material import emission, opacity
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
-from renderer.kernel.surface.surface import leave, sphere_uv, triangle_point, triangle_uv
-from renderer.wide.lanes import as_wide, each_lane
-from renderer.wide.values import any_of, lookup, nil, not_, u32, where, where3
+from renderer.kernel.surface.departure import leave
+from renderer.kernel.surface.surface import sphere_uv, triangle_point, triangle_uv
+from renderer.wide.lanes import each_lane
+from renderer.wide.values import any_of, as_wide, lookup, nil, not_, u32, where, where3
 
 __all__ = [
     "LightSample",

@@ -42,8 +42,8 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.material.layers import Textures, resolve
 from renderer.kernel.material.normal_map import coat_normal
 from renderer.kernel.material.texture import sample_texture
-from renderer.wide.lanes import as_wide, each_lane
-from renderer.wide.values import any_of, lookup, u32, where, where3
+from renderer.wide.lanes import each_lane
+from renderer.wide.values import any_of, as_wide, lookup, u32, where, where3
 
 __all__ = [
     "LAYER_SLOTS",
@@ -67,7 +67,6 @@ __all__ = [
 ]
 
 _ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _NONE = np.uint32(0)

@@ -18,8 +18,6 @@ REPEAT, MIRROR, CLAMP = 0, 1, 2
 _CODES = np.arange(256) / 255.0
 _LINEAR = _CODES.astype(np.float32)  # decoded value of each code
 _SRGB = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055) ** 2.4).astype(np.float32)  # IEC 61966-2-1
-_ZERO = np.float32(0.0)
-_ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 _LARGE = np.float32(1e6)
 

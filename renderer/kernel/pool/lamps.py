@@ -14,7 +14,6 @@ from renderer.wide.values import nil, to_int, where
 
 __all__ = ["choose_lamps"]
 
-_ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _LIGHT_BLOCK = np.uint32(1)
 _TWO = np.uint32(2)

@@ -43,7 +43,8 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.sampling.sampler import Stream, draw4
-from renderer.kernel.surface.surface import NO_LIGHT, Surface, departure, leaves
+from renderer.kernel.surface.departure import departure, leaves
+from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.settings import MAX_FLOOR
 from renderer.wide.values import as_ints, nil, to_int, where
 

@@ -38,7 +38,8 @@ from renderer.kernel.pool.lists import (
 from renderer.kernel.pool.matter import attenuated, keep_matter, passes, surfaces_at
 from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PLACE, RAY, at, few, read, write
 from renderer.kernel.pool.scatter import stream_of
-from renderer.kernel.surface.surface import departure, shines, sphere_at
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import shines, sphere_at
 from renderer.wide.values import any_of, as_floats, as_ints, lookup, not_, u32, where, where3
 
 __all__ = ["arrive", "miss"]

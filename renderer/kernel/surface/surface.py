@@ -21,9 +21,6 @@ from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32,
 __all__ = [
     "NO_LIGHT",
     "Surface",
-    "departure",
-    "leave",
-    "leaves",
     "shines",
     "sphere_at",
     "sphere_uv",
@@ -37,7 +34,6 @@ _THIRD = np.float32(1.0 / 3.0)
 _QUARTER = np.float32(0.25)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
-_TWO = np.float32(2.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
 NO_LIGHT = np.uint32(0xFFFFFFFF)
@@ -45,7 +41,6 @@ _NOTHING = np.uint32(0)
 _DIFFUSE = np.uint32(DIFFUSE)
 _TEXTURED = np.uint32(TEXTURED)
 _UNIT = np.float32(1e-6)
-_LEAST_BEND2 = np.float32(1e-12)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
 _ERROR = np.float32(20 * 2.0**-24)
@@ -339,39 +334,3 @@ def surface_at(scene, o, d, hit):
 def shines(surface):
     """Whether the surface is a light's."""
     return surface.light != NO_LIGHT
-
-
-@device
-def leaves(surface, reflected, d):
-    """Whether a ray of direction d goes where it was scattered to: above the facet if it was `reflected`, else below it.
-
-    About a bent normal light may be scattered above the shading horizon and below the facet's. It then meets the facet again.
-    """
-    above = vec.dot(surface.geometric, d) > _ZERO
-    return (above & reflected) | not_(above | reflected)
-
-
-@device
-def departure(surface, reflected, d):
-    """Where the ray of unit direction d starts that leaves the surface, on the viewer's side where it is `reflected`.
-
-    From a smooth triangle it starts above the facet, the more so the lower it goes: facing rays start where they should, so
-    that what touches the surface still throws its shadow. A reflected ray that points below a flat facet meets the facet
-    itself: a bent normal lets no light through.
-    """
-    error = where(reflected, surface.error, -surface.error)
-    start = vec.add(surface.point, vec.scale(surface.geometric, error))
-    raised = surface.smooth & reflected
-    if any_of(raised):
-        cosine = max(vec.dot(surface.geometric, d), _ZERO)
-        bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
-        higher = vec.add(start, vec.scale(surface.lift, max(_ONE - cosine * cosine / bend2, _ZERO)))
-        start = where3(raised, higher, start)
-    return start
-
-
-@device
-def leave(point, error, normal, towards):
-    """The point moved off its surface, to the side that `towards` is on: where a ray may start without meeting it again."""
-    distance = where(vec.dot(normal, towards) > _ZERO, error, -error)
-    return vec.add(point, vec.scale(normal, distance))

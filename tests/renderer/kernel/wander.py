@@ -9,7 +9,8 @@ from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.surface import departure, surface_at
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import surface_at
 from tests.renderer.kernel.subject import many
 
 _FAR = np.float32(np.inf)

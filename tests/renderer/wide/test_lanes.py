@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from renderer.bvh.simd import bits, load
+from renderer.bvh.simd import load
 from renderer.jit import device, entry
-from renderer.wide.lanes import as_wide, each_lane
+from renderer.wide.lanes import each_lane
 from renderer.wide.values import to_int, u32
 from tests.renderer.wide.both import LANES, keep
 
@@ -47,19 +47,3 @@ def test_a_function_is_called_for_the_lanes_that_want_it():
         np.testing.assert_array_equal(number, [-1, 7, -1, 0, -1, 0, -1, 0])
         np.testing.assert_array_equal(other, [4, 107, 4, 0, 4, 100, 4, 0])
         np.testing.assert_array_equal(choice, [0, 1, 0, 0, 1, 1, 1, 0])
-
-
-@entry
-def _spread(x, out):
-    a = load(x, np.uintp(0))
-    keep(out, 0, to_int(a), (as_wide(x[1], a), as_wide(np.uint32(7), a)))
-    out[2, 0] = bits(as_wide(True, a))
-    out[2, 1] = bits(as_wide(False, a))
-    out[2, 2] = as_wide(x[1], x[0])
-
-
-def test_a_number_stands_in_all_lanes_where_eight_are_expected():
-    x, out = np.arange(1.5, 9.5, dtype=np.float32), np.zeros((3, N), np.float32)
-    _spread(x, out)
-    np.testing.assert_array_equal(out[:2], [[2.5] * N, [7] * N])
-    np.testing.assert_array_equal(out[2, :3], [255, 0, 2.5])

@@ -9,14 +9,14 @@ from renderer.wide.values import (
     any_of,
     as_floats,
     as_ints,
+    as_wide,
+    as_wide3,
     double,
     lookup,
     nil,
     not_,
     rint,
     single,
-    spread,
-    spread3,
     to_float,
     to_int,
     u32,
@@ -121,7 +121,7 @@ def _of_choices(v):
     m = a < b
     numbers = where(m, a, b), where(m, a, P), where(m, P, a), where(m, P, Q), where(m, b == c, a < c)
     whole = where(m, as_ints(a), as_ints(b)), where(m, as_ints(a), K), where(m, K, L)
-    spreads = *spread3((P, Q, P), a), spread(L, a), nil(a), spread(True, a)
+    spreads = *as_wide3((P, Q, P), a), as_wide(L, a), nil(a), as_wide(True, a)
     return *numbers, *where3(m, (a, b, c), (b, P, a)), as_floats(whole[0]), as_floats(whole[1]), to_float(whole[2]), *spreads
 
 

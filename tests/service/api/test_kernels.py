@@ -11,7 +11,7 @@ from renderer.artefact import pack
 from service.store.kernels import KEPT
 from tests.service.conftest import TOKEN, Service
 
-KERNEL = "render_path-plain"
+KERNEL = "render_pool-plain"
 NAME = f"0123456789abcdef-cpython311-{KERNEL}"
 SHOWN = {"Authorization": f"Bearer {TOKEN}"}
 

@@ -1,0 +1,52 @@
+"""Where rays start: off the surface that they leave, so that they do not meet it again where rounding has put its point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.wide.values import any_of, not_, where, where3
+
+__all__ = ["departure", "leave", "leaves"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_LEAST_BEND2 = np.float32(1e-12)
+
+
+@device
+def leaves(surface, reflected, d):
+    """Whether a ray of direction d goes where it was scattered to: above the facet if it was `reflected`, else below it.
+
+    About a bent normal light may be scattered above the shading horizon and below the facet's. It then meets the facet again.
+    """
+    above = vec.dot(surface.geometric, d) > _ZERO
+    return (above & reflected) | not_(above | reflected)
+
+
+@device
+def departure(surface, reflected, d):
+    """Where the ray of unit direction d starts that leaves the surface, on the viewer's side where it is `reflected`.
+
+    From a smooth triangle it starts above the facet, the more so the lower it goes: facing rays start where they should, so
+    that what touches the surface still throws its shadow. A reflected ray that points below a flat facet meets the facet
+    itself: a bent normal lets no light through.
+    """
+    error = where(reflected, surface.error, -surface.error)
+    start = vec.add(surface.point, vec.scale(surface.geometric, error))
+    raised = surface.smooth & reflected
+    if any_of(raised):
+        cosine = max(vec.dot(surface.geometric, d), _ZERO)
+        bend2 = max(_TWO - _TWO * vec.dot(surface.shading, surface.geometric), _LEAST_BEND2)
+        higher = vec.add(start, vec.scale(surface.lift, max(_ONE - cosine * cosine / bend2, _ZERO)))
+        start = where3(raised, higher, start)
+    return start
+
+
+@device
+def leave(point, error, normal, towards):
+    """The point moved off its surface, to the side that `towards` is on: where a ray may start without meeting it again."""
+    distance = where(vec.dot(normal, towards) > _ZERO, error, -error)
+    return vec.add(point, vec.scale(normal, distance))

@@ -1,0 +1,211 @@
+"""Small scenes, each with one thing that the pool and the path tracer for one path do in ways of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from renderer.arrays.scene import CompiledScene
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import box, gray, icosphere, square
+
+__all__ = ["FEATURES", "SIZE", "Feature", "made"]
+
+SIZE = 32
+VIEW = View((0.0, 1.6, 5.0), (0.0, 0.7, 0.0), fov=45.0)
+GLASS = {"kind": "glass", "base_color": gray(1.0), "roughness": 0.0}
+BLEND = {"alpha_mode": "blend"}
+PBR = {"kind": "metallic_roughness", "base_color": (0.8, 0.5, 0.3)}
+GOLD = {"kind": "conductor", "eta": (0.2, 0.4, 1.4), "k": (4.0, 2.4, 1.6)}
+
+Feature = tuple[Callable[[], CompiledScene], RenderSettings]
+
+
+def _images() -> list[Image]:
+    """Colours with alpha; a roughness and a metallic part; bumps; light."""
+    random = np.random.default_rng(0)
+    bumps = np.full((8, 8, 4), 255, np.uint8)
+    bumps[..., :2] = random.integers(90, 166, (8, 8, 2))
+    return [
+        Image("colours", random.integers(60, 256, (8, 8, 4), np.uint8)),
+        Image("parts", random.integers(40, 256, (8, 8, 4), np.uint8), srgb=False),
+        Image("bumps", bumps, srgb=False),
+        Image("sky", (random.random((8, 16, 3)) ** 4 * 3).astype(np.float32), srgb=False),
+    ]
+
+
+def _smooth(mesh: Mesh) -> Mesh:
+    """A mesh about the origin with normals, texture coordinates and colours at its vertices."""
+    unit = mesh.positions / np.linalg.norm(mesh.positions, axis=1, keepdims=True)
+    uvs = (unit[:, :2] * 2).astype(np.float32)
+    return replace(mesh, normals=unit.astype(np.float32), uvs=uvs)
+
+
+def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
+    place = np.eye(4)
+    place[:3, 3] = x, y, z
+    return place
+
+
+def room(material: Material, meshes: tuple[Mesh, ...] = (), **more: Any) -> SceneDescription:
+    """A floor and a wall, a lamp above, a little light from all around; a ball, a box and a smooth mesh of the material."""
+    materials = [material, Material(base_color=(0.7, 0.6, 0.5)), Material(base_color=gray(0.0), emission=(9.0, 8.0, 7.0))]
+    placed = (
+        square((0, 0, 0), (6, 0, 0), (0, 0, -6), 1),
+        square((0, 2, -3), (6, 0, 0), (0, 2, 0), 1),
+        square((0, 4, 1), (1, 0, 0), (0, 0, 1), 2),
+        box(0, 0.45, (1.5, 0.46, 0.3)),
+        *meshes,
+    )
+    return SceneDescription(
+        meshes=[*placed, _smooth(icosphere(2, 0, 0.65))],
+        instances=[*(Instance(i) for i in range(len(placed))), Instance(len(placed), _moved(-1.4))],
+        spheres=[Sphere((0.0, 0.7, 0.4), 0.65, 0), *more.pop("spheres", ())],
+        materials=[*materials, *more.pop("materials", ())],
+        environment=more.pop("environment", Environment(gray(0.3))),
+        images=_images(),
+        textures=[Texture(0), Texture(1), Texture(2)],
+        **more,
+    )
+
+
+def colored(description: SceneDescription) -> SceneDescription:
+    """With colours and alpha at the vertices of the smooth mesh."""
+    mesh = description.meshes[-1]
+    colors = np.random.default_rng(1).random((len(mesh.positions), 4)).astype(np.float32)
+    description.meshes[-1] = replace(mesh, colors=colors)
+    return description
+
+
+def copies(material: Material) -> SceneDescription:
+    """With so many copies of a mesh that they stay copies, some in a material of their own."""
+    description = room(material)
+    description.meshes.append(icosphere(4, 0, 0.2))
+    for i in range(20):
+        place = _moved(-2.2 + 0.25 * i, 0.25, 1.2) @ np.diag([1.0, 1.0 + 0.05 * i, 0.8, 1.0])
+        description.instances.append(Instance(len(description.meshes) - 1, place, material=1 if i % 3 == 0 else None))
+    return description
+
+
+def cards(count: int) -> tuple[Mesh, ...]:
+    """Parallel cards of material 3, the first before everything; in the plane of nothing else."""
+    return tuple(square((0, 1, 1.97 - 0.0101 * i), (2, 0, 0), (0, 1, 0), 3) for i in range(count))
+
+
+def lamps(count: int) -> SceneDescription:
+    """So many little lights that a tree chooses among them."""
+    place = np.random.default_rng(2).uniform((-3, 0.2, -2.5), (3, 3, 2), (count, 3))
+    balls = [Sphere(tuple(map(float, p)), 0.03, 2) for p in place]
+    return room(Material(**PBR, roughness=0.4), spheres=balls, environment=None)
+
+
+def dark() -> SceneDescription:
+    """Nothing that shines."""
+    description = room(Material(base_color=gray(0.5)), environment=None)
+    description.materials[2] = Material(base_color=gray(0.5))
+    return description
+
+
+def balls() -> SceneDescription:
+    """No triangle."""
+    return SceneDescription(
+        spheres=[Sphere((0, -1e4, 0), 1e4, 0), Sphere((0, 0.7, 0.4), 0.65, 1), Sphere((1, 3, 1), 0.5, 2)],
+        materials=[Material(base_color=gray(0.6)), Material(**GLASS), Material(base_color=gray(0.0), emission=gray(20.0))],
+    )
+
+
+def _feature(describe: Callable[[], SceneDescription], view: View = VIEW, **more: Any) -> Feature:
+    return lambda: compile_scene(describe()), RenderSettings(SIZE, SIZE, view, **{"max_depth": 6, **more})
+
+
+def _of(material: Material, **more: Any) -> Feature:
+    return _feature(lambda: room(material), **more)
+
+
+def _punctual() -> SceneDescription:
+    lights = [
+        Light("point", gray(4.0), (1.0, 2.0, 2.0), radius=0.1),
+        Light("spot", gray(9.0), (-2.0, 3.0, 1.0), (0.5, -1.0, 0.0), inner_cone=10.0, outer_cone=40.0),
+        Light("directional", gray(1.0), direction=(0.3, -1.0, -0.5), angle=2.0),
+    ]
+    return room(Material(**PBR, roughness=0.3), lights=lights)
+
+
+def _behind_cards(count: int, **card: Any) -> SceneDescription:
+    return room(Material(), cards(count), materials=[Material(**card)])
+
+
+def _half_clear(**more: Any) -> Material:
+    return Material(opacity=0.6, **BLEND, **more)
+
+
+GRAY = Material(base_color=gray(0.6))
+TEXTURED = {"base_color_texture": 0, "metallic_roughness_texture": 1}
+COATED = {"clearcoat": 0.8, "clearcoat_roughness": 0.1, "sheen_color": gray(0.4), "sheen_roughness": 0.5}
+
+FEATURES: dict[str, Feature] = {
+    # What the plain edition has
+    "diffuse": _of(GRAY),
+    "mirror": _of(Material(kind="mirror", base_color=gray(0.9))),
+    "glass": _of(Material(**GLASS)),
+    "metal and plastic": _of(Material(**PBR, metallic=0.5, roughness=0.3)),
+    "a rough metal": _of(Material(**GOLD, roughness=0.3)),
+    "an even metal": _of(Material(**GOLD, roughness=0.0)),
+    "no triangles": _feature(balls, environment=(0.2, 0.2, 0.2)),
+    "nothing but a sky": _of(GRAY, view=View((0.0, 5.0, 5.0), (0.0, 9.0, 9.0))),
+    "no light": _feature(dark),
+    "a sky's picture": _feature(lambda: room(GRAY, environment=Environment(image=3))),
+    "what is seen alone": _of(GRAY, max_depth=1, view=replace(VIEW, target=(0.0, 2.5, 0.0))),
+    "direct light": _of(GRAY, integrator="direct"),
+    "long paths": _of(Material(kind="mirror", base_color=gray(1.0)), max_depth=100),
+    "a fixed roulette": _of(GRAY, roulette=0.7),
+    "a roulette that spares": _of(GRAY, roulette_floor=0.5, max_depth=20),
+    "a clamp": _of(Material(**GLASS), clamp_indirect=0.5),
+    "independent numbers": _of(GRAY, sampler="independent", seed=7),
+    "a box filter": _of(GRAY, filter="box"),
+    "a panorama": _of(GRAY, view=View((0.0, 1.6, 3.0), (0.0, 0.7, 0.0), projection="panorama")),
+    "an orthographic view": _of(GRAY, view=View((0.0, 1.6, 5.0), (0.0, 0.7, 0.0), projection="orthographic", height=4.0)),
+    "a lens": _of(GRAY, view=replace(VIEW, aperture=0.2, focus=4.0)),
+    "a near plane": _of(GRAY, view=replace(VIEW, near=4.8)),
+    # What only the full one has
+    "textures": _of(Material(**PBR, **TEXTURED, metallic=1.0)),
+    "a textured mirror": _of(Material(kind="mirror", base_color_texture=0)),
+    "a bumpy floor": _of(Material(**PBR, normal_texture=2, roughness=0.5)),
+    "colours at vertices": _feature(lambda: colored(room(GRAY))),
+    "light through textures": _of(Material(base_color=gray(0.3), emission=gray(2.0), emission_texture=0)),
+    "half clear": _of(_half_clear()),
+    "half clear glass": _of(_half_clear(**GLASS)),
+    "half clear lights": _of(_half_clear(emission=gray(3.0), double_sided=True)),
+    "a mask": _of(Material(base_color_texture=0, alpha_mode="mask", alpha_cutoff=0.6)),
+    "alpha at vertices": _feature(lambda: colored(room(Material(**BLEND)))),
+    "cards": _feature(lambda: _behind_cards(6, opacity=0.3, **BLEND)),
+    "so many cards that nothing is left": _feature(lambda: _behind_cards(300, opacity=0.0, **BLEND)),
+    "coloured glass": _of(Material(**GLASS, attenuation_color=(0.5, 0.9, 0.7), attenuation_distance=0.5)),
+    "a prism": _of(Material(**GLASS, dispersion=10.0)),
+    "rough glass": _of(Material(kind="glass", roughness=0.3)),
+    "a coat and cloth": _of(Material(**PBR, **COATED, roughness=0.5)),
+    "a coat on bumps": _of(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_normal_texture=2)),
+    "what transmits": _of(Material(**PBR, transmission=0.7, roughness=0.2)),
+    "a pane": _of(Material(**PBR, transmission=0.9, thin=True, roughness=0.1)),
+    "leaves": _of(Material(**PBR, diffuse_transmission=0.6, thin=True)),
+    "a soap film": _of(Material(**PBR, iridescence=1.0, roughness=0.2)),
+    "brushed": _of(Material(**PBR, metallic=1.0, roughness=0.4, anisotropy=0.7)),
+    "a brushed metal": _of(Material(**GOLD, roughness=0.4, anisotropy=0.7, anisotropy_texture=1)),
+    "a brushed metal that is even": _of(Material(**GOLD, roughness=0.0, anisotropy=0.7)),
+    "a highlight of Blinn's": _of(Material(kind="blinn_phong", specular_color=gray(0.3), shininess=20.0)),
+    "unlit": _of(Material(kind="unlit", base_color_texture=0)),
+    "copies": _feature(lambda: copies(Material(**PBR, roughness=0.4))),
+    "many lights": _feature(lambda: lamps(100)),
+    "lights without a body": _feature(_punctual),
+}
+
+
+def made(name: str) -> tuple[CompiledScene, RenderSettings]:
+    """The scene and its settings."""
+    compiled, settings = FEATURES[name]
+    return compiled(), settings

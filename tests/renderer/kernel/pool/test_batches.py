@@ -1,0 +1,72 @@
+"""The same bits, whatever paths stand beside each other in the pool: however a frame is cut into tiles and batches."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from renderer.film import CHANNELS, COLOR, Sums
+from renderer.kernel.pool.rows import ROWS
+from renderer.render import render_batch, replay
+from renderer.settings import Tile
+from tests.renderer.kernel.pool.features import SIZE, made
+
+SCENES = ("metal and plastic", "half clear glass", "a coat on bumps")
+FIRST, COUNT = 5, 65  # sample numbers; not a multiple of what is asked for at once
+
+
+@cache
+def whole(name: str) -> Sums:
+    """The frame as one batch."""
+    scene, settings = made(name)
+    return render_batch(scene, settings, Tile(0, 0, SIZE, SIZE), FIRST, COUNT).sums
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (32, 32)])
+def test_tiles_of_any_shape_make_the_same_film(name: str, width: int, height: int) -> None:
+    scene, settings = made(name)
+    sums = np.zeros_like(whole(name))
+    for y in range(0, SIZE, height):
+        for x in range(0, SIZE, width):
+            tile = Tile(x, y, min(width, SIZE - x), min(height, SIZE - y))
+            sums[:, y : y + tile.h, x : x + tile.w] += render_batch(scene, settings, tile, FIRST, COUNT).sums
+    np.testing.assert_array_equal(sums, whole(name))
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("at_once", [1, 3, 64])
+def test_any_number_of_samples_at_once_makes_the_same_film(name: str, at_once: int) -> None:
+    scene, settings = made(name)
+    sums = np.zeros_like(whole(name))
+    for first in range(FIRST, FIRST + COUNT, at_once):
+        count = min(at_once, FIRST + COUNT - first)
+        sums += render_batch(scene, settings, Tile(0, 0, SIZE, SIZE), first, count).sums
+    np.testing.assert_array_equal(sums, whole(name))
+
+
+def test_fewer_samples_than_rows_and_none() -> None:
+    scene, settings = made(SCENES[0])
+    x, y, few = 11, 17, 3
+    assert few < ROWS
+    alone = render_batch(scene, settings, Tile(x, y, 1, 1), FIRST, few).sums
+    one_by_one = sum(render_batch(scene, settings, Tile(x, y, 1, 1), FIRST + k, 1).sums for k in range(few))
+    np.testing.assert_array_equal(alone, one_by_one)
+    for tile, count in ((Tile(x, y, 0, 0), 4), (Tile(x, y, 3, 0), 4), (Tile(x, y, 2, 3), 0)):
+        nothing = render_batch(scene, settings, tile, FIRST, count)
+        assert nothing.sums.shape == (CHANNELS, tile.h, tile.w)
+        assert not nothing.sums.any()
+        assert nothing.bad_count == 0
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_replay_among_no_others_is_the_films_sample_to_the_bit(name: str) -> None:
+    scene, settings = made(name)
+    for sample in (0, 63, 1000):
+        film = render_batch(scene, settings, Tile(0, 0, SIZE, SIZE), sample, 1).sums[COLOR]
+        for x, y in ((1, 30), (10, 18), (16, 20), (23, 21), (31, 3)):
+            found = replay(scene, settings, x, y, sample).value
+            assert found is not None
+            assert [int(v * 2**settings.film_exponent) for v in found] == film[:, y, x].tolist()

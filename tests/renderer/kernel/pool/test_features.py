@@ -1,0 +1,57 @@
+"""The pool beside the path tracer for one path at a time: the same samples, but for roundings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer import render
+from renderer.arrays.edition import edition_of
+from renderer.film import COLOR, SAMPLES, Sums
+from renderer.kernel import accumulate
+from renderer.render import RenderStats, render_frame
+from tests.renderer.kernel.pool.features import FEATURES, SIZE, made
+
+SPP = 4
+# Of the pixels. Roundings differ, since the compiler merges other multiplications with additions: they decide now and then
+# what a path does where a number lies within 1e-7 of a border, such as an edge. At 64 samples a pixel none of all these parted.
+MOST_PARTED = 0.005
+
+
+def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
+    """The film by the pool; with a monkeypatch, by the kernel that can do all that settings may ask of a path tracer."""
+    scene, settings = made(name)
+    stats = RenderStats()
+    if monkeypatch is None:
+        return render_frame(scene, settings, SPP, stats=stats), stats
+    with monkeypatch.context() as patched:
+        patched.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+        patched.setattr(render, "edition_for", lambda *_: render.FULL)
+        return render_frame(scene, settings, SPP, stats=stats), stats
+
+
+@pytest.mark.parametrize("name", FEATURES)
+def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
+    scale = 2.0 ** -made(name)[1].film_exponent / SPP
+    assert (pool[SAMPLES] == SPP).all()
+    same = np.isclose(pool * scale, one * scale, rtol=1e-3, atol=1e-4).all(axis=0)
+    assert same.mean() >= 1 - MOST_PARTED
+    off = (pool[COLOR] - one[COLOR]).mean(axis=0) * scale
+    error = off.std() / SIZE
+    assert abs(off.mean()) <= 4 * error + 1e-6
+    assert of_pool.rays == pytest.approx(of_one.rays, rel=1e-3)
+
+
+def test_the_features_ask_for_both_editions_and_are_seen() -> None:
+    """Else what stands above would compare nothing with nothing."""
+    names = list(FEATURES)
+    full = names.index("textures")
+    black = ("no light",)
+    for k, name in enumerate(names):
+        scene, settings = made(name)
+        assert edition_of(scene) == ("full" if k >= full else "plain"), name
+        film: Any = render_frame(scene, settings, 1)
+        assert bool(film[COLOR].any()) == (name not in black), name

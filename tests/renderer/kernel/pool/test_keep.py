@@ -1,0 +1,96 @@
+"""What paths that are over leave in the film: each in its pixel's sums, each once."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, DEPTH, MATERIAL, NORMAL, OBJECT, POSITION, SAMPLES, SAMPLES_HALF
+from renderer.film import in_half as in_half_of_film
+from renderer.jit import entry
+from renderer.kernel.accumulate import MAX_BAD, Batch
+from renderer.kernel.pool.keep import SUMS, keep, unfold
+from renderer.kernel.pool.lists import DONE, LIST_SIZE, LISTS, append
+from renderer.kernel.pool.rows import CARRIED, FIRST, ROW, ROWS, SAMPLE
+
+WIDTH, HEIGHT = 3, 2
+SCALE = np.float32(2.0**24)
+
+
+@entry
+def _keep(pool, lists, count, film, scale, batch, bad, sums):
+    for path in range(count):
+        append(lists, DONE, path)
+    bad_count = keep(pool, lists, film, scale, sums.shape[2], batch, bad, 0)
+    unfold(film, sums)
+    return bad_count
+
+
+def kept(rows: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
+    """(the film's planes, the bad samples that are listed, how many there are) of paths' rows, (N, ROW)."""
+    pool = np.zeros((ROWS, int(ROW)), np.float32)
+    pool[: len(rows)] = rows
+    sums = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
+    bad = np.zeros((MAX_BAD, 3), np.int64)
+    film = np.zeros(WIDTH * HEIGHT * SUMS, np.int64)
+    lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
+    bad_count = _keep(pool.ravel(), lists, len(rows), film, SCALE, Batch(100, 200, 0, 9), bad, sums)
+    return sums, [tuple(map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]], int(bad_count)
+
+
+def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
+    """Rows of anything, each at a pixel of its own choice."""
+    random = np.random.default_rng(5)
+    rows = random.normal(0, 10, (count, int(ROW))).astype(np.float32)
+    facts = rows.view(np.int32)
+    facts[:, int(SAMPLE) + 1] = samples
+    facts[:, int(SAMPLE) + 2] = random.integers(0, WIDTH * HEIGHT, count)
+    facts[:, int(FIRST) + 7] = random.integers(0, 1 << 22, count)
+    facts[:, int(FIRST) + 11] = random.integers(0, 1 << 22, count)
+    rows[:, int(FIRST) + 12 : int(FIRST) + 16] = 0
+    return rows
+
+
+def test_every_sample_is_in_its_pixels_sums() -> None:
+    samples = np.arange(100) % 9
+    rows = paths(100, samples)
+    expected = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
+    facts = rows.view(np.int32)
+    for row, ids, sample in zip(rows, facts, samples, strict=True):
+        y, x = divmod(int(ids[int(SAMPLE) + 2]), WIDTH)
+        color, first = row[int(CARRIED) : int(CARRIED) + 3], int(FIRST)
+        planes = [(COLOR, color), (ALBEDO, row[first : first + 3]), (NORMAL, row[first + 4 : first + 7])]
+        planes += [(POSITION, row[first + 8 : first + 11]), (slice(DEPTH, DEPTH + 1), row[first + 3 : first + 4])]
+        planes += [(COLOR_HALF, color)] if in_half_of_film(int(sample)) else []
+        for plane, value in planes:
+            expected[plane, y, x] += np.rint(value.astype(np.float64) * float(SCALE)).astype(np.int64)
+        expected[SAMPLES, y, x] += 1
+        expected[SAMPLES_HALF, y, x] += in_half_of_film(int(sample))
+        if sample == 0:
+            expected[OBJECT, y, x] += ids[first + 7]
+            expected[MATERIAL, y, x] += ids[first + 11]
+    sums, bad, bad_count = kept(rows)
+    np.testing.assert_array_equal(sums, expected)
+    assert (bad, bad_count) == ([], 0)
+
+
+@pytest.mark.parametrize("column", [int(group) + k for group in (CARRIED, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> None:
+    rows = paths(20, np.arange(20))
+    spoilt = rows.copy()
+    spoilt[7, column] = value
+    sums, bad, bad_count = kept(spoilt)
+    np.testing.assert_array_equal(sums, kept(np.delete(rows, 7, axis=0))[0])
+    y, x = divmod(int(rows.view(np.int32)[7, int(SAMPLE) + 2]), WIDTH)
+    assert (bad, bad_count) == ([(100 + x, 200 + y, 7)], 1)
+
+
+def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
+    rows = paths(MAX_BAD + 9, np.arange(MAX_BAD + 9))
+    rows[:, int(CARRIED)] = np.nan
+    sums, bad, bad_count = kept(rows)
+    assert not sums.any()
+    assert bad_count == MAX_BAD + 9
+    assert [sample for _, _, sample in bad] == list(range(MAX_BAD))
