@@ -1,7 +1,7 @@
 """The kernels that prepare scenes, compiled beside the one that renders them: a machine has two cores at least.
 
-Numba compiles one function at a time in a process, so this is one of its own: `python -m renderer.preparing`. What it compiles
-lies in the kernels' folder, from where the other loads it.
+Numba compiles one function at a time in a process, so this is one of its own. What it compiles lies in the kernels' folder, from
+where the other loads it.
 """
 
 from __future__ import annotations
@@ -34,14 +34,17 @@ def prepare() -> None:
 
 
 @contextlib.contextmanager
-def preparing_beside(is_cold: bool) -> Iterator[None]:
-    """Where they have to be compiled, another process does so meanwhile. If it fails, `prepare` does it again, and says why."""
+def preparing_beside(is_cold: bool, edition: str | None = None) -> Iterator[None]:
+    """Where they have to be compiled, another process does so meanwhile. If it fails, `prepare` does it again, and says why.
+
+    edition: of the kernel for pictures, a part of which is compiled first (renderer/beside.py); None: of none.
+    """
     if not is_cold or cores() == 1 or prepare.cache_info().currsize:
         yield
         return
     path = os.pathsep.join([str(ROOT.parent), os.environ.get("PYTHONPATH", "")])
     other = subprocess.Popen(
-        [sys.executable, "-m", "renderer.preparing"],
+        [sys.executable, "-m", "renderer.beside", *([edition] if edition else [])],
         env={**os.environ, "PYTHONPATH": path},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -53,7 +56,3 @@ def preparing_beside(is_cold: bool) -> Iterator[None]:
     finally:
         other.kill()
         other.wait()
-
-
-if __name__ == "__main__":
-    prepare()

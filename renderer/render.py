@@ -187,7 +187,7 @@ def warm_up(settings: RenderSettings | None = None, edition: str = PLAIN, fetch:
     nothing = only(example(), edition)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     with jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold:
-        with preparing_beside(is_cold):
+        with preparing_beside(is_cold, edition if has_editions(settings) else None):
             _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
         prepare()
     return time.perf_counter() - begin

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import (
     ALBEDO,
@@ -29,13 +30,13 @@ from renderer.kernel.integrators.ao import trace_ao
 from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
-from renderer.kernel.options import is_special
+from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.pool.trace import new_pool, render_with_pool, scatter_nothing
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "half_of", "has_editions", "new_scratch", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "half_of_pictures", "has_editions", "new_scratch", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -157,9 +158,8 @@ def _render_pool(scene, pool, camera, options, batch, output):
 
 
 @entry
-def _half_of_render_pool(scene, pool, camera, options, batch, output):
+def _half_of_render_pool(scene, pool, options):
     scatter_nothing(scene, pool, options)
-    return 0, 0
 
 
 @entry
@@ -195,9 +195,12 @@ def renderer_of(settings: RenderSettings) -> Renderer:
     return _render_pool
 
 
-def half_of(renderer: Renderer) -> Renderer | None:
-    """Compiles a part of the kernel when it is called as that is: for a process beside the one that compiles the rest."""
-    return _half_of_render_pool if renderer is _render_pool else None
+def half_of_pictures(scene: CompiledScene, settings: RenderSettings) -> None:
+    """Compiles a part of the kernel for pictures, for a process beside the one that compiles the rest.
+
+    scene: of the edition that is wanted, with nothing in it.
+    """
+    _half_of_render_pool(scene, new_pool(0, 0), kernel_options(settings, scene))
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:

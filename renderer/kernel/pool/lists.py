@@ -37,10 +37,11 @@ __all__ = [
     "row",
 ]
 
-# Vertices that are to scatter are listed by how they do. What has many properties may be such that light sampling finds nothing.
+# Vertices that are to scatter are listed by how they do. RARE is what has many properties; RARE_SPECULAR is on that list as well,
+# and light sampling finds nothing for it.
 DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR = range(6)
-SCATTERING = 6
-ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SCATTERING, SCATTERING + 7)
+SCATTERING = RARE_SPECULAR
+ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SCATTERING + 1, SCATTERING + 8)
 LISTS = DONE + 1
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)

@@ -13,7 +13,6 @@ from renderer.kernel.pool.lists import (
     DIFFUSE,
     METALLIC_ROUGHNESS,
     RARE,
-    RARE_SPECULAR,
     SPECULAR,
     eight,
     length,
@@ -186,12 +185,6 @@ def _scatter_rare(scene, pool, lists, options, lit):
 
 
 @subroutine
-def _scatter_rare_specular(scene, pool, lists, options, lit):
-    out_of_line()
-    _scatter(scene, pool, lists, RARE_SPECULAR, answer_rare, None, options, lit)
-
-
-@subroutine
 def scatter(scene, pool, lists, options, lit):
     """Scatters every listed vertex: writes the path's next ray, and the shadow ray towards its light.
 
@@ -206,8 +199,5 @@ def scatter(scene, pool, lists, options, lit):
         _scatter_metallic_roughness(scene, pool, lists, options, lit)
     if length(lists, CONDUCTOR) > 0:
         _scatter_conductor(scene, pool, lists, options, lit)
-    if scene.has.layers is not None:
-        if length(lists, RARE) > 0:
-            _scatter_rare(scene, pool, lists, options, lit)
-        if length(lists, RARE_SPECULAR) > 0:
-            _scatter_rare_specular(scene, pool, lists, options, lit)
+    if scene.has.layers is not None and length(lists, RARE) > 0:
+        _scatter_rare(scene, pool, lists, options, lit)

@@ -36,7 +36,7 @@ from renderer.kernel.pool.lists import (
     row,
 )
 from renderer.kernel.pool.matter import attenuated, keep_matter, passes, surfaces_at
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PLACE, RAY, at, few, read, write
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, at, few, read, write
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, sphere_at
@@ -58,7 +58,7 @@ _TO_DIFFUSE, _TO_SPECULAR, _TO_METALLIC_ROUGHNESS, _TO_CONDUCTOR, _TO_RARE, _TO_
 )
 _OVER, _THROUGH = np.float32(DONE), np.float32(PASSED)
 _MOST_PASSED = np.float32(MAX_PASSED)
-_WHICH = FRAME + np.uintp(7)
+_WHICH, _LAMP_PDF = FRAME + np.uintp(7), LAMP + np.uintp(3)
 
 
 @device
@@ -197,6 +197,9 @@ def arrive(scene, pool, lists, options, is_recorded):
             for k in range(length(lists, which)):
                 path = row(lists, which, k)
                 into = np.int64(pool[at(path, _WHICH)])
-                append(lists, into, path)
-                if into <= RARE and into != SPECULAR:
+                if into == RARE_SPECULAR:
+                    pool[at(path, _LAMP_PDF)] = _ZERO  # there is no light
+                    into = RARE
+                elif into <= RARE and into != SPECULAR:
                     append(lists, LIT, path)
+                append(lists, into, path)
