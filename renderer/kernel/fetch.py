@@ -25,11 +25,13 @@ def _index(builder, number):
     return builder.zext(number, _WORD) if number.type.width < _WORD.width else number
 
 
-def _values(context, builder, sig, table, number, width, first):
-    """A tuple of the numbers that follow `first` in a row."""
+def _values(context, builder, sig, table, number, width, first, known=None):
+    """A tuple of the numbers that follow `first` in a row. known: first, where it is known."""
     data = context.make_array(sig.args[0])(context, builder, table).data
     if is_wide(sig.args[1]):
-        vectors = gathered(builder, data, number, _WORD(width), first, sig.return_type.count)
+        count = sig.return_type.count
+        whole = count == 3 and known is not None and known + 4 <= width  # one piece is read sooner than two
+        vectors = gathered(builder, data, number, _WORD(width), first, 4 if whole else count)[:count]
         if sig.args[0].dtype != types.float32:
             vectors = [builder.bitcast(vector, INTS) for vector in vectors]
         return context.make_tuple(builder, sig.return_type, vectors)
@@ -69,8 +71,9 @@ def columns(typingctx, table, number, width, first, count):
     """`count` columns of a row from `first` on, as in `row`; width and count are literals."""
     wide = width.literal_value
     numbers = types.UniTuple(_number(table, number), count.literal_value)
+    known = first.literal_value if isinstance(first, types.IntegerLiteral) else None
 
     def codegen(context, builder, sig, args):
-        return _values(context, builder, sig, args[0], args[1], wide, _index(builder, args[3]))
+        return _values(context, builder, sig, args[0], args[1], wide, _index(builder, args[3]), known)
 
     return numbers(table, types.unliteral(number), width, types.unliteral(first), count), codegen
