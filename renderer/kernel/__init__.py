@@ -1,6 +1,7 @@
 """Where light is scattered, sampled and summed. Compiled by Numba; float32 and tuples throughout, no CPU-only trick.
 
-integrators/  one path from the camera: path tracing with next-event estimation and MIS, Whitted, ambient occlusion
+pool/         the path tracer for pictures: many paths at once, in stages
+integrators/  one path after the other: what comparisons ask of a path tracer, Whitted, ambient occlusion
 light/        choosing a light and sampling it; light from infinitely far; points, spots and suns
 material/     a material's row, its textures looked up, the dispatch to the models
 bsdf/         one scattering model a file

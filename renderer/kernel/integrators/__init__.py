@@ -1,1 +1,1 @@
-"""How light is followed: path tracing, Whitted, ambient occlusion, and what only comparisons need."""
+"""One path at a time: the path tracer with all that comparisons ask for, Whitted, ambient occlusion; and what the pool shares."""

@@ -1,7 +1,8 @@
 """What a surface is made of, and the one place where the models are told apart.
 
 To add a model: a file in bsdf/, a number in rows.py, a branch in each of `eval_material` and `sample_material` (or their
-`rare` halves), and its name in renderer/scene/parameters.py and packing.py.
+`rare` halves), the list that renderer/kernel/pool/surfaces.py puts its vertices on, and its name in
+renderer/scene/parameters.py and packing.py.
 """
 
 from __future__ import annotations

@@ -15,7 +15,6 @@ from renderer.kernel.pool.lists import DONE, LIST_SIZE, LISTS, append
 from renderer.kernel.pool.rows import CARRIED, FIRST, ROW, ROWS, SAMPLE
 
 WIDTH, HEIGHT = 3, 2
-SCALE = np.float32(2.0**24)
 
 
 @entry
@@ -27,7 +26,7 @@ def _keep(pool, lists, count, film, scale, batch, bad, sums):
     return bad_count
 
 
-def kept(rows: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
+def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
     """(the film's planes, the bad samples that are listed, how many there are) of paths' rows, (N, ROW)."""
     pool = np.zeros((ROWS, int(ROW)), np.float32)
     pool[: len(rows)] = rows
@@ -35,7 +34,7 @@ def kept(rows: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int64], list[tup
     bad = np.zeros((MAX_BAD, 3), np.int64)
     film = np.zeros(WIDTH * HEIGHT * SUMS, np.int64)
     lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
-    bad_count = _keep(pool.ravel(), lists, len(rows), film, SCALE, Batch(100, 200, 0, 9), bad, sums)
+    bad_count = _keep(pool.ravel(), lists, len(rows), film, np.float32(2.0**exponent), Batch(100, 200, 0, 9), bad, sums)
     return sums, [tuple(map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]], int(bad_count)
 
 
@@ -52,7 +51,8 @@ def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]
     return rows
 
 
-def test_every_sample_is_in_its_pixels_sums() -> None:
+@pytest.mark.parametrize("exponent", [0, 7, 24])
+def test_every_sample_is_in_its_pixels_sums(exponent: int) -> None:
     samples = np.arange(100) % 9
     rows = paths(100, samples)
     expected = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
@@ -64,13 +64,13 @@ def test_every_sample_is_in_its_pixels_sums() -> None:
         planes += [(POSITION, row[first + 8 : first + 11]), (slice(DEPTH, DEPTH + 1), row[first + 3 : first + 4])]
         planes += [(COLOR_HALF, color)] if in_half_of_film(int(sample)) else []
         for plane, value in planes:
-            expected[plane, y, x] += np.rint(value.astype(np.float64) * float(SCALE)).astype(np.int64)
+            expected[plane, y, x] += np.rint(value.astype(np.float64) * 2.0**exponent).astype(np.int64)
         expected[SAMPLES, y, x] += 1
         expected[SAMPLES_HALF, y, x] += in_half_of_film(int(sample))
         if sample == 0:
             expected[OBJECT, y, x] += ids[first + 7]
             expected[MATERIAL, y, x] += ids[first + 11]
-    sums, bad, bad_count = kept(rows)
+    sums, bad, bad_count = kept(rows, exponent)
     np.testing.assert_array_equal(sums, expected)
     assert (bad, bad_count) == ([], 0)
 
