@@ -79,8 +79,8 @@ def unfold(film, sums):
     """Adds the pixels' sums to the planes of (CHANNELS, h, w)."""
     out_of_line()
     height, width = sums.shape[1], sums.shape[2]
-    for channel in range(CHANNELS):
-        column = np.uintp(_COLUMN_OF[channel])
-        for y in range(height):
-            for x in range(width):
-                sums[channel, y, x] += film[np.uintp(y * width + x) * _SUMS + column]
+    for y in range(height):
+        for x in range(width):
+            base = np.uintp(y * width + x) * _SUMS
+            for channel in range(CHANNELS):
+                sums[channel, y, x] += film[base + np.uintp(_COLUMN_OF[channel])]
