@@ -31,7 +31,7 @@ from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special, kernel_options
-from renderer.kernel.pool.trace import new_pool, render_with_pool, scatter_nothing
+from renderer.kernel.pool.trace import pool_for, render_with_pool, scatter_nothing
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
 from renderer.settings import RenderSettings
@@ -200,9 +200,9 @@ def half_of_pictures(scene: CompiledScene, settings: RenderSettings) -> None:
 
     scene: of the edition that is wanted, with nothing in it.
     """
-    _half_of_render_pool(scene, new_pool(0, 0), kernel_options(settings, scene))
+    _half_of_render_pool(scene, pool_for(0, 0), kernel_options(settings, scene))
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:
     """What a kernel is given for itself, for a batch of a tile of that size."""
-    return new_pool(width, height) if renderer is _render_pool else new_stack()
+    return pool_for(width, height) if renderer is _render_pool else new_stack()

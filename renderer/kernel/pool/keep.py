@@ -76,11 +76,13 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
 
 @subroutine
 def unfold(film, sums):
-    """Adds the pixels' sums to the planes of (CHANNELS, h, w)."""
+    """Moves the pixels' sums to the planes of (CHANNELS, h, w): they are 0 again."""
     out_of_line()
     height, width = sums.shape[1], sums.shape[2]
     for y in range(height):
         for x in range(width):
             base = np.uintp(y * width + x) * _SUMS
             for channel in range(CHANNELS):
-                sums[channel, y, x] += film[base + np.uintp(_COLUMN_OF[channel])]
+                column = base + np.uintp(_COLUMN_OF[channel])
+                sums[channel, y, x] += film[column]
+                film[column] = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from renderer.kernel.pool.rows import CARRIED, ROW, ROWS
 from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.surfaces import arrive, miss
 
-__all__ = ["Pool", "new_pool", "render_with_pool", "scatter_nothing"]
+__all__ = ["Pool", "pool_for", "render_with_pool", "scatter_nothing"]
 
 _ZERO = np.float32(0.0)
 
@@ -30,13 +31,23 @@ class Pool(NamedTuple):
     stack: Any  # of a ray's way through the tree
     rows: Any  # (ROWS * ROW,) f32: rows.py
     lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
-    film: Any  # (pixels * SUMS,) i64, zeros: keep.py
+    film: Any  # (pixels * SUMS,) i64, zeros before and after: keep.py
 
 
-def new_pool(width: int, height: int) -> Pool:
-    """For one batch of a tile of that size."""
-    rows = np.zeros(ROWS * int(ROW), np.float32)
-    return Pool(new_stack(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), np.zeros(width * height * SUMS, np.int64))
+_kept = threading.local()
+
+
+def pool_for(width: int, height: int) -> Pool:
+    """For one batch of a tile of that size, in this thread: the one that its last batch left, where that is large enough.
+
+    Memory that is new has to be cleared page by page, which takes as long as a sample a pixel.
+    """
+    pool: Pool | None = getattr(_kept, "pool", None)
+    if pool is None or len(pool.film) < width * height * SUMS:
+        film = np.zeros(width * height * SUMS, np.int64)
+        rows = np.zeros(ROWS * int(ROW), np.float32)
+        pool = _kept.pool = Pool(new_stack(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
+    return pool
 
 
 @template
