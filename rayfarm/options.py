@@ -16,8 +16,11 @@ from renderer.settings import Tile, Vec3
 
 __all__ = [
     "Aov",
+    "Clip",
     "Denoise",
     "Env",
+    "Fps",
+    "Frame",
     "Server",
     "Variant",
     "denoised_name",
@@ -52,6 +55,24 @@ Variant = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|N", help="One of a glTF file's variants of its materials, by name or number from 0.", rich_help_panel="View"
+    ),
+]
+Frame = Annotated[
+    float | None,
+    typer.Option(metavar="N", help="Of what moves: frame N shows the time N / fps; 0 unless told.", rich_help_panel="Time"),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        metavar="F", help="Frames a second; the file's own, else 24. Twice as many: slow motion.", rich_help_panel="Time"
+    ),
+]
+Clip = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|N",
+        help="One of a glTF file's animations, by name or number from 0, or `all` at once; the first unless told.",
+        rich_help_panel="Time",
     ),
 ]
 Server = Annotated[

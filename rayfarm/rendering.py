@@ -10,6 +10,7 @@ from rayfarm.console import Ticker, bar
 from rayfarm.errors import CommandError
 from rayfarm.options import Env
 from rayfarm.scene_files import opened
+from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 
 if TYPE_CHECKING:
@@ -36,9 +37,18 @@ class Clock:
 
 
 def load_scene(
-    scene: Path, environment: Env, clock: Clock, brute: bool = False, variant: str | None = None, threads: int | None = None
+    scene: Path,
+    environment: Env,
+    clock: Clock,
+    brute: bool = False,
+    variant: str | None = None,
+    threads: int | None = None,
+    moment: Moment = Moment(),
 ) -> tuple[CompiledScene, dict[str, Any]]:
-    """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores."""
+    """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.
+
+    moment: of what moves in it.
+    """
     from renderer.scene.compile import compile_scene, summarise
     from renderer.scene.load import read
 
@@ -47,7 +57,7 @@ def load_scene(
         with opened(scene, environment.image) as (folder, main, inside):
             if environment.sky is not None:
                 inside = "sky:{:g},{:g}".format(*environment.sky)
-            description = read(folder, main, inside, variant)
+            description = read(folder, main, inside, variant, moment)
         clock.mark("load_s")
         progress.update(step, description="building")
         compiled = compile_scene(description, brute=brute, threads=threads)

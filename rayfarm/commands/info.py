@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ import typer
 
 from rayfarm.console import out
 from rayfarm.scene_files import opened
+from renderer.scene.animation import DEFAULT_FPS
 
 __all__ = ["register"]
 
@@ -59,12 +61,17 @@ def _show(summary: dict[str, Any]) -> None:
         line("Cameras" if number == 0 else "", text)
     for number, name in enumerate(summary["variants"]):
         line("Variants" if number == 0 else "", f"{number}: {name}")
-    if summary["animations"]:
-        line("Animations", ", ".join(summary["animations"]))
+    for number, clip in enumerate(summary["clips"]):
+        line("Clips" if number == 0 else "", f"{number}: {clip['name']}, {_span(clip['start'], clip['end'])}")
     if summary["defaults"]:
         line("Asks for", ", ".join(f"{key} {value}" for key, value in summary["defaults"].items()))
     for warning in summary["warnings"]:
         line("Note", warning)
+
+
+def _span(start: float, end: float) -> str:
+    last = math.ceil(end * DEFAULT_FPS - 1e-6)
+    return f"{start:.4g} to {end:.4g} s (frames 0 to {last} at {DEFAULT_FPS:g} a second)"
 
 
 def _vector(values: list[float]) -> str:

@@ -20,6 +20,7 @@ from rayfarm.replay import show_path
 from renderer import aovs
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
+from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 from renderer.work import most_samples
 
@@ -53,6 +54,9 @@ def render(
     ] = None,
     picture: Picture = Picture(),
     variant: options.Variant = None,
+    frame: options.Frame = None,
+    fps: options.Fps = None,
+    clip: options.Clip = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
@@ -93,8 +97,9 @@ def render(
       rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
+    moment = Moment(frame or 0.0, fps, clip)
     if pixel is not None:
-        _replay(scene, variant, picture, pixel, sample or 0, no_bvh, as_json)
+        _replay(scene, variant, moment, picture, pixel, sample or 0, no_bvh, as_json)
         return
     if output is None:
         raise typer.BadParameter("Name the picture to write, or a path to follow by --pixel.", param_hint="'--output' / '-o'")
@@ -119,7 +124,7 @@ def render(
     encode.format_of(output)
     if tonemap not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {tonemap!r}; known are {', '.join(tonemaps.CURVES)}")
-    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads)
+    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads, moment)
     for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
 
@@ -144,9 +149,11 @@ def render(
         _write_stats(stats, clock, done)
 
 
-def _replay(scene: Path, variant: str | None, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool) -> None:
+def _replay(
+    scene: Path, variant: str | None, moment: Moment, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool
+) -> None:
     x, y = options.parse_pixel(pixel)
-    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh, variant)
+    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh, variant, moment=moment)
     settings = picture.settings(summary["cameras"], summary["defaults"])
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")

@@ -10,7 +10,9 @@ import base64
 import binascii
 import functools
 import os
+from collections.abc import Callable, Hashable
 from pathlib import Path, PurePosixPath
+from typing import Any, TypeVar
 from urllib.parse import unquote, unquote_to_bytes
 
 from renderer.errors import SceneError
@@ -20,6 +22,8 @@ __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri"]
 MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
 MAX_SEARCHED = 20_000  # files looked at for one that is not where it is said to be
+
+Made = TypeVar("Made")
 
 
 class SceneFiles:
@@ -33,6 +37,20 @@ class SceneFiles:
             raise SceneError(f"{folder.name}: is no folder; give the folder that holds the scene's files")
         self._root = folder.resolve()
         self._environment = environment
+        self._made: dict[Hashable, Any] = {}
+
+    def recall(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """What was made of these files before, else `make()`: what no frame changes is read once. None is not kept.
+
+        Whoever gets it leaves it as it is.
+        """
+        if key not in self._made:
+            made = make()
+            if made is None:
+                return made
+            self._made[key] = made
+        found: Made = self._made[key]
+        return found
 
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
