@@ -21,6 +21,8 @@ __all__ = [
     "Env",
     "Fps",
     "Frame",
+    "Frames",
+    "Overwrite",
     "Server",
     "Variant",
     "denoised_name",
@@ -60,6 +62,17 @@ Variant = Annotated[
 Frame = Annotated[
     float | None,
     typer.Option(metavar="N", help="Of what moves: frame N shows the time N / fps; 0 unless told.", rich_help_panel="Time"),
+]
+Frames = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A-B[xSTEP],...",
+        help="Several frames, each into a file of its own: `-o out.####.exr`. Those that are there are kept.",
+        rich_help_panel="Time",
+    ),
+]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Render frames again whose files are there.", rich_help_panel="Time")
 ]
 Fps = Annotated[
     float | None,

@@ -207,5 +207,6 @@ class SceneDescription:
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
     clips: list[Clip] = field(default_factory=list)  # what the file animates; which is shown, and when, is asked for
+    moves: bool = False  # whether another moment may show something else
     variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

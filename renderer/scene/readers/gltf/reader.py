@@ -50,7 +50,7 @@ def read(
     _check_extensions(root, shelf)
     accessors = Accessors(root, binary, files)
     moving = animation.Animations(root, accessors, files)
-    description.clips = moving.clips
+    description.clips, description.moves = moving.clips, len(moving.clips) > 0
     root = moving.at(moment)
     for sentence in moving.warnings:
         shelf.warn(sentence)
