@@ -23,8 +23,8 @@ class Format(NamedTuple):
 
 # Best first: where an upload holds several kinds, the one that says most about the scene is taken.
 FORMATS = (
-    Format(".yaml", "yaml", is_mesh_file=False, names_files=True),
-    Format(".yml", "yaml", is_mesh_file=False, names_files=True),
+    Format(".yaml", "yaml", is_mesh_file=False, names_files=True, moves=True),
+    Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".dae", "other", names_files=True),

@@ -12,7 +12,6 @@ import typer
 
 from rayfarm.console import out
 from rayfarm.scene_files import opened
-from renderer.scene.animation import DEFAULT_FPS
 
 __all__ = ["register"]
 
@@ -62,16 +61,15 @@ def _show(summary: dict[str, Any]) -> None:
     for number, name in enumerate(summary["variants"]):
         line("Variants" if number == 0 else "", f"{number}: {name}")
     for number, clip in enumerate(summary["clips"]):
-        line("Clips" if number == 0 else "", f"{number}: {clip['name']}, {_span(clip['start'], clip['end'])}")
+        line("Clips" if number == 0 else "", f"{number}: {clip['name']}, {_span(clip['start'], clip['end'], summary['fps'])}")
     if summary["defaults"]:
         line("Asks for", ", ".join(f"{key} {value}" for key, value in summary["defaults"].items()))
     for warning in summary["warnings"]:
         line("Note", warning)
 
 
-def _span(start: float, end: float) -> str:
-    last = math.ceil(end * DEFAULT_FPS - 1e-6)
-    return f"{start:.4g} to {end:.4g} s (frames 0 to {last} at {DEFAULT_FPS:g} a second)"
+def _span(start: float, end: float, fps: float) -> str:
+    return f"{start:.4g} to {end:.4g} s (frames 0 to {max(math.ceil(end * fps - 1e-6), 0)} at {fps:g} a second)"
 
 
 def _vector(values: list[float]) -> str:

@@ -11,7 +11,7 @@ from renderer.scene.description import SceneDescription
 
 __all__ = ["compiles_alike"]
 
-_ASIDE = {"name", "cameras", "clips", "moves", "variants", "warnings", "defaults"}  # what no array is made of
+_ASIDE = {"name", "cameras", "clips", "fps", "moves", "variants", "warnings", "defaults"}  # what no array is made of
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:

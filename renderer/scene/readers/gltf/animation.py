@@ -6,7 +6,7 @@ Every channel says where in the JSON it writes, so all that reads the file reads
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from renderer.scene.animation import Clip, Curve, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.files import SceneFiles
+from renderer.scene.readers.changed import Changed, Path
 from renderer.scene.readers.gltf import pointers
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
@@ -30,7 +31,7 @@ _NAMED = 8  # properties that a warning names
 class Channel(NamedTuple):
     """What moves, and how."""
 
-    path: pointers.Path
+    path: Path
     kind: pointers.Kind
     curve: Curve
 
@@ -53,7 +54,7 @@ class Animations:
         if moment.clip is not None:
             together = moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 0
             played = self._sources if together else [self._sources[number_of("clip", names, moment.clip, self._root.file)]]
-        changed = _Changed(self._root.value)
+        changed = Changed(self._root.value)
         for source in played:
             channels, warnings = self._files.recall(
                 ("channels", source.file, source.where), functools.partial(self._channels, source)
@@ -66,7 +67,7 @@ class Animations:
                 changed.set(path, values[0] != 0 if kind == "flag" else values[0] if kind == "number" else values)
         return Json(self._root.file, "", changed.root)
 
-    def _has_weight(self, changed: _Changed, path: pointers.Path) -> bool:
+    def _has_weight(self, changed: Changed, path: Path) -> bool:
         """Whether there is such a weight; a node that has its mesh's gets a list of its own."""
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number])
@@ -117,7 +118,7 @@ class Animations:
         named = ", ".join(dict.fromkeys(left_out[:_NAMED]))
         return found, [f"What is animated but not read here, or not there, stands still: {named}{more}."]
 
-    def _is_fixed(self, path: pointers.Path) -> bool:
+    def _is_fixed(self, path: Path) -> bool:
         """Whether a node has a matrix in place of what would move: the specification forbids that (3.11)."""
         if path[0] != "nodes" or path[-1] not in ("translation", "rotation", "scale"):
             return False
@@ -148,26 +149,3 @@ def _pointer(target: Json) -> str | None:
         return extension.text("pointer", "")
     node = target.value.get("node")
     return None if node is None else f"/nodes/{target.integer('node')}/{path}"
-
-
-class _Changed:
-    """JSON with other values in it: containers on the way to them are copied once, all others shared."""
-
-    def __init__(self, root: dict[str, Any]) -> None:
-        self.root = dict(root)
-        self._own = {id(self.root)}
-
-    def set(self, path: pointers.Path, value: Any) -> None:
-        """Puts a value in its place."""
-        at: Any = self.root
-        for key in path[:-1]:
-            at = self._owned(at, key)
-        at[path[-1]] = value
-
-    def _owned(self, parent: Any, key: str | int) -> Any:
-        child = parent.get(key) if isinstance(parent, dict) else parent[key]
-        if child is None or id(child) not in self._own:
-            child = {} if child is None else child.copy()
-            parent[key] = child
-            self._own.add(id(child))
-        return child

@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 from renderer.scene.material import PARAMETERS
 from renderer.scene.parameters import Parameter
+from renderer.scene.readers.changed import Path
 from renderer.scene.readers.gltf import extensions
 
-__all__ = ["IDLE", "Kind", "Path", "find", "kind_of"]
+__all__ = ["IDLE", "Kind", "find", "kind_of", "template"]
 
 Kind = Literal["number", "pair", "triple", "quadruple", "rotation", "list", "flag"]
-Path = tuple[str | int, ...]
 
 _EACH = "{}"  # the number of an element
 

@@ -8,13 +8,14 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import Moment
 from renderer.scene.description import Camera, Instance, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import product
 from renderer.scene.readers.gltf import animation, draco, instancing, lights, materials, textures, variants
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json, parse
 from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.meshes import Meshes
-from renderer.scene.readers.gltf.transforms import Matrix, local, product
+from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]

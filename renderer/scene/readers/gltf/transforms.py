@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene.description import Vec3
+from renderer.scene.matrices import Matrix
 from renderer.scene.readers.gltf.container import Json
 
-__all__ = ["Matrix", "compose", "local", "product", "unit_vector", "vec3"]
+__all__ = ["Matrix", "compose", "local", "unit_vector", "vec3"]
 
-Matrix = npt.NDArray[np.float64]
 _NOWHERE, _UNTURNED, _AS_IT_IS = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 
 
@@ -50,17 +49,6 @@ def compose(translation: Matrix, rotation: Matrix, scale: Matrix) -> Matrix:
     result[:, :3, :3] = np.moveaxis(np.array(rows), 2, 0) * scale[:, None, :]
     result[:, :3, 3] = translation
     return result
-
-
-def product(outer: Matrix, inner: Matrix) -> Matrix:
-    """(..., 4, 4): the transforms that are `inner`, then `outer`, broadcast against each other.
-
-    Added up one by one: a BLAS has other last bits on another processor, and these decide where vertices are.
-    """
-    found: Matrix = outer[..., :, 0, None] * inner[..., None, 0, :]
-    for k in range(1, 4):
-        found = found + outer[..., :, k, None] * inner[..., None, k, :]
-    return found
 
 
 def unit_vector(v: Matrix) -> Matrix:

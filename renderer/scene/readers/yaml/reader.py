@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import jsonschema
 
-from renderer.errors import SettingsError
+from renderer.errors import SceneError, SettingsError
+from renderer.scene.animation import DEFAULT_FPS, Clip, Moment
 from renderer.scene.description import Camera, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
+from renderer.scene.readers.yaml.keys import Keys, find_keys
 from renderer.scene.readers.yaml.lights import read_environment, read_light
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
@@ -22,13 +25,19 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["read"]
 
 
-def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's scene to the description. Raises SceneError with line and field."""
-    document = parse(files.read(main), main)
+def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
+    """Adds the file's scene at a moment to the description. Raises SceneError with line and field."""
+    if moment.clip is not None:
+        raise SceneError(f"{main}: has no clips to choose from, as glTF files have; leave the clip out")
+    written, keys = files.recall(("YAML", main), lambda: _parsed(files.read(main), main))
+    fps = _fps(written)
+    document = written.holding(keys.at(written.data, moment.seconds(fps))) if keys.tracks else written
     _validate(document)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
-    description.name = data.get("name", description.name)
+    description.name, description.fps = data.get("name", description.name), fps
+    if keys.tracks:
+        description.clips, description.moves = [Clip(description.name, keys.start, keys.end)], True
     _add_defaults(data.get("settings", {}), document, description)
     for i, camera in enumerate(data.get("cameras", [])):
         _add_camera(camera, i, document, description)
@@ -41,9 +50,25 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     for name, material in data.get("materials", {}).items():
         materials[name] = len(description.materials)
         description.materials.append(read_material(name, material, textures, document, ("materials", name)))
-    shapes = Shapes(document, files, description, materials)
+    shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps))
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))
+
+
+def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:
+    document = parse(data, main)
+    return document, find_keys(document) if isinstance(document.data, dict) else Keys({}, 0.0, 0.0)
+
+
+def _fps(document: Yaml) -> float:
+    """Frames a second; what is none is left to the schema."""
+    found = document.data.get("fps") if isinstance(document.data, dict) else None
+    if not isinstance(found, int | float) or isinstance(found, bool):
+        return DEFAULT_FPS
+    try:
+        return Moment(fps=float(found)).fps or DEFAULT_FPS
+    except SettingsError as error:
+        raise document.error(("fps",), str(error)) from None
 
 
 def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDescription) -> None:
