@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs
 from renderer.frames import frame_text
+from renderer.orbit import orbit
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 from renderer.work import most_samples
@@ -41,7 +42,15 @@ class Order:
     curve: str
     tile: Tile | None  # only this rectangle
     first: int  # sample number
+    turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
+
+    def settings(self, summary: dict[str, Any], moment: Moment) -> RenderSettings:
+        """What to render at a moment of a scene. Raises CommandError or SettingsError."""
+        settings = self.picture.settings(summary["cameras"], summary["defaults"])
+        if self.turntable is None:
+            return settings
+        return replace(settings, view=orbit(settings.view, moment.seconds(summary["fps"]) / self.turntable, summary["up"]))
 
     def files(self, output: Path) -> list[Path]:
         """All pictures of a frame."""

@@ -24,6 +24,7 @@ __all__ = [
     "Frames",
     "Overwrite",
     "Server",
+    "Turntable",
     "Variant",
     "denoised_name",
     "environment_of",
@@ -68,6 +69,15 @@ Frames = Annotated[
     typer.Option(
         metavar="A-B[xSTEP],...",
         help="Several frames, each into a file of its own: `-o out.####.exr`. Those that are there are kept.",
+        rich_help_panel="Time",
+    ),
+]
+Turntable = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001,
+        metavar="SECONDS",
+        help="The camera goes once around what it looks at in so many seconds, and on.",
         rich_help_panel="Time",
     ),
 ]

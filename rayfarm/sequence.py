@@ -136,7 +136,7 @@ def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show
         if warning not in told:
             told.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
-    settings = order.picture.settings(summary["cameras"], summary["defaults"])
+    settings = order.settings(summary, moment)
     warm_up(settings, edition_for(settings, compiled))
     clock.mark("compile_s")
     done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show)

@@ -61,9 +61,9 @@ class Stage:
                 untouched = _untouched(read)
                 self._last = _Built(untouched, read, self._built(read))
         summary = summarise(self._last.described, self._last.compiled)
-        if self._last.read.moves and moment.frame != 0 and self._is_auto(summary["cameras"]):
+        if self._last.read.moves and moment.frame != self._shot.start and self._is_auto(summary["cameras"]):
             if self._auto is None:
-                start = self._shot.at(replace(moment, frame=0.0))
+                start = self._shot.at(replace(moment, frame=self._shot.start))
                 self._auto = summarise(start, self._built(start))["cameras"][-1]
             summary["cameras"][-1] = self._auto
         return self._last.compiled, summary

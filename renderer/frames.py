@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from renderer.errors import SettingsError
 
-__all__ = ["MAX_FRAMES", "frame_name", "frame_text", "frames_text", "parse_frames"]
+__all__ = ["MAX_FRAMES", "frame_name", "frame_text", "frames_text", "numbers_of", "parse_frames"]
 
 MAX_FRAMES = 100_000
 _LAST = 10_000_000
@@ -53,6 +54,17 @@ def frames_text(frames: list[float]) -> str:
         else:
             runs.append([frame, frame])
     return ",".join(frame_text(a) if a == b else f"{frame_text(a)}-{frame_text(b)}" for a, b in runs)
+
+
+def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
+    """The frames that there are names for, in their order; none where the pattern has no #."""
+    marks, names = list(re.finditer("#+", pattern)), set(names)
+    if not marks:
+        return []
+    start, end = marks[-1].span()
+    written = re.compile(rf"{re.escape(pattern[:start])}(\d{{{end - start},}}){re.escape(pattern[end:])}")
+    found = {int(match[1]) for match in map(written.fullmatch, names) if match and len(match[1]) < 10}
+    return sorted(number for number in found if frame_name(pattern, number) in names)
 
 
 def frame_name(pattern: str, frame: float) -> str:

@@ -12,6 +12,7 @@ import typer
 
 from rayfarm.console import out
 from rayfarm.scene_files import opened
+from renderer.scene.animation import Moment
 
 __all__ = ["register"]
 
@@ -32,11 +33,12 @@ def info(
       rayfarm info truck.glb
     """
     from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import read
+    from renderer.scene.load import Shot
 
     begun = time.perf_counter()
     with opened(scene) as (folder, main, _):
-        description = read(folder, main)
+        shot = Shot(folder, main)
+        description = shot.at(Moment(shot.start))
         compiled = compile_scene(description)
     summary = {"name": description.name, "main": main, **summarise(description, compiled)}
     summary["seconds"] = round(time.perf_counter() - begun, 3)

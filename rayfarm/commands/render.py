@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -56,6 +57,7 @@ def render(
     overwrite: options.Overwrite = False,
     fps: options.Fps = None,
     clip: options.Clip = None,
+    turntable: options.Turntable = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
@@ -100,10 +102,12 @@ def render(
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
     moment = Moment(frame or 0.0, fps, clip)
+    rectangle = options.parse_tile(tile) if tile else None
+    order = Order(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads)
     if pixel is not None:
         if frames is not None:
             raise CommandError("--pixel follows a path of one frame: name it by --frame")
-        _replay(scene, variant, moment, picture, pixel, sample or 0, no_bvh, as_json)
+        _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json)
         return
     if output is None:
         raise typer.BadParameter("Name the picture to write, or a path to follow by --pixel.", param_hint="'--output' / '-o'")
@@ -113,8 +117,7 @@ def render(
         raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
     if overwrite and frames is None:
         raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
-    rectangle = options.parse_tile(tile) if tile else None
-    order = Order(picture, _aovs(aov, output), denoise, exposure, tonemap, rectangle, first, threads)
+    order = replace(order, planes=_aovs(aov, output))
     shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
     _check(output, shot, order, stats)
     if shot is not None:
@@ -134,7 +137,7 @@ def render(
     compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera)
     for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
-    settings = picture.settings(summary["cameras"], summary["defaults"])
+    settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock)
     with shown() as show:
         done = render_to(output, order, compiled, summary["defaults"], settings, clock, show)
@@ -162,11 +165,12 @@ def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None
 
 
 def _replay(
-    scene: Path, variant: str | None, moment: Moment, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool
+    scene: Path, variant: str | None, moment: Moment, order: Order, pixel: str, sample: int, no_bvh: bool, as_json: bool
 ) -> None:
     x, y = options.parse_pixel(pixel)
-    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh, variant, moment=moment, camera=picture.camera)
-    settings = picture.settings(summary["cameras"], summary["defaults"])
+    environment, camera = order.picture.environment(), order.picture.camera
+    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, moment=moment, camera=camera)
+    settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
     load_kernels(settings, compiled, Clock())

@@ -22,16 +22,25 @@ _START = Moment()
 
 
 class Shot:
-    """A scene over time: what no frame changes is read from its files once. For the arguments, see `read`."""
+    """A scene over time: what no frame changes is read from its files once. For the arguments, see `read`.
+
+    main may be a pattern as smoke.####.obj: then there is a file for each frame.
+    """
 
     def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
         self._files = SceneFiles(folder, environment)
         self._main, self._environment, self._variant = main, environment, variant
 
+    @property
+    def start(self) -> float:
+        """The frame at which it begins: 0, or of numbered files the first that is there."""
+        return float(next(iter(self._files.frames_of(self._main)), 0))
+
     def at(self, moment: Moment = _START) -> SceneDescription:
         """The scene as it is at a moment, whichever were asked for before. Raises SceneError, as `read` does."""
-        main, environment = self._main, self._environment
-        description = SceneDescription(name=PurePosixPath(main).stem)
+        self._files.read_anew()
+        main, environment = self._files.at_frame(self._main, moment.frame, "."), self._environment
+        description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
         read_file(self._files, main, description, self._variant, moment=moment)
         if environment is not None:
             _light_with(self._files, environment, description)

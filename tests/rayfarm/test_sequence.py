@@ -172,3 +172,39 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
     with open_stage(tmp_path / "bare.glb", Env()) as stage:
         alone = stage.at(Moment(18))[1]["cameras"][-1]
     assert start == later == alone
+
+
+def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    monkeypatch.setattr("renderer.scene.compile.compile_scene", lambda *a, **k: (built.append(1), compile_scene(*a, **k))[1])
+    (tmp_path / "s.yaml").write_text("fps: 10\nshapes: [{type: cube, transform: [{rotate: {axis: y, degrees: 20}}]}]")
+    done = rayfarm("render", tmp_path / "s.yaml", "-o", tmp_path / "out.##.png", "--frames", "0-20x5", "--turntable", "2", *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert len(built) == 1
+    pictures = [pixels(tmp_path / f"out.{frame:02d}.png") for frame in range(0, 21, 5)]
+    assert np.array_equal(pictures[0], pictures[4])
+    assert len({picture.tobytes() for picture in pictures[:4]}) == 4
+
+
+def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None:
+    for number in (1, 2, 4):
+        (tmp_path / f"drop.{number:02d}.obj").write_text(f"v 0 {number} 0\nv 1 {number} 0\nv 0 {number + 1} 0\nf 1 2 3\n")
+    done = rayfarm("render", tmp_path / "drop.##.obj", "-o", tmp_path / "out.#.png", "--frames", "1-4", *SMALL)
+    assert done.returncode == 1
+    assert "frame 3 failed: drop.03.obj: is not among the scene's files; add it" in done.stderr
+    assert sorted(path.name for path in tmp_path.glob("out.*")) == ["out.1.png", "out.2.png", "out.4.png"]
+    assert len({pixels(path).tobytes() for path in tmp_path.glob("out.*")}) == 3
+    told = rayfarm("info", tmp_path / "drop.##.obj")
+    assert told.returncode == 0
+    assert "drop.##.obj" in told.stdout
+    for name in ("smoke.##.obj", "drop.##.txt"):
+        missing = rayfarm("render", tmp_path / name, "-o", tmp_path / "x.#.png", "--frames", "1-4")
+        assert missing.returncode == 1
+        assert "There is no file" in missing.stderr
+    assert "a farm renders stills" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
+    # Under an environment image from elsewhere all frames' files are taken along.
+    from rayfarm.scene_files import belonging
+
+    assert len(belonging(tmp_path / "drop.##.obj")) == 3
+    (tmp_path / "s.yaml").write_text("shapes: [{type: mesh, file: drop.##.obj}]")
+    assert len(belonging(tmp_path / "s.yaml")) == 4

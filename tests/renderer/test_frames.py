@@ -3,7 +3,7 @@
 import pytest
 
 from renderer.errors import SettingsError
-from renderer.frames import frame_name, frames_text, parse_frames
+from renderer.frames import frame_name, frames_text, numbers_of, parse_frames
 
 
 @pytest.mark.parametrize(
@@ -60,3 +60,10 @@ def test_a_files_name_has_the_frames_number(pattern, frame, name):
 def test_runs_are_told_as_ranges():
     assert frames_text([4, 0, 1, 2, 7.5, 9, 10, 1000000]) == "0-2,4,7.5,9-10,1000000"
     assert parse_frames(frames_text([3, 4, 5, 9])) == [3, 4, 5, 9]
+
+
+def test_the_frames_that_have_files_are_found():
+    names = ["a.0003.obj", "a.0012.obj", "a.12345.obj", "a.12.obj", "a.00013.obj", "b.0001.obj", "a.0001.mtl"]
+    assert numbers_of("a.####.obj", names) == [3, 12, 12345]
+    assert numbers_of("a.#.obj", names) == [12, 12345]
+    assert numbers_of("a.obj", names) == []

@@ -51,7 +51,8 @@ def read(
     _check_extensions(root, shelf)
     accessors = Accessors(root, binary, files)
     moving = animation.Animations(root, accessors, files)
-    description.clips, description.moves = moving.clips, len(moving.clips) > 0
+    description.clips = moving.clips
+    description.moves |= len(moving.clips) > 0
     root = moving.at(moment)
     for sentence in moving.warnings:
         shelf.warn(sentence)

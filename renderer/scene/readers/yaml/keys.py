@@ -23,6 +23,7 @@ __all__ = ["CURVES", "Keys", "find_keys"]
 CURVES = ("linear", "step", "smooth")  # or the four numbers of a cubic Bezier
 MAX_KEYS = 100_000
 _OF_THE_WHOLE = ("name", "fps", "settings")
+_NAMING = ("file", "image")
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 
 Track = Callable[[float], Any]  # a value by its time
@@ -35,12 +36,20 @@ class Keys(NamedTuple):
     tracks: dict[Path, Track]
     start: float
     end: float
+    patterns: list[Path]  # names of files that have the frame's number in them, as smoke.####.obj
 
-    def at(self, data: dict[str, Any], time: float) -> dict[str, Any]:
-        """The file's data at a time."""
+    @property
+    def moves(self) -> bool:
+        """Whether anything does."""
+        return bool(self.tracks or self.patterns)
+
+    def at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
+        """The file's data at a time. name_of: a pattern's name there."""
         changed = Changed(data)
         for path, track in self.tracks.items():
             changed.set(path, track(time))
+        for path in self.patterns:
+            changed.set(path, name_of(value_at(data, path)))
         return changed.root
 
 
@@ -59,7 +68,7 @@ def find_keys(document: Yaml) -> Keys:
         else:
             tracks[path] = _track(values, make, document, path)
         ends += [float(times[0]), float(times[-1])]
-    return Keys(tracks, min(ends, default=0.0), max(ends, default=0.0))
+    return Keys(tracks, min(ends, default=0.0), max(ends, default=0.0), _patterns(document.data, ()))
 
 
 def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
@@ -67,6 +76,20 @@ def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
         return [(path, value)]
     children = value.items() if isinstance(value, dict) else enumerate(value)
     return [found for key, child in children if isinstance(child, dict | list) for found in _found(child, (*path, key))]
+
+
+def value_at(data: Any, path: Path) -> Any:
+    """What stands at a path."""
+    for key in path:
+        data = data[key]
+    return data
+
+
+def _patterns(value: Any, path: Path) -> list[Path]:
+    if isinstance(value, str):
+        return [path] if path[-1] in _NAMING and "#" in value else []
+    children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [found for key, child in children if isinstance(child, dict | list | str) for found in _patterns(child, (*path, key))]
 
 
 def _times(keys: list[Any], document: Yaml, path: Path) -> npt.NDArray[np.float64]:

@@ -31,13 +31,18 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         raise SceneError(f"{main}: has no clips to choose from, as glTF files have; leave the clip out")
     written, keys = files.recall(("YAML", main), lambda: _parsed(files.read(main), main))
     fps = _fps(written)
-    document = written.holding(keys.at(written.data, moment.seconds(fps))) if keys.tracks else written
+    document = written
+    if keys.moves:
+        document = written.holding(
+            keys.at(written.data, moment.seconds(fps), lambda pattern: files.at_frame(pattern, moment.frame, main))
+        )
     _validate(document)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
     description.name, description.fps = data.get("name", description.name), fps
+    description.moves |= keys.moves
     if keys.tracks:
-        description.clips, description.moves = [Clip(description.name, keys.start, keys.end)], True
+        description.clips = [Clip(description.name, keys.start, keys.end)]
     _add_defaults(data.get("settings", {}), document, description)
     for i, camera in enumerate(data.get("cameras", [])):
         _add_camera(camera, i, document, description)
@@ -57,7 +62,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:
     document = parse(data, main)
-    return document, find_keys(document) if isinstance(document.data, dict) else Keys({}, 0.0, 0.0)
+    return document, find_keys(document) if isinstance(document.data, dict) else Keys({}, 0.0, 0.0, [])
 
 
 def _fps(document: Yaml) -> float:
