@@ -7,27 +7,12 @@ from renderer.errors import SceneError
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import Shot
-from tests.renderer.scene.builders import TRIANGLE, Gltf, full_gltf, world
-
-POINTER = "KHR_animation_pointer"
+from tests.renderer.scene.builders import POINTER, TRIANGLE, Gltf, clip, moving_gltf, world
 
 
 def at(seconds, clip=None):
     """A moment in quarters of a second, to which frames of 8 fps come exactly."""
     return Moment(8 * seconds, 8.0, clip)
-
-
-def clip(g, name, *channels):
-    """Adds an animation; a channel is (node or pointer, path, times, values, interpolation)."""
-    samplers, targets = [], []
-    for where, path, times, values, way in channels:
-        samplers.append({"input": g.array(np.float32(times)), "output": g.array(np.float32(values)), "interpolation": way})
-        target = {"node": where, "path": path}
-        if path == "pointer":
-            target = {"path": path, "extensions": {POINTER: {"pointer": where}}}
-        targets.append({"sampler": len(samplers) - 1, "target": target})
-    g.root.setdefault("animations", []).append({"name": name, "samplers": samplers, "channels": targets})
-    return g
 
 
 def turn(degrees, axis):
@@ -190,37 +175,8 @@ def test_an_unknown_clip_is_told_which_there_are(scene):
         scene("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", moment=at(0, "walk"))
 
 
-def pointing(png):
-    """A file that has something of everything, and much of it moving from 0 to 1 s."""
-    g = full_gltf(png)
-    material = "/materials/0"
-    light = "/extensions/KHR_lights_punctual/lights/0"
-    return clip(
-        g,
-        "everything",
-        (f"{material}/pbrMetallicRoughness/baseColorFactor", "pointer", [0, 1], [(0, 0, 0, 0), (1, 0.5, 0.25, 1)], "LINEAR"),
-        (f"{material}/pbrMetallicRoughness/roughnessFactor", "pointer", [0, 1], [0, 1], "LINEAR"),
-        (f"{material}/emissiveFactor", "pointer", [0, 1], [(0, 0, 0), (1, 1, 0)], "LINEAR"),
-        (f"{material}/extensions/KHR_materials_emissive_strength/emissiveStrength", "pointer", [0, 1], [0, 8], "LINEAR"),
-        (f"{material}/extensions/KHR_materials_transmission/transmissionFactor", "pointer", [0, 1], [0, 1], "LINEAR"),
-        (f"{material}/extensions/KHR_materials_volume/attenuationDistance", "pointer", [0, 1], [1, 3], "LINEAR"),
-        (f"{material}/extensions/KHR_materials_clearcoat/clearcoatFactor", "pointer", [0, 1], [0, 1], "LINEAR"),
-        (f"{material}/normalTexture/scale", "pointer", [0, 1], [1, 3], "LINEAR"),
-        (f"{material}/normalTexture/extensions/KHR_texture_transform/offset", "pointer", [0, 1], [(0, 0), (1, 2)], "LINEAR"),
-        (f"{material}/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/scale", "pointer", [0, 1],
-         [(1, 1), (3, 5)], "LINEAR"),
-        (f"{light}/intensity", "pointer", [0, 1], [0, 1366], "LINEAR"),
-        (f"{light}/color", "pointer", [0, 1], [(1, 1, 1), (1, 0, 0)], "LINEAR"),
-        (f"{light}/spot/outerConeAngle", "pointer", [0, 1], [0.3, 0.5], "LINEAR"),
-        ("/cameras/0/perspective/yfov", "pointer", [0, 1], [0.5, 1.5], "LINEAR"),
-        ("/cameras/1/orthographic/ymag", "pointer", [0, 1], [1, 3], "LINEAR"),
-        ("/cameras/1/orthographic/zfar", "pointer", [0, 1], [1, 3], "LINEAR"),
-        ("/nodes/3/weights/0", "pointer", [0, 1], [0, 1], "LINEAR"),
-    )  # fmt: skip
-
-
 def test_pointers_reach_materials_textures_lights_cameras_and_single_weights(scene, png):
-    description = scene("all.glb", pointing(png).glb(), moment=at(0.5))
+    description = scene("all.glb", moving_gltf(png).glb(), moment=at(0.5))
     assert not [w for w in description.warnings if "anim" in w]
     material = description.materials[0]
     assert (material.base_color, material.opacity) == ((0.5, 0.25, 0.125), 0.5)
@@ -236,7 +192,7 @@ def test_pointers_reach_materials_textures_lights_cameras_and_single_weights(sce
     assert description.cameras[1].view.height == 4
     shaped = next(i for i in description.instances if description.meshes[i.mesh].name == "mesh 1")
     morphed = description.meshes[shaped.mesh].positions
-    rest = scene("all.glb", pointing(png).glb(), moment=at(0)).meshes[shaped.mesh].positions
+    rest = scene("all.glb", moving_gltf(png).glb(), moment=at(0)).meshes[shaped.mesh].positions
     np.testing.assert_allclose(morphed, 1.5 * rest, rtol=1e-6)  # its target is its own shape
 
 
