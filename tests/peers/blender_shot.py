@@ -2,7 +2,7 @@
 
     python blender_shot.py shot.glb shot.json
 
-shot.json: {frame: {"matrices": {name: 4x4}, "vertices": {name: [[x, y, z], ...]}}}, in Blender's axes: Z is up.
+shot.json: {frame: {"matrices": {name: 4x4}, "vertices": {name: [[x, y, z], ...]}, "numbers": {...}}}, in Blender's axes: Z is up.
 """
 
 from __future__ import annotations
@@ -61,11 +61,26 @@ def camera_and_lamp():
     bpy.context.collection.objects.link(camera)
     camera.rotation_euler = (1.2, 0, 0)
     key(camera, "location", {0: (0, -12, 4), 40: (3, -9, 6)})
+    key(lens, "lens", {0: 35.0, 40: 85.0})
     lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SPOT"))
     bpy.context.collection.objects.link(lamp)
+    key(lamp.data, "energy", {0: 100.0, 24: 1000.0, 40: 10.0})
+    key(lamp.data, "color", {0: (1, 1, 1), 40: (1, 0.2, 0.1)})
     key(lamp, "location", {0: (4, -4, 6), 40: (-4, -4, 6)})
     key(lamp, "rotation_euler", {0: (0.3, 0, 0), 40: (0.6, 0.2, 1.0)})
     bpy.context.scene.camera = camera
+
+
+def paint():
+    """A material on the mast whose colour, roughness and light change."""
+    material = bpy.data.materials.new("paint")
+    material.use_nodes = True
+    bpy.data.objects["mast"].data.materials.append(material)
+    inputs = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
+    key(inputs["Base Color"], "default_value", {0: (0.8, 0.1, 0.1, 1), 40: (0.1, 0.2, 0.9, 1)})
+    key(inputs["Roughness"], "default_value", {0: 0.1, 40: 0.9})
+    inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
+    key(inputs["Emission Strength"], "default_value", {0: 0.0, 40: 5.0})
 
 
 def bent():
@@ -130,7 +145,17 @@ def seen():
             mesh = evaluated.to_mesh()
             vertices[thing.name] = [list(evaluated.matrix_world @ v.co) for v in mesh.vertices]
             evaluated.to_mesh_clear()
-    return {"matrices": matrices, "vertices": vertices}
+    material = bpy.data.materials["paint"].evaluated_get(graph)
+    inputs = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
+    numbers = {
+        "fov": 2 * math.degrees(math.atan(math.tan(bpy.data.cameras["camera"].angle / 2) * 9 / 16)),  # of a 16:9 picture
+        "energy": bpy.data.lights["lamp"].energy,
+        "light": list(bpy.data.lights["lamp"].color),
+        "color": list(inputs["Base Color"].default_value)[:3],
+        "roughness": inputs["Roughness"].default_value,
+        "emission": inputs["Emission Strength"].default_value,
+    }
+    return {"matrices": matrices, "vertices": vertices, "numbers": numbers}
 
 
 def main(glb, told):
@@ -139,6 +164,7 @@ def main(glb, told):
     scene.frame_start, scene.frame_end, scene.render.fps = 0, LAST, 24
     rigid()
     camera_and_lamp()
+    paint()
     bent()
     found = {}
     for frame in FRAMES:
@@ -147,7 +173,8 @@ def main(glb, told):
     scene.frame_set(0)
     bpy.ops.export_scene.gltf(
         filepath=glb, export_cameras=True, export_lights=True, export_animation_mode="SCENE", export_force_sampling=True,
-        export_optimize_animation_size=False, export_anim_scene_split_object=False,
+        export_optimize_animation_size=False,
+        export_pointer_animation=True, export_anim_scene_split_object=False,
     )  # fmt: skip
     with open(told, "w") as file:  # noqa: PTH123
         json.dump(found, file)

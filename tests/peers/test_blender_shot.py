@@ -61,6 +61,18 @@ def test_vertices_cameras_and_lights_are_where_blender_has_them(shot: tuple[Shot
     np.testing.assert_allclose(lamp.direction, TO_Y_UP @ -matrix[:3, 2], atol=NEAR)
 
 
+@pytest.mark.parametrize("frame", [0, 7, 13, 24, 40])
+def test_what_blender_writes_as_pointers_is_what_it_shows(shot: tuple[Shot, dict[str, Any]], frame: int) -> None:
+    ours, theirs = shot[0].at(Moment(frame)), shot[1][str(frame)]["numbers"]
+    assert not [warning for warning in ours.warnings if "animated" in warning]
+    paint = next(material for material in ours.materials if material.name == "paint")
+    np.testing.assert_allclose(paint.base_color, theirs["color"], rtol=1e-5)
+    assert paint.roughness == pytest.approx(theirs["roughness"], rel=1e-5)
+    np.testing.assert_allclose(paint.emission, theirs["emission"] * np.array([1, 0.5, 0.25]), rtol=1e-5)
+    np.testing.assert_allclose(ours.lights[0].intensity, theirs["energy"] * np.array(theirs["light"]), rtol=1e-5)
+    assert ours.cameras[0].view.fov == pytest.approx(theirs["fov"], rel=1e-5)
+
+
 def test_it_moves(shot: tuple[Shot, dict[str, Any]]) -> None:
     """So that what is compared is no shot that stands still."""
     places = [shot[1][str(frame)]["vertices"] for frame in (0, 13, 40)]
