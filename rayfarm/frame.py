@@ -15,8 +15,8 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs
 from renderer.frames import frame_text
-from renderer.orbit import orbit
 from renderer.scene.animation import Moment
+from renderer.scene.animation.orbit import orbit
 from renderer.settings import RenderSettings, Tile
 from renderer.work import most_samples
 

@@ -5,6 +5,7 @@ Readers evaluate what their files animate while they read, and give the descript
 moment.py         a frame, how many of them are a second, and which clip is shown
 clips.py          what a person is told of a file's animations
 curves.py         keys and what lies between them
+orbit.py          a camera that goes around
 trigonometry.py   sines and angles with the same bits on every host
 """
 

@@ -160,3 +160,54 @@ def test_matrices_are_not_cut_through(scene):
     np.testing.assert_allclose(scene("s.yaml", jumps, moment=Moment(24)).instances[0].transform, rotation_y(90))
     with pytest.raises(SceneError, match="is beyond 1e"):
         scene("s.yaml", "shapes: [{type: quad, transform: [{rotate: {axis: y, degrees: 1e9}}]}]")
+
+
+WAYS = """
+cameras:
+  - {name: tour, through: [front, side, top], seconds: 4}
+  - {name: front, eye: [0, 0, 5], target: [0, 0, 0], fov: 30}
+  - {name: side, eye: [5, 0, 0], target: [1, 0, 0], fov: 50}
+  - {name: top, eye: [5, 4, 0], target: [1, 1, 0], fov: 40}
+  - {name: statue, eye: [0, 1, 5], target: [0, 0, 0], turntable: 8}
+shapes: [{type: cube}]
+"""
+
+
+def test_a_camera_goes_through_others_and_another_around(scene):
+    views = [[c.view for c in scene("s.yaml", WAYS, moment=Moment(24 * s)).cameras] for s in (0, 1, 2, 4, 9)]
+    tour = [each[0] for each in views]
+    assert tour[0] == views[0][1]
+    assert tour[2] == views[0][2]
+    assert tour[3] == tour[4] == views[0][3]
+    assert tour[1].eye[2] == pytest.approx(2.5), "half of the way: z rests at both of its ends"
+    assert tour[1].fov == pytest.approx(40), "and so does the angle, which is the widest at the side"
+    np.testing.assert_allclose(views[2][4].eye, (5, 1, 0), atol=1e-12)
+    described = scene("s.yaml", WAYS)
+    assert (described.clips, described.moves) == ([Clip("s", 0, 8)], True)
+
+
+@pytest.mark.parametrize(
+    ("camera", "sentence"),
+    [
+        ("{through: [front], seconds: 1}", r"cameras\[1\]\.through: .* is too short"),
+        (
+            "{through: [front, back], seconds: 1}",
+            r"through\[1\]: no camera of its own is called back; known are front",
+        ),
+        ("{name: me, through: [front, me], seconds: 1}", r"no camera of its own is called me"),
+        ("{through: [front, front]}", r"'seconds' is a required property"),
+        ("{through: [front, front], seconds: 1, eye: [0, 0, 0]}", r"cameras\[1\]\.eye: does not belong here"),
+        ("{eye: [0, 0, 9]}", r"'target' is a required property"),
+        ("{eye: [0, 0, 9], target: [0, 0, 0], seconds: 2}", r"cameras\[1\]\.seconds: does not belong here"),
+        ("{eye: [0, 0, 9], target: [0, 0, 0], turntable: 0}", r"turntable: 0 is less than"),
+    ],
+)
+def test_what_is_no_way_is_told(scene, camera, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        scene("s.yaml", f"cameras: [{{name: front, eye: [0, 0, 5], target: [0, 0, 0]}}, {camera}]\nshapes: [{{type: cube}}]")
+
+
+def test_cameras_of_two_projections_have_nothing_between_them(scene):
+    text = WAYS.replace("target: [1, 1, 0], fov: 40", "target: [1, 1, 0], projection: orthographic")
+    with pytest.raises(SceneError, match=r"line 3: cameras\[0\]\.through: names cameras of different projections"):
+        scene("s.yaml", text)

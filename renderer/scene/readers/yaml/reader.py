@@ -12,6 +12,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import DEFAULT_FPS, Clip, Moment
 from renderer.scene.description import Camera, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.readers.yaml.camera_moves import between, moved
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
 from renderer.scene.readers.yaml.keys import Keys, find_keys
@@ -21,6 +22,7 @@ from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
+from renderer.settings import View
 
 __all__ = ["read"]
 
@@ -40,12 +42,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
     description.name, description.fps = data.get("name", description.name), fps
-    description.moves |= keys.moves
-    if keys.tracks:
-        description.clips = [Clip(description.name, keys.start, keys.end)]
     _add_defaults(data.get("settings", {}), document, description)
-    for i, camera in enumerate(data.get("cameras", [])):
-        _add_camera(camera, i, document, description)
+    ends = _add_cameras(data.get("cameras", []), moment.seconds(fps), document, description)
+    description.moves = description.moves or keys.moves or len(ends) > 0
+    if keys.tracks or ends:
+        description.clips = [Clip(description.name, min(keys.start, 0.0) if ends else keys.start, max(keys.end, *ends, 0.0))]
     if "environment" in data:
         description.environment = read_environment(data["environment"], document, files, shelf)
     for i, light in enumerate(data.get("lights", [])):
@@ -85,11 +86,30 @@ def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDe
         description.defaults[name] = list(taken) if isinstance(taken, tuple) else taken
 
 
-def _add_camera(source: dict[str, Any], index: int, document: Yaml, description: SceneDescription) -> None:
-    name = source.get("name", f"camera {index}")
-    if name in {c.name for c in description.cameras}:
-        raise document.error(("cameras", index, "name"), f"another camera is called {name}; give it another name")
-    description.cameras.append(Camera(name, read_view(source, document, ("cameras", index))))
+def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, description: SceneDescription) -> list[float]:
+    """Adds the cameras as they are at a time; gives the times at which those end that move by a word."""
+    views: dict[str, View | None] = {}
+    for i, source in enumerate(sources):
+        name = source.get("name", f"camera {i}")
+        if name in views:
+            raise document.error(("cameras", i, "name"), f"another camera is called {name}; give it another name")
+        views[name] = None if "through" in source else moved(read_view(source, document, ("cameras", i)), source, time)
+    for i, (name, source) in enumerate(zip(views, sources, strict=True)):
+        if (view := views[name]) is None:
+            view = between(_named(source["through"], views, document, i), source["seconds"], time, document, ("cameras", i))
+        description.cameras.append(Camera(name, view))
+    return [float(source[key]) for source in sources for key in ("turntable", "seconds") if key in source]
+
+
+def _named(names: list[str], views: dict[str, View | None], document: Yaml, camera: int) -> list[View]:
+    found = []
+    for i, name in enumerate(names):
+        view = views.get(name)
+        if view is None:
+            known = ", ".join(other for other, its in list(views.items())[:10] if its is not None) or "none"
+            raise document.error(("cameras", camera, "through", i), f"no camera of its own is called {name}; known are {known}")
+        found.append(view)
+    return found
 
 
 @functools.cache

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from renderer.orbit import orbit
+from renderer.scene.animation.orbit import orbit
 from renderer.settings import View
 
 
