@@ -64,9 +64,9 @@ def render_sequence(shot: Sequence, stage: Stage, order: Order) -> dict[str, Any
             try:
                 statistic.append(_render(shot, stage, order, frame, progress.begin(frame), told))
                 progress.finish(str(shot.file(frame)))
-            except CommandError:
-                raise  # what is asked for cannot be, of any frame
             except (RayfarmError, OSError, MemoryError) as error:
+                if isinstance(error, CommandError) and not statistic:
+                    raise  # what is asked for cannot be, of any frame
                 failed[frame] = str(error) or "the memory is full"
                 progress.fail(frame, "" if failed[frame] in told else f": {failed[frame]}")
                 told.add(failed[frame])

@@ -2,6 +2,8 @@
 
     python blender_shot.py shot.glb shot.json
 
+Beside it goes shot-plain.glb, without KHR_animation_pointer, of which Blender's importer reads a part.
+
 shot.json: {frame: {"matrices": {name: 4x4}, "vertices": {name: [[x, y, z], ...]}, "numbers": {...}}}, in Blender's axes: Z is up.
 """
 
@@ -25,10 +27,10 @@ def key(owner, path, values, index=-1):
         owner.keyframe_insert(path, frame=frame, index=index)
 
 
-def mesh_object(name, rings=9, sides=8):
+def mesh_object(name, rings=9, sides=8, radius=0.4):
     """A tube along Z, of height 4."""
     vertices = [
-        (math.cos(2 * math.pi * k / sides) * 0.4, math.sin(2 * math.pi * k / sides) * 0.4, 4 * r / (rings - 1))
+        (math.cos(2 * math.pi * k / sides) * radius, math.sin(2 * math.pi * k / sides) * radius, 4 * r / (rings - 1))
         for r in range(rings)
         for k in range(sides)
     ]
@@ -46,7 +48,7 @@ def mesh_object(name, rings=9, sides=8):
 
 def rigid():
     """A mast that turns by Euler angles, a yard on it that moves and is squeezed, a flag on that by quaternions."""
-    mast, yard, flag = (mesh_object(name, 3, 5) for name in ("mast", "yard", "flag"))
+    mast, yard, flag = (mesh_object(name, 3, 5, radius) for name, radius in (("mast", 0.4), ("yard", 0.6), ("flag", 0.3)))
     yard.parent, flag.parent = mast, yard
     key(mast, "rotation_euler", {0: (0, 0, 0), 24: (0.4, 0.2, 3.5), 40: (1.1, -0.7, 5.0)})
     key(yard, "location", {0: (0, 0, 2), 16: (1, 0.5, 3), 40: (0, -1, 1)})
@@ -59,9 +61,9 @@ def camera_and_lamp():
     lens = bpy.data.cameras.new("camera")
     camera = bpy.data.objects.new("camera", lens)
     bpy.context.collection.objects.link(camera)
-    camera.rotation_euler = (1.2, 0, 0)
-    key(camera, "location", {0: (0, -12, 4), 40: (3, -9, 6)})
-    key(lens, "lens", {0: 35.0, 40: 85.0})
+    camera.rotation_euler = (1.1, 0, 0)
+    key(camera, "location", {0: (2, -11, 6), 40: (3, -9, 6)})
+    key(lens, "lens", {0: 35.0, 40: 28.0})
     lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SPOT"))
     bpy.context.collection.objects.link(lamp)
     key(lamp.data, "energy", {0: 100.0, 24: 1000.0, 40: 10.0})
@@ -71,16 +73,29 @@ def camera_and_lamp():
     bpy.context.scene.camera = camera
 
 
+def floor():
+    mesh = bpy.data.meshes.new("floor")
+    mesh.from_pydata([(-30, -30, 0), (30, -30, 0), (30, 30, 0), (-30, 30, 0)], [], [(0, 1, 2, 3)])
+    bpy.context.collection.objects.link(bpy.data.objects.new("floor", mesh))
+
+
 def paint():
-    """A material on the mast whose colour, roughness and light change."""
-    material = bpy.data.materials.new("paint")
-    material.use_nodes = True
-    bpy.data.objects["mast"].data.materials.append(material)
-    inputs = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
+    """All is grey, but for the mast: its colour, roughness and light change."""
+    for thing in [thing for thing in bpy.context.scene.objects if thing.type == "MESH"]:
+        name = "paint" if thing.name == "mast" else "grey"
+        material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+        material.use_nodes = True
+        thing.data.materials.append(material)
+    inputs = surface(bpy.data.materials["paint"])
     key(inputs["Base Color"], "default_value", {0: (0.8, 0.1, 0.1, 1), 40: (0.1, 0.2, 0.9, 1)})
-    key(inputs["Roughness"], "default_value", {0: 0.1, 40: 0.9})
+    key(inputs["Roughness"], "default_value", {0: 0.3, 40: 0.9})
     inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
-    key(inputs["Emission Strength"], "default_value", {0: 0.0, 40: 5.0})
+    key(inputs["Emission Strength"], "default_value", {0: 0.0, 40: 1.0})
+
+
+def surface(material):
+    """The numbers of its principled BSDF."""
+    return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
 
 
 def bent():
@@ -146,9 +161,9 @@ def seen():
             vertices[thing.name] = [list(evaluated.matrix_world @ v.co) for v in mesh.vertices]
             evaluated.to_mesh_clear()
     material = bpy.data.materials["paint"].evaluated_get(graph)
-    inputs = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
+    inputs = surface(material)
     numbers = {
-        "fov": 2 * math.degrees(math.atan(math.tan(bpy.data.cameras["camera"].angle / 2) * 9 / 16)),  # of a 16:9 picture
+        "fov": math.degrees(bpy.data.cameras["camera"].angle),
         "energy": bpy.data.lights["lamp"].energy,
         "light": list(bpy.data.lights["lamp"].color),
         "color": list(inputs["Base Color"].default_value)[:3],
@@ -162,20 +177,22 @@ def main(glb, told):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end, scene.render.fps = 0, LAST, 24
+    scene.render.resolution_x = scene.render.resolution_y = 96
     rigid()
     camera_and_lamp()
-    paint()
     bent()
+    floor()
+    paint()
     found = {}
     for frame in FRAMES:
         scene.frame_set(frame)
         found[frame] = seen()
     scene.frame_set(0)
-    bpy.ops.export_scene.gltf(
-        filepath=glb, export_cameras=True, export_lights=True, export_animation_mode="SCENE", export_force_sampling=True,
-        export_optimize_animation_size=False,
-        export_pointer_animation=True, export_anim_scene_split_object=False,
-    )  # fmt: skip
+    for path, pointers in ((glb, True), (glb.replace(".glb", "-plain.glb"), False)):
+        bpy.ops.export_scene.gltf(
+            filepath=path, export_cameras=True, export_lights=True, export_animation_mode="SCENE", export_force_sampling=True,
+            export_optimize_animation_size=False, export_pointer_animation=pointers, export_anim_scene_split_object=False,
+        )  # fmt: skip
     with open(told, "w") as file:  # noqa: PTH123
         json.dump(found, file)
 
