@@ -97,11 +97,14 @@ def slerp(begin: Sequence[float], end: Sequence[float], share: float) -> list[fl
         end = [-b for b in end]
     across, along = [b - a for a, b in zip(begin, end, strict=True)], [b + a for a, b in zip(begin, end, strict=True)]
     # By both chords (Kahan 2006), as an arc cosine has no digits for small angles.
-    angle = 2.0 * angle_between(math.sqrt(_dot(across, across)), math.sqrt(_dot(along, along)))
+    far, near = math.sqrt(_dot(across, across)), math.sqrt(_dot(along, along))
+    angle = 2.0 * angle_between(far, near)
     first, second = 1.0 - share, share
     if angle > 1e-9:
-        whole = sin_cos(angle)[0]
-        first, second = sin_cos(angle * first)[0] / whole, sin_cos(angle * second)[0] / whole
+        sine, cosine = sin_cos(angle * share)
+        square = far * far + near * near
+        whole, level = 2.0 * far * near / square, (near * near - far * far) / square  # sine and cosine of the angle
+        first, second = (whole * cosine - level * sine) / whole, sine / whole
     return [a * first + b * second for a, b in zip(begin, end, strict=True)]
 
 
