@@ -89,6 +89,8 @@ def _check(main: str, description: SceneDescription) -> None:
         if not np.isfinite(mesh.positions).all():
             raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
+    if shown == 0 and description.moves:
+        raise SceneError(f"{main}: shows no surface at this frame; a picture needs one, however far away")
     if shown == 0:
         raise SceneError(f"{main}: shows no surface: no triangles and no spheres. Export it with its meshes")
 

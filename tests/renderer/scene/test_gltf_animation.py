@@ -206,6 +206,9 @@ def test_visibility_switches_at_its_keys(scene):
     channel = {"sampler": 0, "target": {"path": "pointer", "extensions": pointer}}
     g.root["animations"] = [{"channels": [channel], "samplers": [flags]}]
     assert [len(scene("v.glb", g.glb(), moment=at(s)).instances) for s in (0, 0.75, 1, 2)] == [1, 1, 2, 2]
+    g.root["scenes"][0]["nodes"] = [1]
+    with pytest.raises(SceneError, match=r"v\.glb: shows no surface at this frame"):
+        scene("v.glb", g.glb(), moment=at(0.5))
 
 
 def test_what_cannot_move_is_named_in_one_warning(scene):

@@ -49,7 +49,7 @@ class Keys(NamedTuple):
         for path, track in self.tracks.items():
             changed.set(path, track(time))
         for path in self.patterns:
-            changed.set(path, name_of(value_at(data, path)))
+            changed.set(path, name_of(_value_at(data, path)))
         return changed.root
 
 
@@ -78,7 +78,7 @@ def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
     return [found for key, child in children if isinstance(child, dict | list) for found in _found(child, (*path, key))]
 
 
-def value_at(data: Any, path: Path) -> Any:
+def _value_at(data: Any, path: Path) -> Any:
     """What stands at a path."""
     for key in path:
         data = data[key]
