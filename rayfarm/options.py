@@ -16,9 +16,15 @@ from renderer.settings import Tile, Vec3
 
 __all__ = [
     "Aov",
+    "Clip",
     "Denoise",
     "Env",
+    "Fps",
+    "Frame",
+    "Frames",
+    "Overwrite",
     "Server",
+    "Turntable",
     "Variant",
     "denoised_name",
     "environment_of",
@@ -52,6 +58,44 @@ Variant = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|N", help="One of a glTF file's variants of its materials, by name or number from 0.", rich_help_panel="View"
+    ),
+]
+Frame = Annotated[
+    float | None,
+    typer.Option(metavar="N", help="Of what moves: frame N shows the time N / fps; 0 unless told.", rich_help_panel="Time"),
+]
+Frames = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A-B[xSTEP],...",
+        help="Several frames, each into a file of its own: `-o out.####.exr`. Those that are there are kept.",
+        rich_help_panel="Time",
+    ),
+]
+Turntable = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001,
+        metavar="SECONDS",
+        help="The camera goes once around what it looks at in so many seconds, and on.",
+        rich_help_panel="Time",
+    ),
+]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Render frames again whose files are there.", rich_help_panel="Time")
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        metavar="F", help="Frames a second; the file's own, else 24. Twice as many: slow motion.", rich_help_panel="Time"
+    ),
+]
+Clip = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|N",
+        help="One of a glTF file's animations, by name or number from 0, or `all` at once; the first unless told.",
+        rich_help_panel="Time",
     ),
 ]
 Server = Annotated[

@@ -71,6 +71,11 @@ class Picture:
         """Seconds after which it ends."""
         return self.given.get("time_limit")
 
+    @property
+    def camera(self) -> str | None:
+        """A camera of the scene, by name or number."""
+        return self.given.get("camera")
+
     def environment(self) -> options.Env:
         """Light from all around."""
         return options.environment_of(self.given.get("env"))

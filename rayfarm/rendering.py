@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rayfarm.console import Ticker, bar
 from rayfarm.errors import CommandError
 from rayfarm.options import Env
-from rayfarm.scene_files import opened
+from rayfarm.stage import open_stage
+from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 
 if TYPE_CHECKING:
@@ -17,7 +20,9 @@ if TYPE_CHECKING:
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["Clock", "load_kernels", "load_scene", "part_of_frame", "whole_frame"]
+__all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "shown", "whole_frame"]
+
+Show = Callable[[int, int], None]  # told how many samples are done, of how many
 
 
 class Clock:
@@ -36,24 +41,30 @@ class Clock:
 
 
 def load_scene(
-    scene: Path, environment: Env, clock: Clock, brute: bool = False, variant: str | None = None, threads: int | None = None
+    scene: Path,
+    environment: Env,
+    clock: Clock,
+    brute: bool = False,
+    variant: str | None = None,
+    threads: int | None = None,
+    moment: Moment = Moment(),
+    camera: str | None = None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
-    """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores."""
-    from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import read
+    """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.
 
-    with bar() as progress:
-        step = progress.add_task("reading", total=None)
-        with opened(scene, environment.image) as (folder, main, inside):
-            if environment.sky is not None:
-                inside = "sky:{:g},{:g}".format(*environment.sky)
-            description = read(folder, main, inside, variant)
-        clock.mark("load_s")
-        progress.update(step, description="building")
-        compiled = compile_scene(description, brute=brute, threads=threads)
-        summary = summarise(description, compiled)
+    moment: of what moves in it. camera: the one it is seen by.
+    """
+    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads) as stage:
+        task = progress.add_task("reading", total=None)
+
+        def say(step: str) -> None:
+            if step == "building":
+                clock.mark("load_s")
+            progress.update(task, description=step)
+
+        found = stage.at(moment, say)
         clock.mark("build_s")
-    return compiled, summary
+    return found
 
 
 def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock) -> None:
@@ -66,19 +77,9 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
     clock.mark("compile_s")
 
 
-def whole_frame(
-    compiled: CompiledScene,
-    settings: RenderSettings,
-    spp: int,
-    threads: int | None,
-    noise: float | None,
-    time_limit: float | None,
-    done: RenderStats,
-) -> Sums:
-    """The whole frame's sums, with a progress bar."""
-    from renderer.film import noise as noise_of
-    from renderer.render import render_frame
-
+@contextlib.contextmanager
+def shown() -> Iterator[Show]:
+    """Shows how far one frame is: a progress bar, or plain lines."""
     ticker = Ticker()
     with bar() as progress:
         task = progress.add_task("rendering", total=None)
@@ -87,10 +88,27 @@ def whole_frame(
             progress.update(task, completed=part, total=whole)
             ticker.tick(f"rendering: {100 * part / max(whole, 1):.0f} %")
 
-        def quiet_enough(sums: Sums) -> bool:
-            return noise is not None and noise_of(sums, settings.film_exponent) <= noise
+        yield show
 
-        return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
+
+def whole_frame(
+    compiled: CompiledScene,
+    settings: RenderSettings,
+    spp: int,
+    threads: int | None,
+    noise: float | None,
+    time_limit: float | None,
+    done: RenderStats,
+    show: Show,
+) -> Sums:
+    """The whole frame's sums."""
+    from renderer.film import noise as noise_of
+    from renderer.render import render_frame
+
+    def quiet_enough(sums: Sums) -> bool:
+        return noise is not None and noise_of(sums, settings.film_exponent) <= noise
+
+    return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
 
 
 def part_of_frame(

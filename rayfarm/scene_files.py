@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import shutil
 import tempfile
 import zipfile
@@ -12,16 +13,26 @@ from urllib.parse import quote
 
 from rayfarm.errors import CommandError
 from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
+from renderer.frames import frame_name, numbers_of
 
-__all__ = ["belonging", "opened"]
+__all__ = ["belonging", "is_numbered", "opened"]
 
 # Beyond these, a folder beside a scene is a person's home and not the scene's.
 MAX_NEIGHBOURS = 5000
 MAX_UNPACKED = 8 << 30
 
 
+def is_numbered(scene: Path) -> bool:
+    """Whether it stands for a file for each frame, as smoke.####.obj does."""
+    return "#" in scene.name and not scene.exists() and scene.parent.is_dir() and scene.suffix.lower() in SCENE_SUFFIXES
+
+
 def check(scene: Path) -> None:
     """Raise CommandError where the path cannot be a scene."""
+    if is_numbered(scene):
+        if not numbers_of(scene.name, [path.name for path in scene.parent.iterdir()]):
+            raise CommandError(f"There is no file {scene}, nor one with a number in place of #: {frame_name(scene.name, 1)}.")
+        return
     if not scene.exists():
         raise CommandError(f"There is no file {scene}.")
     if scene.is_file() and scene.suffix.lower() not in SCENE_SUFFIXES + ARCHIVE_SUFFIXES:
@@ -46,7 +57,9 @@ def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path,
             return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-")))
 
         folder = scene if scene.is_dir() else scene.parent
-        names = [scene.name] if scene.is_file() else [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
+        names = [scene.name]
+        if scene.is_dir():
+            names = [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
         if scene.suffix.lower() in ARCHIVE_SUFFIXES:
             folder = scratch()
             names = _unpack(scene, folder)
@@ -92,6 +105,10 @@ def belonging(scene: Path) -> dict[str, Path]:
     Names are looked for as bytes, so no format need be understood; a file too many does no harm.
     """
     check(scene)
+    if is_numbered(scene):
+        here = {path.name: path for path in scene.parent.iterdir()}
+        frames = [here[frame_name(scene.name, number)] for number in numbers_of(scene.name, here)]
+        return {name: path for frame in frames for name, path in belonging(frame).items()}
     if scene.is_dir():
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
@@ -103,11 +120,20 @@ def belonging(scene: Path) -> dict[str, Path]:
     while unread:
         text = unread.pop().read_bytes()
         for name, path in neighbours.items():
-            if name not in taken and (path.name.encode() in text or quote(path.name).encode() in text):
+            if name not in taken and any(spelling.encode() in text for spelling in _spellings(path.name)):
                 taken[name] = path
                 if path.suffix.lower() in NAMING_SUFFIXES:
                     unread.append(path)
     return taken
+
+
+def _spellings(name: str) -> list[str]:
+    """How a file may be named: as it is, as a URI, and as one of a frame each."""
+    digits = list(re.finditer(r"\d+", name))
+    if not digits:
+        return [name, quote(name)]
+    start, end = digits[-1].span()
+    return [name, quote(name), *(name[:start] + "#" * width + name[end:] for width in range(1, end - start + 1))]
 
 
 def _neighbours(scene: Path) -> dict[str, Path]:

@@ -18,14 +18,15 @@ class Format(NamedTuple):
     is_mesh_file: bool = True  # which scene files of ours may place
     names_files: bool = False  # whether it may need others beside it
     has_variants: bool = False  # of its materials
+    moves: bool = False  # whether it may say how things move
 
 
 # Best first: where an upload holds several kinds, the one that says most about the scene is taken.
 FORMATS = (
-    Format(".yaml", "yaml", is_mesh_file=False, names_files=True),
-    Format(".yml", "yaml", is_mesh_file=False, names_files=True),
-    Format(".glb", "gltf", names_files=True, has_variants=True),
-    Format(".gltf", "gltf", names_files=True, has_variants=True),
+    Format(".yaml", "yaml", is_mesh_file=False, names_files=True, moves=True),
+    Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
+    Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
+    Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".dae", "other", names_files=True),
     Format(".obj", "obj", names_files=True),
     Format(".ply", "other", names_files=True),

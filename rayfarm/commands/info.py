@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ import typer
 
 from rayfarm.console import out
 from rayfarm.scene_files import opened
+from renderer.scene.animation import Moment
 
 __all__ = ["register"]
 
@@ -31,11 +33,12 @@ def info(
       rayfarm info truck.glb
     """
     from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import read
+    from renderer.scene.load import Shot
 
     begun = time.perf_counter()
     with opened(scene) as (folder, main, _):
-        description = read(folder, main)
+        shot = Shot(folder, main)
+        description = shot.at(Moment(shot.start))
         compiled = compile_scene(description)
     summary = {"name": description.name, "main": main, **summarise(description, compiled)}
     summary["seconds"] = round(time.perf_counter() - begun, 3)
@@ -59,12 +62,16 @@ def _show(summary: dict[str, Any]) -> None:
         line("Cameras" if number == 0 else "", text)
     for number, name in enumerate(summary["variants"]):
         line("Variants" if number == 0 else "", f"{number}: {name}")
-    if summary["animations"]:
-        line("Animations", ", ".join(summary["animations"]))
+    for number, clip in enumerate(summary["clips"]):
+        line("Clips" if number == 0 else "", f"{number}: {clip['name']}, {_span(clip['start'], clip['end'], summary['fps'])}")
     if summary["defaults"]:
         line("Asks for", ", ".join(f"{key} {value}" for key, value in summary["defaults"].items()))
     for warning in summary["warnings"]:
         line("Note", warning)
+
+
+def _span(start: float, end: float, fps: float) -> str:
+    return f"{start:.4g} to {end:.4g} s (frames 0 to {max(math.ceil(end * fps - 1e-6), 0)} at {fps:g} a second)"
 
 
 def _vector(values: list[float]) -> str:

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 import json
-import resource
-import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rayfarm import options
 from rayfarm.console import err
-from rayfarm.errors import CommandError
+from rayfarm.errors import EXIT_FAILED, CommandError
+from rayfarm.frame import Order, moment_words, render_to, say_bad_samples, statistics
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
-from rayfarm.rendering import Clock, load_kernels, load_scene, part_of_frame, whole_frame
+from rayfarm.rendering import Clock, load_kernels, load_scene, shown
 from rayfarm.replay import show_path
+from rayfarm.sequence import Sequence, check_outputs, render_sequence
+from rayfarm.stage import open_stage
 from renderer import aovs
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
-from renderer.settings import RenderSettings, Tile
-from renderer.work import most_samples
+from renderer.frames import parse_frames
+from renderer.scene.animation import Moment
+from renderer.settings import RenderSettings
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
-    from renderer.film import Sums
     from renderer.render import RenderStats
 
 __all__ = ["register"]
@@ -53,6 +52,12 @@ def render(
     ] = None,
     picture: Picture = Picture(),
     variant: options.Variant = None,
+    frame: options.Frame = None,
+    frames: options.Frames = None,
+    overwrite: options.Overwrite = False,
+    fps: options.Fps = None,
+    clip: options.Clip = None,
+    turntable: options.Turntable = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
@@ -84,82 +89,92 @@ def render(
         typer.Option("--no-bvh", help="Hold every ray against every triangle: the same picture, slowly.", rich_help_panel=HOW),
     ] = False,
 ) -> None:
-    """Render a scene to a picture, in this process and with all cores.
+    """Render a scene to a picture, or a shot to one for each frame, in this process and with all cores.
+
+    Ends with 1 and a sentence where anything fails, a frame among them; the others are rendered all the same.
 
     [bold]Examples[/bold]
 
       rayfarm render scenes/cornell-box.yaml -o cornell.png
       rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov albedo,normal --denoise
       rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
+      rayfarm render shot.glb -o shot.####.exr --frames 0-99 --spp 64
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
+    moment = Moment(frame or 0.0, fps, clip)
+    rectangle = options.parse_tile(tile) if tile else None
+    order = Order(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads)
     if pixel is not None:
-        _replay(scene, variant, picture, pixel, sample or 0, no_bvh, as_json)
+        if frames is not None:
+            raise CommandError("--pixel follows a path of one frame: name it by --frame")
+        _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json)
         return
     if output is None:
         raise typer.BadParameter("Name the picture to write, or a path to follow by --pixel.", param_hint="'--output' / '-o'")
     if sample is not None or as_json:
         raise CommandError("--sample and --json go with --pixel X,Y")
-    planes = _aovs(aov, output)
-    rectangle = options.parse_tile(tile) if tile else None
-    environment = picture.environment()
-    for path in (output, options.denoised_name(output) if denoise else None, stats):
-        if path is not None and str(path) != "-":
-            check_writable(path)
-    if denoise and not is_available():
-        raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
+    if frame is not None and frames is not None:
+        raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
+    if overwrite and frames is None:
+        raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
+    order = replace(order, planes=_aovs(aov, output))
+    shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
+    _check(output, shot, order, stats)
+    if shot is not None:
+        with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads) as stage:
+            found = render_sequence(shot, stage, order)
+        if stats is not None:
+            _write(stats, found)
+        if found["failed"]:
+            raise typer.Exit(EXIT_FAILED)
+        return
 
     clock = Clock()
-    from renderer.film import mean
-    from renderer.image import encode
-    from renderer.image import tonemap as tonemaps
-    from renderer.render import RenderStats
+    import renderer.render  # noqa: F401
 
     clock.mark("import_s")
-    encode.format_of(output)
-    if tonemap not in tonemaps.CURVES:
-        raise CommandError(f"--tonemap is {tonemap!r}; known are {', '.join(tonemaps.CURVES)}")
-    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads)
+    environment = picture.environment()
+    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera)
     for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
-
-    settings = picture.settings(summary["cameras"], summary["defaults"])
-    count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
-    done = RenderStats()
+    settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock)
-    if tile is None and first == 0:
-        sums = whole_frame(compiled, settings, count, threads, picture.noise, picture.time_limit, done)
-    else:
-        sums = part_of_frame(compiled, settings, rectangle or Tile(0, 0, settings.width, settings.height), first, count, done)
-    clock.mark("render_s")
-    color = mean(sums, settings.film_exponent)
-    channels = aovs.layers({name: aovs.values(sums, settings.film_exponent, name) for name in planes})
-    encode.write(output, color, exposure=exposure, curve=tonemap, channels=channels)
-    if denoise:
-        clean = _denoised(sums, settings.film_exponent, threads)
-        encode.write(options.denoised_name(output), clean, exposure=exposure, curve=tonemap, channels=channels)
-        clock.mark("denoise_s")
-    _say(output, scene, settings, clock, done)
+    with shown() as show:
+        done = render_to(output, order, compiled, summary["defaults"], settings, clock, show)
+    _say(output, settings, clock, done)
+    say_bad_samples(scene, settings, done, moment_words(moment))
     if stats is not None:
-        _write_stats(stats, clock, done)
+        _write(stats, statistics(clock, done))
 
 
-def _replay(scene: Path, variant: str | None, picture: Picture, pixel: str, sample: int, no_bvh: bool, as_json: bool) -> None:
+def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None) -> None:
+    """Raise where what is asked for cannot be written: before anything is rendered."""
+    from renderer.image import encode
+    from renderer.image import tonemap as tonemaps
+
+    if shot is not None:
+        check_outputs(shot)
+    for path in (*(order.files(output) if shot is None else ()), stats):
+        if path is not None and str(path) != "-":
+            check_writable(path)
+    if order.denoise and not is_available():
+        raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
+    encode.format_of(output)
+    if order.curve not in tonemaps.CURVES:
+        raise CommandError(f"--tonemap is {order.curve!r}; known are {', '.join(tonemaps.CURVES)}")
+
+
+def _replay(
+    scene: Path, variant: str | None, moment: Moment, order: Order, pixel: str, sample: int, no_bvh: bool, as_json: bool
+) -> None:
     x, y = options.parse_pixel(pixel)
-    compiled, summary = load_scene(scene, picture.environment(), Clock(), no_bvh, variant)
-    settings = picture.settings(summary["cameras"], summary["defaults"])
+    environment, camera = order.picture.environment(), order.picture.camera
+    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, moment=moment, camera=camera)
+    settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
     load_kernels(settings, compiled, Clock())
     show_path(compiled, settings, summary, x, y, sample, as_json)
-
-
-def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> npt.NDArray[np.float32]:
-    from renderer.denoise import denoise
-    from renderer.film import ALBEDO, COLOR, NORMAL, mean
-
-    color, albedo, normal = (mean(sums, film_exponent, channel) for channel in (COLOR, ALBEDO, NORMAL))
-    return denoise(color, albedo, normal, threads)
 
 
 def _aovs(text: str | None, output: Path) -> list[str]:
@@ -169,35 +184,15 @@ def _aovs(text: str | None, output: Path) -> list[str]:
     return names
 
 
-def _say(output: Path, scene: Path, settings: RenderSettings, clock: Clock, done: RenderStats) -> None:
+def _say(output: Path, settings: RenderSettings, clock: Clock, done: RenderStats) -> None:
     seconds = max(clock.seconds["render_s"], 1e-9)
     taken = done.samples / (settings.width * settings.height)
     speed = f"{taken:.4g} spp, {seconds:.1f} s, {done.samples / seconds / 1e6:.2f} M samples/s"
     err.print(f"{output}: {settings.width}x{settings.height}, {speed}", markup=False, soft_wrap=True)
-    if done.bad_count:
-        from worker.reproduce import sample_command
-
-        command = sample_command(settings, *done.bad[0]).replace("SCENE", str(scene), 1)
-        err.print(
-            f"note: {done.bad_count} samples were not finite and are left out. To follow the first: {command}",
-            markup=False,
-            soft_wrap=True,
-        )
 
 
-def _write_stats(path: Path, clock: Clock, done: RenderStats) -> None:
-    scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
-    data = {
-        **clock.seconds,
-        "render_cpu_s": clock.cpu_seconds["render_s"],
-        "samples": done.samples,
-        "rays": done.rays,
-        "bad_samples": done.bad_count,
-        "bad": [bad._asdict() for bad in done.bad],
-        "samples_per_s": done.samples / max(clock.seconds["render_s"], 1e-9),
-        "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale,
-    }
-    text = json.dumps(data, indent=1)
+def _write(path: Path, found: dict[str, Any]) -> None:
+    text = json.dumps(found, indent=1)
     if str(path) == "-":
         print(text)
     else:

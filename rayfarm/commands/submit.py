@@ -16,7 +16,7 @@ from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
-from rayfarm.scene_files import belonging
+from rayfarm.scene_files import belonging, is_numbered
 
 __all__ = ["register", "server_url"]
 
@@ -74,6 +74,8 @@ def submit(
         wait = True
     elif aov or denoise:
         raise CommandError("--aov and --denoise say what to write; name the picture with -o")
+    if is_numbered(scene):
+        raise CommandError(f"{scene.name} is a file for each frame, and a farm renders stills: name one of them")
     environment = picture.environment().image
     files: dict[str, Path] = belonging(scene)
     inside = None

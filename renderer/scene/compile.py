@@ -116,7 +116,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, variants, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene. objects, materials: their names in the order
+    cameras: the file's own, then always one named "auto" that frames the scene. up: which way is up. fps: the file's own,
+    else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
     cameras = [
@@ -140,7 +141,10 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "objects": number_objects(description).names,
         "materials": [m.name for m in description.materials],
         "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
-        "animations": list(description.animations),
+        "animations": [clip.name for clip in description.clips],
+        "up": list(description.up),
+        "fps": description.fps,
+        "clips": [asdict(clip) for clip in description.clips],
         "variants": list(description.variants),
         "warnings": list(description.warnings),
         "defaults": dict(description.defaults),

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene.animation import DEFAULT_FPS, Clip
 from renderer.scene.material import AlphaMode, Material
 from renderer.scene.parameters import MaterialKind
 from renderer.settings import Vec3, View
@@ -205,6 +206,8 @@ class SceneDescription:
     up: Vec3 = (0.0, 1.0, 0.0)
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
-    animations: list[str] = field(default_factory=list)
+    clips: list[Clip] = field(default_factory=list)  # what the file animates; which is shown, and when, is asked for
+    fps: float = DEFAULT_FPS  # the file's
+    moves: bool = False  # whether another moment may show something else
     variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

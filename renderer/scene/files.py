@@ -10,16 +10,21 @@ import base64
 import binascii
 import functools
 import os
+from collections.abc import Callable, Hashable
 from pathlib import Path, PurePosixPath
+from typing import Any, TypeVar
 from urllib.parse import unquote, unquote_to_bytes
 
 from renderer.errors import SceneError
+from renderer.frames import frame_name, numbers_of
 
 __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri"]
 
 MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
 MAX_SEARCHED = 20_000  # files looked at for one that is not where it is said to be
+
+Made = TypeVar("Made")
 
 
 class SceneFiles:
@@ -33,6 +38,27 @@ class SceneFiles:
             raise SceneError(f"{folder.name}: is no folder; give the folder that holds the scene's files")
         self._root = folder.resolve()
         self._environment = environment
+        self._made: dict[Hashable, Any] = {}
+        self._used: set[Hashable] = set()
+
+    def read_anew(self) -> None:
+        """Another moment is read: what the last one did not ask for is forgotten, so that numbered files do not pile up."""
+        self._made = {key: made for key, made in self._made.items() if key in self._used}
+        self._used = set()
+
+    def recall(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """What was made of these files at the last moment, else `make()`: what no frame changes is read once.
+
+        Whoever gets it leaves it as it is. None is not kept.
+        """
+        self._used.add(key)
+        if key not in self._made:
+            made = make()
+            if made is None:
+                return made
+            self._made[key] = made
+        found: Made = self._made[key]
+        return found
 
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
@@ -48,6 +74,19 @@ class SceneFiles:
             return path.read_bytes()
         except OSError as error:
             raise SceneError(f"{name}: could not be read ({error.strerror})") from error
+
+    def at_frame(self, pattern: str, frame: float, beside: str) -> str:
+        """The name that a pattern has at a frame: its number in place of #'s, where no file is called so itself."""
+        if "#" not in PurePosixPath(pattern).name or self.find(pattern, beside) is not None:
+            return pattern
+        return str(PurePosixPath(pattern).with_name(frame_name(PurePosixPath(pattern).name, int(frame))))
+
+    def frames_of(self, pattern: str) -> list[int]:
+        """The frames that a pattern has files for."""
+        folder = self._inside(str(PurePosixPath(pattern).parent))
+        if "#" not in PurePosixPath(pattern).name or folder is None or not folder.is_dir():
+            return []
+        return numbers_of(PurePosixPath(pattern).name, [path.name for path in folder.iterdir()])
 
     def find(self, reference: str, beside: str) -> str | None:
         """The name of the file that a scene file `beside` means by `reference`, or None.

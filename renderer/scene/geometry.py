@@ -13,6 +13,7 @@ from renderer.kernel.mesh.faces import find_corners, find_solid
 from renderer.kernel.mesh.vertices import place_normals, place_points
 from renderer.scene.description import F32, I32, Mesh, SceneDescription
 from renderer.scene.instances import share
+from renderer.scene.matrices import product
 from renderer.scene.normals import cofactors, face_normals
 from renderer.scene.objects import number_objects
 from renderer.scene.readable import read_only
@@ -273,7 +274,7 @@ def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: 
 
 def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
     """A file's tangents in the world. Mirrored, the frame changes hands: the normal keeps its side, the tangent turns."""
-    direction = _finite(tangents, len(tangents), 4)[:, :3] @ transform[:3, :3].T
+    direction = product(_finite(tangents, len(tangents), 4)[:, None, :3].astype(np.float64), transform[:3, :3].T)[:, 0]
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     unit = np.divide(direction, length, out=np.tile([[1.0, 0.0, 0.0]], (len(direction), 1)), where=length > 0)
     sign = np.where((tangents[:, 3] < 0) != mirrors, -1.0, 1.0)

@@ -9,36 +9,63 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene import sky
+from renderer.scene.animation import Moment
 from renderer.scene.description import Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["read"]
+__all__ = ["Shot", "read"]
+
+_START = Moment()
 
 
-def read(folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> SceneDescription:
+class Shot:
+    """A scene over time: what no frame changes is read from its files once. For the arguments, see `read`.
+
+    main may be a pattern as smoke.####.obj: then there is a file for each frame.
+    """
+
+    def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
+        self._files = SceneFiles(folder, environment)
+        self._main, self._environment, self._variant = main, environment, variant
+
+    @property
+    def start(self) -> float:
+        """The frame at which it begins: 0, or of numbered files the first that is there."""
+        return float(next(iter(self._files.frames_of(self._main)), 0))
+
+    def at(self, moment: Moment = _START) -> SceneDescription:
+        """The scene as it is at a moment, whichever were asked for before. Raises SceneError, as `read` does."""
+        self._files.read_anew()
+        main, environment = self._files.at_frame(self._main, moment.frame, "."), self._environment
+        description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
+        read_file(self._files, main, description, self._variant, moment=moment)
+        if environment is not None:
+            _light_with(self._files, environment, description)
+        _check(main, description)
+        if description.environment is None and not _emits(description):
+            light_studio(description)
+            description.warnings.append(STUDIO_ALONE)
+        description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
+        return description
+
+
+def read(
+    folder: Path, main: str, environment: str | None = None, variant: str | None = None, moment: Moment = _START
+) -> SceneDescription:
     """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
     environment: what lights the scene in place of its own environment: an HDR image of the folder, or a sky's
     "sky:ELEVATION[,AZIMUTH]" (renderer/scene/sky.py). variant: of a glTF file's materials, by name or number from 0.
+    moment: which one is shown of a scene that moves; its beginning unless told.
 
     A scene without any light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights
     are but accents (a car's tail lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside
     the folder is opened. Raises SceneError with a sentence that names the file and says what to do.
     """
-    files = SceneFiles(folder, environment)
-    description = SceneDescription(name=PurePosixPath(main).stem)
-    read_file(files, main, description, variant)
-    if environment is not None:
-        _light_with(files, environment, description)
-    _check(main, description)
-    if description.environment is None and not _emits(description):
-        light_studio(description)
-        description.warnings.append(STUDIO_ALONE)
-    description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
-    return description
+    return Shot(folder, main, environment, variant).at(moment)
 
 
 def _light_with(files: SceneFiles, name: str, description: SceneDescription) -> None:
@@ -62,6 +89,8 @@ def _check(main: str, description: SceneDescription) -> None:
         if not np.isfinite(mesh.positions).all():
             raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
+    if shown == 0 and description.moves:
+        raise SceneError(f"{main}: shows no surface at this frame; a picture needs one, however far away")
     if shown == 0:
         raise SceneError(f"{main}: shows no surface: no triangles and no spheres. Export it with its meshes")
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import NamedTuple
+from dataclasses import astuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,10 +67,17 @@ def sun_of_sky(sky: Sky) -> Sun | None:
 
 
 def image_of_sky(sky: Sky) -> F32:
+    """As `_image`; of a sky that stands still while other things move, the same one again."""
+    return _image(astuple(sky))
+
+
+@functools.lru_cache(maxsize=2)
+def _image(values: tuple[Any, ...]) -> F32:
     """Equirectangular radiance without the sun's disk, (512, 1024, 3). Below the horizon: ground lit by sun and sky.
 
     Laid out as Environment says: azimuth 0 is the middle column. Raises SceneError where a number is out of its range.
     """
+    sky = Sky(*values)
     _check(sky)
     sun = math.radians(sky.sun_elevation)
     grid_elevation = math.pi / 2 * np.linspace(0, 1, _ELEVATIONS) ** 2  # finest at the horizon
@@ -94,7 +103,9 @@ def image_of_sky(sky: Sky) -> F32:
     if disk is not None:
         onto_ground = onto_ground + disk.radiance * math.pi * math.sin(disk.half_angle) ** 2 * max(math.sin(sun), 0.0)
     ground = np.broadcast_to(np.array(sky.ground_albedo) / math.pi * onto_ground, above.shape)
-    return np.concatenate([above, ground]).astype(np.float32)
+    image = np.concatenate([above, ground]).astype(np.float32)
+    image.flags.writeable = False
+    return image
 
 
 def _air(sky: Sky) -> Air:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import PurePosixPath
+from typing import Any
+
+import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.image import read
@@ -41,7 +44,7 @@ class TextureShelf:
         key = (name, srgb)
         if key not in self._images:
             try:
-                self._images[key] = self.add(Image(name, read.read(self._files.read(name), name), srgb))
+                self._images[key] = self.add(Image(name, self._pixels(name, name, lambda: self._files.read(name)), srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(f"{error}; rendered without it.")
@@ -52,11 +55,14 @@ class TextureShelf:
         key = (f"\0{name}", srgb)
         if key not in self._images:
             try:
-                self._images[key] = self.add(Image(name, read.read(data, name), srgb))
+                self._images[key] = self.add(Image(name, self._pixels(f"\0{name}", name, lambda: data), srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
+
+    def _pixels(self, key: str, name: str, data: Callable[[], bytes]) -> npt.NDArray[Any]:
+        return self._files.recall(("pixels", key), lambda: read.read(data(), name))
 
     def texture(
         self,

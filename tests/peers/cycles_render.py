@@ -2,7 +2,7 @@
 
     python cycles_render.py jobs.json
 
-jobs.json: a list of {glb, exr, size, samples, max_depth, sky}; max_depth counts path segments as Rayfarm does, sky is a
+jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame}; max_depth counts path segments as Rayfarm does, sky is a
 radiance that comes from everywhere. Where Blender's importer takes a number in another sense than glTF's specification says,
 `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
 """
@@ -43,9 +43,11 @@ def as_gltf_says(material: bpy.types.Material) -> None:
                 node.inputs["Anisotropic"].default_value = (1 - across / along) / 0.9
 
 
-def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: list[float]) -> None:
-    """One picture."""
+def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: list[float], frame: int | None = None) -> None:
+    """One picture. frame: of a file that moves, by 24 a second."""
     prepare(glb, size, max_depth, sky)
+    if frame is not None:
+        bpy.context.scene.frame_set(frame)
     bpy.context.scene.render.filepath = exr
     bpy.context.scene.cycles.samples = samples
     bpy.ops.render.render(write_still=True)

@@ -6,7 +6,6 @@ Needs a Python with bpy, which wants another numpy than ours: `python3 farm.py p
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings
-from tests.helpers import ROOT
+from tests.peers.blender import python_with_bpy
 from tests.peers.material_sheet import SHEET, write_sheet
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
@@ -31,16 +30,10 @@ SKY = (0.5, 0.55, 0.6)
 MOST = 0.03
 
 
-def _python_with_bpy() -> Path | None:
-    named = os.environ.get("RAYFARM_BPY_PYTHON")
-    python = Path(named) if named else ROOT / ".venv-cycles" / "bin" / "python"
-    return python if python.exists() else None
-
-
 @pytest.fixture(scope="module")
 def sheet(tmp_path_factory) -> Path:
     """A folder with every GLB of the sheet, and Cycles' picture of it beside it."""
-    python = _python_with_bpy()
+    python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     folder = tmp_path_factory.mktemp("sheet")

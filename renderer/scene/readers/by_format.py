@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import PurePosixPath
+from typing import Any
 
 from renderer.errors import RayfarmError, SceneError
 from renderer.formats import FORMATS, Format
+from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 
@@ -20,11 +22,12 @@ def read_file(
     description: SceneDescription,
     variant: str | None = None,
     formats: Sequence[Format] = FORMATS,
+    moment: Moment = Moment(),
 ) -> None:
     """Adds the scene of one file to a description.
 
     variant: the name of one of the file's material variants, or its number from 0; None for what is shown by default.
-    formats: those that may be read. Raises SceneError.
+    moment: which one of the file's animation is shown. formats: those that may be read. Raises SceneError.
     """
     suffix = PurePosixPath(name).suffix.lower()
     format = next((f for f in formats if f.suffix == suffix), None)
@@ -33,9 +36,13 @@ def read_file(
         raise SceneError(f"{name[:120]}: is no scene file that is read here; give one of {known}")
     if variant is not None and not format.has_variants:
         raise SceneError(f"{name}: has no variants, as only glTF files have; leave the variant out")
+    if moment.clip is not None and not format.moves:
+        raise SceneError(f"{name}: has no clips, as only glTF files have; leave the clip out")
     # Readers bring heavy libraries with them: each is imported when first needed.
     reader = import_module(f"renderer.scene.readers.{format.reader}")
-    options = {} if variant is None else {"variant": variant}
+    options: dict[str, Any] = {} if variant is None else {"variant": variant}
+    if format.moves:
+        options["moment"] = moment
     try:
         reader.read(files, name, description, **options)
     except (RayfarmError, MemoryError):

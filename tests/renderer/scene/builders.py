@@ -147,6 +147,51 @@ def full_gltf(png):
     return g
 
 
+POINTER = "KHR_animation_pointer"
+
+
+def clip(g, name, *channels):
+    """Adds an animation; a channel is (node or pointer, path, times, values, interpolation)."""
+    samplers, targets = [], []
+    for where, path, times, values, way in channels:
+        samplers.append({"input": g.array(np.float32(times)), "output": g.array(np.float32(values)), "interpolation": way})
+        target = {"node": where, "path": path}
+        if path == "pointer":
+            target = {"path": path, "extensions": {POINTER: {"pointer": where}}}
+        targets.append({"sampler": len(samplers) - 1, "target": target})
+    g.root.setdefault("animations", []).append({"name": name, "samplers": samplers, "channels": targets})
+    return g
+
+
+def moving_gltf(png):
+    """A file that has something of everything, and much of it moving from 0 to 1 s."""
+    g = full_gltf(png)
+    material = "/materials/0"
+    light = "/extensions/KHR_lights_punctual/lights/0"
+    return clip(
+        g,
+        "everything",
+        (f"{material}/pbrMetallicRoughness/baseColorFactor", "pointer", [0, 1], [(0, 0, 0, 0), (1, 0.5, 0.25, 1)], "LINEAR"),
+        (f"{material}/pbrMetallicRoughness/roughnessFactor", "pointer", [0, 1], [0, 1], "LINEAR"),
+        (f"{material}/emissiveFactor", "pointer", [0, 1], [(0, 0, 0), (1, 1, 0)], "LINEAR"),
+        (f"{material}/extensions/KHR_materials_emissive_strength/emissiveStrength", "pointer", [0, 1], [0, 8], "LINEAR"),
+        (f"{material}/extensions/KHR_materials_transmission/transmissionFactor", "pointer", [0, 1], [0, 1], "LINEAR"),
+        (f"{material}/extensions/KHR_materials_volume/attenuationDistance", "pointer", [0, 1], [1, 3], "LINEAR"),
+        (f"{material}/extensions/KHR_materials_clearcoat/clearcoatFactor", "pointer", [0, 1], [0, 1], "LINEAR"),
+        (f"{material}/normalTexture/scale", "pointer", [0, 1], [1, 3], "LINEAR"),
+        (f"{material}/normalTexture/extensions/KHR_texture_transform/offset", "pointer", [0, 1], [(0, 0), (1, 2)], "LINEAR"),
+        (f"{material}/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/scale", "pointer", [0, 1],
+         [(1, 1), (3, 5)], "LINEAR"),
+        (f"{light}/intensity", "pointer", [0, 1], [0, 1366], "LINEAR"),
+        (f"{light}/color", "pointer", [0, 1], [(1, 1, 1), (1, 0, 0)], "LINEAR"),
+        (f"{light}/spot/outerConeAngle", "pointer", [0, 1], [0.3, 0.5], "LINEAR"),
+        ("/cameras/0/perspective/yfov", "pointer", [0, 1], [0.5, 1.5], "LINEAR"),
+        ("/cameras/1/orthographic/ymag", "pointer", [0, 1], [1, 3], "LINEAR"),
+        ("/cameras/1/orthographic/zfar", "pointer", [0, 1], [1, 3], "LINEAR"),
+        ("/nodes/3/weights/0", "pointer", [0, 1], [0, 1], "LINEAR"),
+    )  # fmt: skip
+
+
 def rotation_y(degrees):
     """A 4x4 rotation about +Y."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))

@@ -10,6 +10,7 @@ from renderer.arrays.rows import PART_OBJECT
 from renderer.arrays.scene import flat, seal
 from renderer.errors import SceneError
 from renderer.render import render_frame
+from renderer.scene.animation import Clip
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
 from renderer.scene.description import (
     Camera,
@@ -286,7 +287,7 @@ def test_progress_is_told_in_order():
 
 
 def test_the_summary_ends_with_a_camera_that_sees_everything():
-    description = described(shapes.cube("a"), animations=["spin"], warnings=["w"], defaults={"spp": 4})
+    description = described(shapes.cube("a"), clips=[Clip("spin", 0.0, 1.5)], warnings=["w"], defaults={"spp": 4})
     description.spheres = [Sphere((4, 0, 0), 1.5)]
     description.cameras = [Camera("front", View((0, 0, 9), (0, 0, 8.5), fov=30))]
     compiled = compile_scene(description)
@@ -297,6 +298,7 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     assert summary["counts"]["triangles"] == 12
     assert summary["counts"]["spheres"] == 1
     assert (summary["animations"], summary["warnings"], summary["defaults"]) == (["spin"], ["w"], {"spp": 4})
+    assert summary["clips"] == [{"name": "spin", "start": 0.0, "end": 1.5}]
 
 
 def test_a_lens_stays_focused_when_its_target_moves_along_the_line_of_sight():

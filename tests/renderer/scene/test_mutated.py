@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
-from tests.renderer.scene.builders import full_gltf
+from tests.renderer.scene.builders import full_gltf, moving_gltf
 from tests.renderer.scene.finite import is_finite
 
 ODD = [None, True, -1, 0, 1, 7, 255, 5126, 2**31, 2**63, 1e-40, 1e39, float("nan"), "", "a", [], {}, [0], [[1, 2]], {"a": 1}]
-FILES = {"toy.glb": 120, "modes.glb": 120, "full": 120}  # and how often it is tried
+FILES = {"toy.glb": 120, "modes.glb": 120, "full": 120, "moving": 120}  # and how often it is tried
 
 
 def chunks(glb):
@@ -58,13 +59,13 @@ def mutated(root, rng):
 
 @pytest.mark.parametrize("file", FILES)
 def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
-    root, binary = chunks(full_gltf(png).glb() if file == "full" else (samples / file).read_bytes())
+    root, binary = chunks(sample(samples, png, file))
     rng = np.random.default_rng(11)
     told = 0
     for _ in range(FILES[file]):
         (tmp_path / "a.glb").write_bytes(packed(mutated(root, rng), binary))
         try:
-            description = read(tmp_path, "a.glb")
+            description = read(tmp_path, "a.glb", moment=Moment(8))
         except SceneError as error:
             told += 1
             assert str(error).startswith("a.glb: ")
@@ -75,6 +76,12 @@ def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
             if file == "full":
                 compiled_or_told(description)
     assert 0.1 < told / FILES[file] < 0.9  # it does damage, and not only
+
+
+def sample(samples, png, file):
+    """The bytes of one of FILES."""
+    made = {"full": full_gltf, "moving": moving_gltf}.get(file)
+    return made(png).glb() if made else (samples / file).read_bytes()
 
 
 def compiled_or_told(description):
@@ -89,7 +96,7 @@ def compiled_or_told(description):
 
 @pytest.mark.parametrize("file", FILES)
 def test_a_glb_with_damaged_numbers_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
-    root, binary = chunks(full_gltf(png).glb() if file == "full" else (samples / file).read_bytes())
+    root, binary = chunks(sample(samples, png, file))
     rng = np.random.default_rng(12)
     for _ in range(25):
         damaged = np.frombuffer(binary, np.uint8).copy()
@@ -97,7 +104,7 @@ def test_a_glb_with_damaged_numbers_is_a_scene_or_a_sentence(samples, tmp_path, 
         damaged[at] = rng.integers(256, size=len(at))
         (tmp_path / "a.glb").write_bytes(packed(root, damaged.tobytes()))
         try:
-            description = read(tmp_path, "a.glb")
+            description = read(tmp_path, "a.glb", moment=Moment(8))
         except SceneError as error:
             assert str(error).startswith("a.glb: ")
             assert "could not be read as" not in str(error)

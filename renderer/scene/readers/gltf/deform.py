@@ -64,7 +64,9 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
 def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
     """The mesh in the world: each vertex moved by the mean of its joints' (J, 4, 4) matrices, by weight."""
     weights = bones.weights.astype(np.float64)
-    total = weights.sum(axis=1, keepdims=True)
+    total = np.zeros((len(weights), 1))
+    for k in range(weights.shape[1]):
+        total[:, 0] += weights[:, k]
     weights = np.divide(weights, total, out=np.zeros(weights.shape), where=total > 0)
     blend = np.zeros((len(mesh.positions), 3, 4))
     for k in range(weights.shape[1]):
@@ -73,13 +75,19 @@ def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
     loose = np.flatnonzero(total[:, 0] <= 0)
     blend[loose] = np.eye(4)[:3]
     linear = blend[:, :, :3]
-    positions = np.einsum("vij,vj->vi", linear, mesh.positions) + blend[:, :, 3]
+    positions = _carried(linear, mesh.positions) + blend[:, :, 3]
     result = replace(mesh, positions=positions.astype(np.float32))
     if mesh.normals is not None:
         x, y, z = linear[:, :, 0], linear[:, :, 1], linear[:, :, 2]
         cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=2)
-        result.normals = np.einsum("vij,vj->vi", cofactors, mesh.normals).astype(np.float32)
+        result.normals = _carried(cofactors, mesh.normals).astype(np.float32)
     if mesh.tangents is not None:
-        tangents = np.einsum("vij,vj->vi", linear, mesh.tangents[:, :3])
+        tangents = _carried(linear, mesh.tangents[:, :3])
         result.tangents = np.column_stack([tangents, mesh.tangents[:, 3]]).astype(np.float32)
     return result
+
+
+def _carried(matrices: Matrix, vectors: F32) -> Matrix:
+    """(V, 3): each vector through its (3, 3) matrix. Not by einsum, whose sums are rounded as the processor likes it."""
+    x, y, z = (vectors[:, k, None].astype(np.float64) for k in range(3))
+    return (matrices[:, :, 0] * x + matrices[:, :, 1] * y) + matrices[:, :, 2] * z

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.closed import is_closed
 from renderer.scene.description import Mesh
+from renderer.scene.files import SceneFiles
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import morphed, skinned
@@ -28,6 +31,7 @@ class Meshes:
         self,
         root: Json,
         accessors: Accessors,
+        files: SceneFiles,
         materials: Materials,
         variants: Variants,
         shelf: TextureShelf,
@@ -35,7 +39,8 @@ class Meshes:
     ) -> None:
         self.sources = root.objects("meshes")
         self._variants = variants
-        self._accessors, self._materials, self._shelf, self._meshes = accessors, materials, shelf, meshes
+        self._accessors, self._files = accessors, files
+        self._materials, self._shelf, self._meshes = materials, shelf, meshes
         self._file, self._vertices = root.file, 0
         self._sources: dict[int, list[tuple[Primitive, int | None]]] = {}
         self._shaped: dict[tuple[int, tuple[float, ...]], list[int]] = {}
@@ -69,10 +74,15 @@ class Meshes:
             self._sources[index] = []
             for source in self.sources[index].objects("primitives"):
                 material = self._variants.material_of(source, self._materials.sources)
-                primitive = read_primitive(source, self.name(index), self._accessors, self._shelf)
+                primitive = self._files.recall(
+                    ("primitive", self._file, source.where), functools.partial(self._read, source, index)
+                )
                 if primitive is not None:
                     self._sources[index].append((primitive, material))
         return self._sources[index]
+
+    def _read(self, source: Json, index: int) -> Primitive | None:
+        return read_primitive(source, self.name(index), self._accessors, self._shelf)
 
     def _weights(self, index: int, node: Json) -> tuple[float, ...]:
         return (node if "weights" in node else self.sources[index]).numbers("weights")

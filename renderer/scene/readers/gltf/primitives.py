@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["Primitive", "read_primitive"]
 
 _LIST, _STRIP, _FAN = 4, 5, 6
-_BONE_SETS = 4  # of four joints each
 
 
 class Primitive(NamedTuple):
@@ -89,7 +89,7 @@ class _Attributes:
 
 def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
     joints, weights = [], []
-    for k in range(_BONE_SETS):
+    for k in itertools.count():  # sets of four joints each
         of, by = attributes.get(f"JOINTS_{k}", (4,)), attributes.get(f"WEIGHTS_{k}", (4,))
         if of is None or by is None:
             break

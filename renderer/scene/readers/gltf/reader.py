@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.errors import SceneError, SettingsError
+from renderer.scene.animation import Moment
 from renderer.scene.description import Camera, Instance, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.gltf import draco, instancing, lights, materials, textures, variants
+from renderer.scene.matrices import product
+from renderer.scene.readers.gltf import animation, draco, instancing, lights, materials, textures, variants
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json, parse
@@ -24,6 +26,7 @@ MAX_INSTANCES = 500_000
 _VISIBILITY = "KHR_node_visibility"
 
 _READ = {
+    animation.EXTENSION,
     draco.EXTENSION,
     instancing.EXTENSION,
     lights.EXTENSION,
@@ -33,25 +36,31 @@ _READ = {
     *materials.EXTENSIONS,
     *textures.EXTENSIONS,
 }
-# These change nothing of the one picture that is rendered: notes, and animation's targets.
-_WITHOUT_EFFECT = {"KHR_xmp_json_ld", "KHR_animation_pointer"}
+_WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # notes
 
 
-def read(files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None) -> None:
-    """Adds the file's default scene to the description, with its own materials or those of a variant. Raises SceneError."""
-    root, binary = parse(files.read(main), main)
+def read(
+    files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None, moment: Moment = Moment()
+) -> None:
+    """Adds the file's default scene at a moment to the description, with its own materials or those of a variant.
+
+    Raises SceneError.
+    """
+    root, binary = files.recall(("glTF", main), lambda: parse(files.read(main), main))
     shelf = TextureShelf(description, files)
     _check_extensions(root, shelf)
     accessors = Accessors(root, binary, files)
+    moving = animation.Animations(root, accessors, files)
+    description.clips = moving.clips
+    description.moves |= len(moving.clips) > 0
+    root = moving.at(moment)
+    for sentence in moving.warnings:
+        shelf.warn(sentence)
     surfaces = materials.Materials(root, textures.Textures(root, accessors, files, shelf), shelf, description.materials)
     chosen = variants.Variants(root, variant)
     description.variants = chosen.names
-    meshes = Meshes(root, accessors, surfaces, chosen, shelf, description.meshes)
+    meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes)
     _Nodes(root, accessors, meshes, shelf, description).walk()
-    for i, animation in enumerate(root.objects("animations")):
-        description.animations.append(animation.text("name", "") or f"animation {i}")
-    if description.animations:
-        shelf.warn("Animations are named but not evaluated yet; the file's rest pose is rendered.")
 
 
 def _check_extensions(root: Json, shelf: TextureShelf) -> None:
@@ -88,15 +97,35 @@ class _Nodes:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
         parents, shown_nodes = self._tree()
-        nodes = [self._nodes[index] for index in parents]
-        for (index, parent), node, own in zip(parents.items(), nodes, local(nodes), strict=True):
-            world = (np.eye(4) if parent is None else self._worlds[parent]) @ own
-            if not np.isfinite(world).all():
-                raise SceneError(f"{self._root.file}: {node.where} has a transform that is not finite; export the file again")
-            self._worlds[index] = world
-            self._add_camera(node, world)
+        self._worlds = self._in_world(parents)
+        for index in parents:
+            self._add_camera(self._nodes[index], self._worlds[index])
         for index in shown_nodes:  # when all joints are in their places
             self._place(self._nodes[index], self._worlds[index])
+
+    def _in_world(self, parents: dict[int, int | None]) -> dict[int, Matrix]:
+        """Where the scene's nodes are. All of one depth at once: files have ten thousands of small nodes."""
+        own = dict(zip(parents, local([self._nodes[index] for index in parents]), strict=True))
+        below = {index: parent for index, parent in parents.items() if parent is not None}
+        depth: dict[int, int] = {}
+        levels: list[list[int]] = []
+        for index in parents:
+            depth[index] = depth[below[index]] + 1 if index in below else 0
+            if depth[index] == len(levels):
+                levels.append([])
+            levels[depth[index]].append(index)
+        worlds: dict[int, Matrix] = {}
+        for level in levels:
+            places = np.stack([own[index] for index in level])
+            if depth[level[0]]:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    places = product(np.stack([worlds[below[index]] for index in level]), places)
+            bad = ~np.isfinite(places).all(axis=(1, 2))
+            if bad.any():
+                where = self._nodes[level[int(np.argmax(bad))]].where
+                raise SceneError(f"{self._root.file}: {where} has a transform that is not finite; export the file again")
+            worlds.update(zip(level, places, strict=True))
+        return worlds
 
     def _tree(self) -> tuple[dict[int, int | None], list[int]]:
         """The scene's nodes with their parents, each after its parent; and those of them that are shown."""
@@ -134,7 +163,7 @@ class _Nodes:
             skin = node.index("skin", self._skins)
             if copies:
                 left = MAX_INSTANCES - len(self._description.instances)
-                places = world @ instancing.instance_transforms(copies, self._accessors, left)
+                places = product(world, instancing.instance_transforms(copies, self._accessors, left))
                 for i, place in enumerate(places):
                     self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]")
             elif skin is not None:
@@ -156,7 +185,8 @@ class _Nodes:
         if not joints or not all(j in self._worlds for j in joints):
             raise skin.wrong("joints", "has none, or one outside of the scene")
         with np.errstate(over="ignore", invalid="ignore"):
-            matrices = np.stack([self._worlds[j] for j in joints]) @ bind_matrices(skin, len(joints), self._accessors)
+            bind = bind_matrices(skin, len(joints), self._accessors)
+            matrices = product(np.stack([self._worlds[j] for j in joints]), bind)
         if not np.isfinite(matrices).all():
             raise skin.wrong("inverseBindMatrices", "and the joints' places give no finite numbers")
         return matrices

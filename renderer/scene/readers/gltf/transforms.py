@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.scene.description import Vec3
+from renderer.scene.matrices import Matrix
 from renderer.scene.readers.gltf.container import Json
 
 __all__ = ["Matrix", "compose", "local", "unit_vector", "vec3"]
 
-Matrix = npt.NDArray[np.float64]
 _NOWHERE, _UNTURNED, _AS_IT_IS = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from renderer.errors import SceneError
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.names import number_of
 
 __all__ = ["EXTENSION", "Variants"]
 
@@ -17,7 +17,7 @@ class Variants:
         declared = root.extension(EXTENSION)
         sources = declared.objects("variants") if declared else []
         self.names = [source.text("name", "") or f"variant {i}" for i, source in enumerate(sources)]
-        self._chosen = None if chosen is None else self._number(chosen, root.file)
+        self._chosen = None if chosen is None else number_of("variant", self.names, chosen, root.file)
 
     def material_of(self, primitive: Json, materials: list[Json]) -> int | None:
         """The file's number of a primitive's material; None for the default one."""
@@ -26,13 +26,3 @@ class Variants:
             if self._chosen in mapping.indices("variants", self.names):
                 return mapping.integer("material", high=len(materials))
         return primitive.index("material", materials)
-
-    def _number(self, chosen: str, file: str) -> int:
-        if chosen in self.names:
-            return self.names.index(chosen)
-        if chosen.isascii() and chosen.isdigit() and len(chosen) < 10 and int(chosen) < len(self.names):
-            return int(chosen)
-        if not self.names:
-            raise SceneError(f"{file}: has no variants; leave the variant out")
-        listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(self.names[:20]))
-        raise SceneError(f"{file}: has no variant {chosen[:60]!r}; its variants are {listed}")

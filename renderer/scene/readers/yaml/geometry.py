@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from renderer.formats import MESH_FORMATS
+from renderer.scene.animation import Moment
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
+from renderer.scene.matrices import product
 from renderer.scene.merge import merge
 from renderer.scene.normals import smoothed
 from renderer.scene.readers import shapes
@@ -32,10 +34,13 @@ MAX_PLACES = 1_000_000  # of shapes and of mesh files' parts: a few nested group
 class Shapes:
     """Adds shapes to a description. `materials` are the description's numbers by name."""
 
-    def __init__(self, document: Yaml, files: SceneFiles, description: SceneDescription, materials: dict[str, int]) -> None:
+    def __init__(
+        self, document: Yaml, files: SceneFiles, description: SceneDescription, materials: dict[str, int], moment: Moment
+    ) -> None:
         self._document, self._files, self._description, self._materials = document, files, description, materials
+        self._moment = moment
         self._plain: int | None = None
-        self._parts: dict[tuple[str, str | int | None, int | None], list[Instance]] = {}  # of mesh files that were read before
+        self._parts: dict[tuple[str, str | None, str | None, int | None], list[Instance]] = {}  # of mesh files read before
         self._triangles = 0
         self._places = 0
 
@@ -123,7 +128,7 @@ class Shapes:
             scale = transforms.uniform_scale(place)
             if scale is None:
                 raise self._document.error(path, "a sphere is scaled alike in all directions; a transform here is not so")
-            center = place @ np.array([*source.get("center", (0, 0, 0)), 1.0])
+            center = product(place, np.array([*source.get("center", (0, 0, 0)), 1.0])[:, None])[:, 0]
             number = self._plain_material() if material is None else material
             radius = float(source.get("radius", 1)) * scale
             self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False)))
@@ -135,18 +140,28 @@ class Shapes:
         if PurePosixPath(name).suffix.lower() not in {format.suffix for format in MESH_FORMATS}:
             others = ", ".join(format.suffix for format in MESH_FORMATS)
             raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
-        variant = source.get("variant")
-        key = (name, variant, material)
+        variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
+        key = (name, variant, clip, material)
         if key not in self._parts:
-            part = SceneDescription(name=name)
-            read_file(self._files, name, part, None if variant is None else str(variant), MESH_FORMATS)
+            part = self._files.recall(("mesh file", name, variant, clip), lambda: self._still(name, variant, clip))
+            part = part or self._part(name, variant, clip)
+            self._description.moves |= part.moves
             self._parts[key] = merge(part, self._description, material)
         self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # one each was counted before
         for called, place in placed:
             self._description.instances += [
-                replace(s, transform=place @ s.transform, name=f"{called}/{s.name}" if s.name else called)
+                replace(s, transform=product(place, s.transform), name=f"{called}/{s.name}" if s.name else called)
                 for s in self._parts[key]
             ]
+
+    def _part(self, name: str, variant: str | None, clip: str | None) -> SceneDescription:
+        part = SceneDescription(name=name)
+        read_file(self._files, name, part, variant, MESH_FORMATS, replace(self._moment, clip=clip))
+        return part
+
+    def _still(self, name: str, variant: str | None, clip: str | None) -> SceneDescription | None:
+        part = self._part(name, variant, clip)
+        return None if part.moves else part
 
     def _material_of(self, source: dict[str, Any], path: Path) -> int | None:
         name = source.get("material")

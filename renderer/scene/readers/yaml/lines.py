@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from copy import copy
 from typing import Any
 
 import yaml
@@ -35,6 +36,12 @@ class Yaml:
         self._count = 0
         self._aliased = 0
         self._taken: set[int] = set()
+
+    def holding(self, data: Any) -> Yaml:
+        """The same file with other data, which stand where its own did."""
+        other = copy(self)
+        other.data = data
+        return other
 
     def error(self, path: Path, what: str) -> SceneError:
         """The error to raise for the value at a path: names the file, the line and the field."""

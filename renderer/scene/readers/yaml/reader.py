@@ -3,35 +3,50 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import jsonschema
 
-from renderer.errors import SettingsError
+from renderer.errors import SceneError, SettingsError
+from renderer.scene.animation import DEFAULT_FPS, Clip, Moment
 from renderer.scene.description import Camera, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.readers.yaml.camera_moves import between, moved
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
+from renderer.scene.readers.yaml.keys import Keys, find_keys
 from renderer.scene.readers.yaml.lights import read_environment, read_light
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
+from renderer.settings import View
 
 __all__ = ["read"]
 
 
-def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's scene to the description. Raises SceneError with line and field."""
-    document = parse(files.read(main), main)
+def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
+    """Adds the file's scene at a moment to the description. Raises SceneError with line and field."""
+    if moment.clip is not None:
+        raise SceneError(f"{main}: has no clips to choose from, as glTF files have; leave the clip out")
+    written, keys = files.recall(("YAML", main), lambda: _parsed(files.read(main), main))
+    fps = _fps(written)
+    document = written
+    if keys.moves:
+        document = written.holding(
+            keys.at(written.data, moment.seconds(fps), lambda pattern: files.at_frame(pattern, moment.frame, main))
+        )
     _validate(document)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
-    description.name = data.get("name", description.name)
+    description.name, description.fps = data.get("name", description.name), fps
     _add_defaults(data.get("settings", {}), document, description)
-    for i, camera in enumerate(data.get("cameras", [])):
-        _add_camera(camera, i, document, description)
+    ends = _add_cameras(data.get("cameras", []), moment.seconds(fps), document, description)
+    description.moves = description.moves or keys.moves or len(ends) > 0
+    if keys.tracks or ends:
+        description.clips = [Clip(description.name, min(keys.start, 0.0) if ends else keys.start, max(keys.end, *ends, 0.0))]
     if "environment" in data:
         description.environment = read_environment(data["environment"], document, files, shelf)
     for i, light in enumerate(data.get("lights", [])):
@@ -41,9 +56,25 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     for name, material in data.get("materials", {}).items():
         materials[name] = len(description.materials)
         description.materials.append(read_material(name, material, textures, document, ("materials", name)))
-    shapes = Shapes(document, files, description, materials)
+    shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps))
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))
+
+
+def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:
+    document = parse(data, main)
+    return document, find_keys(document) if isinstance(document.data, dict) else Keys({}, 0.0, 0.0, [])
+
+
+def _fps(document: Yaml) -> float:
+    """Frames a second; what is none is left to the schema."""
+    found = document.data.get("fps") if isinstance(document.data, dict) else None
+    if not isinstance(found, int | float) or isinstance(found, bool):
+        return DEFAULT_FPS
+    try:
+        return Moment(fps=float(found)).fps or DEFAULT_FPS
+    except SettingsError as error:
+        raise document.error(("fps",), str(error)) from None
 
 
 def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDescription) -> None:
@@ -55,11 +86,30 @@ def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDe
         description.defaults[name] = list(taken) if isinstance(taken, tuple) else taken
 
 
-def _add_camera(source: dict[str, Any], index: int, document: Yaml, description: SceneDescription) -> None:
-    name = source.get("name", f"camera {index}")
-    if name in {c.name for c in description.cameras}:
-        raise document.error(("cameras", index, "name"), f"another camera is called {name}; give it another name")
-    description.cameras.append(Camera(name, read_view(source, document, ("cameras", index))))
+def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, description: SceneDescription) -> list[float]:
+    """Adds the cameras as they are at a time; gives the times at which those end that move by a word."""
+    views: dict[str, View | None] = {}
+    for i, source in enumerate(sources):
+        name = source.get("name", f"camera {i}")
+        if name in views:
+            raise document.error(("cameras", i, "name"), f"another camera is called {name}; give it another name")
+        views[name] = None if "through" in source else moved(read_view(source, document, ("cameras", i)), source, time)
+    for i, (name, source) in enumerate(zip(views, sources, strict=True)):
+        if (view := views[name]) is None:
+            view = between(_named(source["through"], views, document, i), source["seconds"], time, document, ("cameras", i))
+        description.cameras.append(Camera(name, view))
+    return [float(source[key]) for source in sources for key in ("turntable", "seconds") if key in source]
+
+
+def _named(names: list[str], views: dict[str, View | None], document: Yaml, camera: int) -> list[View]:
+    found = []
+    for i, name in enumerate(names):
+        view = views.get(name)
+        if view is None:
+            known = ", ".join(other for other, its in list(views.items())[:10] if its is not None) or "none"
+            raise document.error(("cameras", camera, "through", i), f"no camera of its own is called {name}; known are {known}")
+        found.append(view)
+    return found
 
 
 @functools.cache

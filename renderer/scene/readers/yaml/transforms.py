@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from renderer.scene.animation.trigonometry import sin_cos
+from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.yaml.lines import Path, Yaml
 
-__all__ = ["joined", "matrix", "uniform_scale"]
+__all__ = ["Matrix", "joined", "matrix", "uniform_scale"]
 
-Matrix = npt.NDArray[np.float64]
+MOST_DEGREES = 1e7  # of which more than 20,000 turns are left
+
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -31,9 +34,12 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
                 raise document.error((*path, i, "matrix"), "its last row is 0 0 0 1, or it is no transform of space")
         else:
             axis = np.array(_AXES[value["axis"]] if isinstance(value["axis"], str) else value["axis"], np.float64)
-            if np.linalg.norm(axis) < 1e-12:
+            length = math.sqrt(float(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]))
+            if length < 1e-12:
                 raise document.error((*path, i, "rotate", "axis"), "has length 0; give a direction")
-            step[:3, :3] = _rotation(axis / np.linalg.norm(axis), np.radians(value["degrees"]))
+            if abs(value["degrees"]) > MOST_DEGREES:
+                raise document.error((*path, i, "rotate", "degrees"), f"is beyond {MOST_DEGREES:g}; take whole turns off")
+            step[:3, :3] = _rotation(axis / length, math.radians(value["degrees"]))
         result = joined(step, result, document, (*path, i))
     return result
 
@@ -41,7 +47,7 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
 def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
     """The transform that is `inner`, then `outer`. Raises SceneError where numbers do not hold it."""
     with np.errstate(over="ignore", invalid="ignore"):
-        place: Matrix = outer @ inner
+        place = product(outer, inner)
     if not np.isfinite(place).all():
         raise document.error(path, "with what it is joined to, its transform is beyond what numbers hold")
     return place
@@ -49,7 +55,7 @@ def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
 
 def uniform_scale(transform: Matrix) -> float | None:
     """The factor by which a transform scales, or None where that differs by direction."""
-    gram = transform[:3, :3].T @ transform[:3, :3]
+    gram = product(transform[:3, :3].T, transform[:3, :3])
     square = float(np.trace(gram)) / 3
     return float(np.sqrt(square)) if np.allclose(gram, square * np.eye(3), atol=1e-6 * max(square, 1e-30)) else None
 
@@ -58,4 +64,5 @@ def _rotation(axis: Matrix, angle: float) -> Matrix:
     # Rodrigues' formula.
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    sine, cosine = sin_cos(angle)
+    return np.eye(3) + sine * cross + product((1 - cosine) * cross, cross)

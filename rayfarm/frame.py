@@ -1,0 +1,131 @@
+"""One frame from a compiled scene to its files, in this process."""
+
+from __future__ import annotations
+
+import resource
+import shlex
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rayfarm import options
+from rayfarm.console import err
+from rayfarm.picture import Picture
+from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
+from renderer import aovs
+from renderer.frames import frame_text
+from renderer.scene.animation import Moment
+from renderer.scene.animation.orbit import orbit
+from renderer.settings import RenderSettings, Tile
+from renderer.work import most_samples
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from renderer.film import Sums
+    from renderer.render import RenderStats
+    from renderer.scene.compiled import CompiledScene
+
+__all__ = ["Order", "moment_words", "render_to", "say_bad_samples", "statistics"]
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is rendered of each frame, and how it is written."""
+
+    picture: Picture
+    planes: list[str]  # further layers
+    denoise: bool
+    exposure: float
+    curve: str
+    tile: Tile | None  # only this rectangle
+    first: int  # sample number
+    turntable: float | None  # seconds in which the camera goes around once
+    threads: int | None
+
+    def settings(self, summary: dict[str, Any], moment: Moment) -> RenderSettings:
+        """What to render at a moment of a scene. Raises CommandError or SettingsError."""
+        settings = self.picture.settings(summary["cameras"], summary["defaults"])
+        if self.turntable is None:
+            return settings
+        return replace(settings, view=orbit(settings.view, moment.seconds(summary["fps"]) / self.turntable, summary["up"]))
+
+    def files(self, output: Path) -> list[Path]:
+        """All pictures of a frame."""
+        return [output, options.denoised_name(output)] if self.denoise else [output]
+
+
+def render_to(
+    output: Path,
+    order: Order,
+    compiled: CompiledScene,
+    defaults: dict[str, Any],
+    settings: RenderSettings,
+    clock: Clock,
+    show: Show,
+) -> RenderStats:
+    """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for."""
+    from renderer.film import mean
+    from renderer.image import encode
+    from renderer.render import RenderStats
+
+    picture, done = order.picture, RenderStats()
+    count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)
+    if order.tile is None and order.first == 0:
+        sums = whole_frame(compiled, settings, count, order.threads, picture.noise, picture.time_limit, done, show)
+    else:
+        tile = order.tile or Tile(0, 0, settings.width, settings.height)
+        sums = part_of_frame(compiled, settings, tile, order.first, count, done)
+    clock.mark("render_s")
+    channels = aovs.layers({name: aovs.values(sums, settings.film_exponent, name) for name in order.planes})
+    looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
+    encode.write(output, mean(sums, settings.film_exponent), **looks)
+    if order.denoise:
+        clean = _denoised(sums, settings.film_exponent, order.threads)
+        encode.write(options.denoised_name(output), clean, **looks)
+        clock.mark("denoise_s")
+    return done
+
+
+def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> npt.NDArray[np.float32]:
+    from renderer.denoise import denoise
+    from renderer.film import ALBEDO, COLOR, NORMAL, mean
+
+    color, albedo, normal = (mean(sums, film_exponent, channel) for channel in (COLOR, ALBEDO, NORMAL))
+    return denoise(color, albedo, normal, threads)
+
+
+def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:
+    """Names the samples that were left out, and the command that follows the first; more: what it needs beside."""
+    if not done.bad_count:
+        return
+    from worker.reproduce import sample_command
+
+    command = sample_command(settings, *done.bad[0]).replace("SCENE", str(scene), 1)
+    sentence = f"note: {done.bad_count} samples were not finite and are left out. To follow the first: {command}{more}"
+    err.print(sentence, markup=False, soft_wrap=True)
+
+
+def moment_words(moment: Moment) -> str:
+    """The options that say a moment, each with a space before it; none for a still of what has no clips to choose from."""
+    words = [f"--frame={frame_text(moment.frame)}"] if moment.frame else []
+    words += [f"--fps={moment.fps!r}"] if moment.fps is not None else []
+    words += [f"--clip={shlex.quote(moment.clip)}"] if moment.clip is not None else []
+    return "".join(f" {word}" for word in words)
+
+
+def statistics(clock: Clock, done: RenderStats) -> dict[str, Any]:
+    """What --stats writes of a frame."""
+    scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
+    return {
+        **clock.seconds,
+        "render_cpu_s": clock.cpu_seconds["render_s"],
+        "samples": done.samples,
+        "rays": done.rays,
+        "bad_samples": done.bad_count,
+        "bad": [bad._asdict() for bad in done.bad],
+        "samples_per_s": done.samples / max(clock.seconds["render_s"], 1e-9),
+        "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale,
+    }

@@ -1,0 +1,144 @@
+"""Frames one after the other, each into a file of its own: what is there already is kept, what fails is named."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+from rayfarm import options
+from rayfarm.console import bar, err
+from rayfarm.errors import CommandError
+from rayfarm.frame import Order, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.output_files import check_writable
+from rayfarm.rendering import Clock, Show
+from rayfarm.stage import Stage
+from renderer.errors import RayfarmError
+from renderer.frames import frame_name, frame_text, frames_text
+from renderer.scene.animation import Moment
+
+__all__ = ["Sequence", "check_outputs", "render_sequence"]
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Frames of a shot."""
+
+    scene: Path
+    frames: list[float]
+    output: Path  # with #### in its name
+    moment: Moment  # whose frame is not yet said
+    overwrite: bool = False
+
+    def file(self, frame: float) -> Path:
+        """Where a frame goes."""
+        return self.output.with_name(frame_name(self.output.name, frame))
+
+
+def check_outputs(shot: Sequence) -> None:
+    """Raise CommandError where the frames' files cannot be told apart, or not be written."""
+    if len(shot.frames) > 1 and "#" not in shot.output.name:
+        example = f"{shot.output.stem}.####{shot.output.suffix}"
+        raise CommandError(
+            f"-o names one file, and there are {len(shot.frames)} frames. Write #### for their numbers: -o {example}"
+        )
+    check_writable(shot.file(shot.frames[0]))
+
+
+def render_sequence(shot: Sequence, stage: Stage, order: Order) -> dict[str, Any]:
+    """Renders what is not there yet. Gives what --stats writes; under `failed`, each frame that failed and why.
+
+    A file is there when it is whole: it is written beside its name and then moved there.
+    """
+    missing = [f for f in shot.frames if shot.overwrite or not all(_is_there(p) for p in order.files(shot.file(f)))]
+    kept = len(shot.frames) - len(missing)
+    if kept:
+        err.print(f"{kept} of {len(shot.frames)} frames are there and kept; --overwrite renders them again", markup=False)
+    failed: dict[float, str] = {}
+    statistic: list[dict[str, Any]] = []
+    told: set[str] = set()
+    with _Progress(len(missing)) as progress:
+        for frame in missing:
+            try:
+                statistic.append(_render(shot, stage, order, frame, progress.begin(frame), told))
+                progress.finish(str(shot.file(frame)))
+            except (RayfarmError, OSError, MemoryError) as error:
+                if isinstance(error, CommandError) and not statistic:
+                    raise  # what is asked for cannot be, of any frame
+                failed[frame] = str(error) or "the memory is full"
+                progress.fail(frame, "" if failed[frame] in told else f": {failed[frame]}")
+                told.add(failed[frame])
+    if failed:
+        named = frames_text(list(failed))
+        err.print(f"{len(failed)} of {len(shot.frames)} frames failed: {named}", markup=False, soft_wrap=True)
+    return {"frames": statistic, "kept": kept, "failed": {frame_text(f): why for f, why in failed.items()}}
+
+
+def _is_there(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0
+
+
+class _Progress:
+    """How far a sequence is and how long it will take: a bar, or a line for each frame."""
+
+    def __init__(self, count: int) -> None:
+        self._bar, self._count, self._done = bar("frames"), count, 0
+        self._task = self._bar.add_task("rendering", total=count)
+        self._began = time.monotonic()
+
+    def __enter__(self) -> _Progress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._bar.stop()
+        if kind is KeyboardInterrupt:
+            err.print(f"Stopped after {self._done} of {self._count} frames. The same command goes on from here.", markup=False)
+
+    def begin(self, frame: float) -> Show:
+        """A frame begins; the answer is told how far it is."""
+        self._bar.update(self._task, description=f"frame {frame_text(frame)}")
+
+        def show(part: int, whole: int) -> None:
+            self._bar.update(self._task, completed=self._done + part / max(whole, 1))
+
+        return show
+
+    def finish(self, file: str) -> None:
+        """It is written."""
+        self._step()
+        if not err.is_terminal:
+            left = (time.monotonic() - self._began) / self._done * (self._count - self._done)
+            err.print(
+                f"{file} ({self._done} of {self._count}, {timedelta(seconds=round(left))} left)", markup=False, soft_wrap=True
+            )
+
+    def fail(self, frame: float, why: str) -> None:
+        """It is not."""
+        self._step()
+        err.print(f"frame {frame_text(frame)} failed{why}", markup=False, soft_wrap=True)
+
+    def _step(self) -> None:
+        self._done += 1
+        self._bar.update(self._task, completed=self._done)
+
+
+def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show, told: set[str]) -> dict[str, Any]:
+    from renderer.render import edition_for, warm_up
+
+    clock = Clock()
+    moment = replace(shot.moment, frame=frame)
+    compiled, summary = stage.at(moment)
+    clock.mark("prepare_s")
+    for warning in options.told(summary["warnings"], order.picture.environment()):
+        if warning not in told:
+            told.add(warning)
+            err.print(f"note: {warning}", markup=False, soft_wrap=True)
+    settings = order.settings(summary, moment)
+    warm_up(settings, edition_for(settings, compiled))
+    clock.mark("compile_s")
+    done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show)
+    say_bad_samples(shot.scene, settings, done, moment_words(moment))
+    return {"frame": frame, "file": str(shot.file(frame)), **statistics(clock, done)}

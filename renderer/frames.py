@@ -1,0 +1,80 @@
+"""The frames of a shot as people write them: which ones, and how their files are called."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from renderer.errors import SettingsError
+
+__all__ = ["MAX_FRAMES", "frame_name", "frame_text", "frames_text", "numbers_of", "parse_frames"]
+
+MAX_FRAMES = 100_000
+_LAST = 10_000_000
+_NUMBER = r"(\d{1,8}(?:\.[05])?)"
+_PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
+
+
+def parse_frames(text: str) -> list[float]:
+    """The frames of `0-99`, `7`, `1-250x5,300` (every fifth, and one more) or `0-10x0.5`, in the order written, each once.
+
+    Raises SettingsError.
+    """
+    found: dict[float, None] = {}
+    for part in text.replace(" ", "").split(","):
+        match = _PART.fullmatch(part)
+        if match is None:
+            raise SettingsError(f"frames is {text[:80]!r}; it takes numbers and ranges as 0-99 or 1-250x5,300")
+        first, last, step = (float(number) if number is not None else None for number in match.groups())
+        first = first or 0.0
+        last = first if last is None else last
+        step = 1.0 if step is None else step
+        if last < first:
+            raise SettingsError(f"frames is {text[:80]!r}; the range {part} ends before it begins")
+        if step == 0 or last > _LAST:
+            raise SettingsError(f"frames is {text[:80]!r}; a range goes to {_LAST} at most, in steps from 0.5")
+        count = int((last - first) / step) + 1
+        if len(found) + count > MAX_FRAMES:
+            raise SettingsError(f"frames is {text[:80]!r}; that is more than {MAX_FRAMES} frames, ask for them in parts")
+        found |= dict.fromkeys(first + step * i for i in range(count))
+    return list(found)
+
+
+def frame_text(frame: float) -> str:
+    """A frame's number, halves and all."""
+    return f"{frame:g}" if frame < 1e5 else f"{frame:.1f}".removesuffix(".0")
+
+
+def frames_text(frames: list[float]) -> str:
+    """Frames as a person would write them: runs of whole numbers as ranges."""
+    runs: list[list[float]] = []
+    for frame in sorted(frames):
+        if runs and frame == runs[-1][1] + 1:
+            runs[-1][1] = frame
+        else:
+            runs.append([frame, frame])
+    return ",".join(frame_text(a) if a == b else f"{frame_text(a)}-{frame_text(b)}" for a, b in runs)
+
+
+def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
+    """The frames that there are names for, in their order; none where the pattern has no #."""
+    marks, names = list(re.finditer("#+", pattern)), set(names)
+    if not marks:
+        return []
+    start, end = marks[-1].span()
+    written = re.compile(rf"{re.escape(pattern[:start])}(\d{{{end - start},}}){re.escape(pattern[end:])}")
+    found = {int(match[1]) for match in map(written.fullmatch, names) if match and len(match[1]) < 10}
+    return sorted(number for number in found if frame_name(pattern, number) in names)
+
+
+def frame_name(pattern: str, frame: float) -> str:
+    """A name with the frame's number in place of its last #'s, as many digits at least: `out.####.exr` -> `out.0012.exr`.
+
+    A half has its .5 behind: `out.0012.5.exr`. A name without # is for every frame the same.
+    """
+    marks = list(re.finditer("#+", pattern))
+    if not marks:
+        return pattern
+    start, end = marks[-1].span()
+    number = f"{int(frame):0{end - start}d}" + (".5" if frame != int(frame) else "")
+    return pattern[:start] + number + pattern[end:]

@@ -1,0 +1,16 @@
+"""What moves: values over time, and which moment of a scene is meant.
+
+Readers evaluate what their files animate while they read, and give the description of that one moment.
+
+moment.py         a frame, how many of them are a second, and which clip is shown
+clips.py          what a person is told of a file's animations
+curves.py         keys and what lies between them
+orbit.py          a camera that goes around
+trigonometry.py   sines and angles with the same bits on every host
+"""
+
+from renderer.scene.animation.clips import Clip
+from renderer.scene.animation.curves import Curve, smooth
+from renderer.scene.animation.moment import DEFAULT_FPS, Moment
+
+__all__ = ["DEFAULT_FPS", "Clip", "Curve", "Moment", "smooth"]

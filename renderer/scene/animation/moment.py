@@ -1,0 +1,37 @@
+"""Which moment of a scene is meant: a frame's number, and how it becomes a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from renderer.errors import SettingsError
+
+__all__ = ["ALL_CLIPS", "DEFAULT_FPS", "MAX_FRAME", "Moment"]
+
+DEFAULT_FPS = 24.0  # where neither the request nor the file says any
+LEAST_FPS, MOST_FPS = 1e-3, 1e4
+MAX_FRAME = 10_000_000
+ALL_CLIPS = "all"  # every clip of a file at once
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Frame n shows the time n / fps; a still is frame 0. Frames are counted in halves, for slow motion.
+
+    fps: None for the file's own, else DEFAULT_FPS. clip: of the file's animations, by name or number from 0, or ALL_CLIPS
+    together; None for the first.
+    """
+
+    frame: float = 0.0
+    fps: float | None = None
+    clip: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.frame <= MAX_FRAME or not float(2 * self.frame).is_integer():
+            raise SettingsError(f"frame is {self.frame:g}; it takes numbers from 0 to {MAX_FRAME} in steps of a half")
+        if self.fps is not None and not LEAST_FPS <= self.fps <= MOST_FPS:
+            raise SettingsError(f"fps is {self.fps:g}; it takes numbers from {LEAST_FPS:g} to {MOST_FPS:g}")
+
+    def seconds(self, own_fps: float = DEFAULT_FPS) -> float:
+        """The time that it shows; own_fps: the file's."""
+        return self.frame / (own_fps if self.fps is None else self.fps)

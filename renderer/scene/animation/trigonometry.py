@@ -1,0 +1,60 @@
+"""Sines, cosines and angles with the same bits on every host.
+
+The C library's and numpy's depend on the processor, in the last bit; what moves is prepared by many machines. Sines are worked
+out in whole numbers here, and angles by additions, products and roots of floats, each of which IEEE 754 rounds by itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["angle_between", "sin_cos"]
+
+_BITS = 160  # behind the point; what is left of them where a sine is smallest, at multiples of pi, still rounds correctly
+_ONE = 1 << _BITS
+_PI = (314159265358979323846264338327950288419716939937510582097494459230781640 << _BITS) // 10**71
+_MOST = 1e6
+_SMALL = 2.0**-28  # below it a sine is its angle, and a cosine 1
+
+_ARCTANGENT = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
+
+
+def sin_cos(angle: float) -> tuple[float, float]:
+    """The floats nearest to the sine and the cosine of an angle in radians, at most 1e6 from 0."""
+    if not abs(angle) <= _MOST:
+        raise ValueError(f"{angle:g} radians are too many turns to tell where they end")
+    if abs(angle) < _SMALL:
+        return angle, 1.0
+    numerator, denominator = angle.as_integer_ratio()
+    exact = (numerator << _BITS) // denominator
+    quarters = (2 * exact + _PI // 2) // _PI  # the nearest number of right angles
+    rest = exact - quarters * _PI // 2
+    square = rest * rest >> _BITS
+    sine, cosine = _series(rest, square, 1) / _ONE, _series(_ONE, square, 0) / _ONE
+    turned = ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))
+    return turned[quarters % 4]
+
+
+def _series(term: int, square: int, n: int) -> int:
+    """x^n / n! - x^(n + 2) / (n + 2)! + ..., which begins with `term`."""
+    total = 0
+    while term not in (0, -1):
+        total += term
+        term = -(term * square >> _BITS) // ((n + 1) * (n + 2))
+        n += 2
+    return total
+
+
+def angle_between(across: float, along: float) -> float:
+    """The angle in [0, pi / 2] whose tangent is across / along, both of them at least 0: to 5e-16."""
+    if across > along:
+        return math.pi / 2 - angle_between(along, across)
+    if across == 0:
+        return 0.0
+    tangent = across / along
+    for _ in range(2):  # twice halved it is below pi / 16, where the series is short
+        tangent = tangent / (1.0 + math.sqrt(1.0 + tangent * tangent))
+    square, total = tangent * tangent, 0.0
+    for coefficient in reversed(_ARCTANGENT):
+        total = total * square + coefficient
+    return 4.0 * tangent * total

@@ -1,0 +1,151 @@
+"""glTF's animations (specification 3.11, appendix C; KHR_animation_pointer): the file's JSON as it is at a moment.
+
+Every channel says where in the JSON it writes, so all that reads the file reads what moves without knowing of it.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.animation import Clip, Curve, Moment
+from renderer.scene.animation.moment import ALL_CLIPS
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.changed import Changed, Path
+from renderer.scene.readers.gltf import pointers
+from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.names import number_of
+
+__all__ = ["EXTENSION", "Animations"]
+
+EXTENSION = "KHR_animation_pointer"
+
+_WIDTHS: dict[pointers.Kind, int] = {"number": 1, "list": 1, "flag": 1, "pair": 2, "triple": 3, "quadruple": 4, "rotation": 4}
+_NAMED = 8  # properties that a warning names
+
+
+class Channel(NamedTuple):
+    """What moves, and how."""
+
+    path: Path
+    kind: pointers.Kind
+    curve: Curve
+
+
+class Animations:
+    """The clips of one file, and its JSON at a moment of one of them."""
+
+    def __init__(self, root: Json, accessors: Accessors, files: SceneFiles) -> None:
+        self._root, self._accessors, self._files = root, accessors, files
+        self._sources = root.objects("animations")
+        self._times: dict[int, npt.NDArray[np.float64]] = {}
+        names = [source.text("name", "") or f"animation {i}" for i, source in enumerate(self._sources)]
+        self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
+        self.warnings: list[str] = []
+
+    def at(self, moment: Moment) -> Json:
+        """The file's root with what moves in its place. Raises SceneError where there is no such clip, or it is damaged."""
+        names = [clip.name for clip in self.clips]
+        played = self._sources[:1]
+        if moment.clip is not None:
+            together = moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 0
+            played = self._sources if together else [self._sources[number_of("clip", names, moment.clip, self._root.file)]]
+        changed = Changed(self._root.value)
+        for source in played:
+            channels, warnings = self._files.recall(
+                ("channels", source.file, source.where), functools.partial(self._channels, source)
+            )
+            self.warnings += [each for each in warnings if each not in self.warnings]
+            for path, kind, curve in channels:
+                values = curve.at(moment.seconds())
+                if path[-2] == "weights" and not self._has_weight(changed, path):
+                    continue
+                changed.set(path, values[0] != 0 if kind == "flag" else values[0] if kind == "number" else values)
+        return Json(self._root.file, "", changed.root)
+
+    def _has_weight(self, changed: Changed, path: Path) -> bool:
+        """Whether there is such a weight; a node that has its mesh's gets a list of its own."""
+        family, number, _, which = path
+        source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number])
+        if family == "nodes":
+            meshes = self._root.objects("meshes")
+            at = source.index("mesh", meshes)
+            if at is None:
+                return False
+            mesh = meshes[at]
+        weights = (source if "weights" in source else mesh).numbers("weights")
+        targets = max((len(p.objects("targets")) for p in mesh.objects("primitives")), default=0)
+        changed.set(path[:-1], [*weights, *[0.0] * (targets - len(weights))])
+        return isinstance(which, int) and which < max(targets, len(weights))
+
+    def _extent(self, source: Json) -> tuple[float, float]:
+        samplers = source.objects("samplers")
+        times = [self._input(sampler) for sampler in samplers if "input" in sampler]
+        return (min(float(t[0]) for t in times), max(float(t[-1]) for t in times)) if times else (0.0, 0.0)
+
+    def _input(self, sampler: Json) -> npt.NDArray[np.float64]:
+        at = sampler.integer("input", high=len(self._accessors.accessors))
+        if at not in self._times:
+            times = self._accessors.floats(at, 1).reshape(-1).astype(np.float64)
+            if (np.diff(times) < 0).any():
+                raise sampler.wrong("input", "has times that do not grow")
+            self._times[at] = times
+        return self._times[at]
+
+    def _channels(self, source: Json) -> tuple[list[Channel], list[str]]:
+        samplers = source.objects("samplers")
+        found: list[Channel] = []
+        left_out: list[str] = []
+        for channel in source.objects("channels"):
+            target = channel.object("target")
+            pointer = _pointer(target) if target else None
+            if pointer is None or pointers.template(pointer) in pointers.IDLE:
+                continue
+            kind = pointers.kind_of(pointer)
+            path = None if kind is None else pointers.find(self._root.value, pointer)
+            if kind is None or path is None or self._is_fixed(path):
+                left_out.append(pointer[:120])
+                continue
+            sampler = samplers[channel.integer("sampler", high=len(samplers))]
+            found.append(Channel(path, kind, self._curve(sampler, kind)))
+        if not left_out:
+            return found, []
+        more = ", ..." if len(left_out) > _NAMED else ""
+        named = ", ".join(dict.fromkeys(left_out[:_NAMED]))
+        return found, [f"What is animated but not read here, or not there, stands still: {named}{more}."]
+
+    def _is_fixed(self, path: Path) -> bool:
+        """Whether a node has a matrix in place of what would move: the specification forbids that (3.11)."""
+        if path[0] != "nodes" or path[-1] not in ("translation", "rotation", "scale"):
+            return False
+        return "matrix" in self._root.value["nodes"][path[1]]
+
+    def _curve(self, sampler: Json, kind: pointers.Kind) -> Curve:
+        times = self._input(sampler)
+        at = sampler.integer("output", high=len(self._accessors.accessors))
+        values = self._accessors.floats(at, _WIDTHS[kind]).astype(np.float64)
+        way = sampler.text("interpolation", "LINEAR")
+        if way not in ("STEP", "LINEAR", "CUBICSPLINE"):
+            raise sampler.wrong("interpolation", f"is {way[:20]!r}; known are STEP, LINEAR, CUBICSPLINE")
+        rows = len(times) * (3 if way == "CUBICSPLINE" else 1)
+        if len(values) % rows or (kind != "list" and len(values) != rows):
+            raise sampler.wrong("output", f"has {len(values)} values for {len(times)} times")
+        turns = kind == "rotation"
+        if way != "CUBICSPLINE":
+            return Curve(times, values.reshape(len(times), -1), is_step=way == "STEP" or kind == "flag", is_rotation=turns)
+        keys = values.reshape(len(times), 3, -1)  # with which it arrives, the value, with which it leaves
+        return Curve(times, keys[:, 1], slopes=keys[:, ::2], is_rotation=turns)
+
+
+def _pointer(target: Json) -> str | None:
+    """Where a channel writes; None for one whose node is left out, as extensions that are not known do (3.11)."""
+    path = target.text("path", "")
+    extension = target.extension(EXTENSION)
+    if path == "pointer" and extension:
+        return extension.text("pointer", "")
+    node = target.value.get("node")
+    return None if node is None else f"/nodes/{target.integer('node')}/{path}"

@@ -1,0 +1,19 @@
+"""One of several things that a file offers, as a person asks for it."""
+
+from __future__ import annotations
+
+from renderer.errors import SceneError
+
+__all__ = ["number_of"]
+
+
+def number_of(what: str, names: list[str], asked: str, file: str) -> int:
+    """The place among `names` of the one that is asked for, by its name or number. Raises SceneError that lists them."""
+    if asked in names:
+        return names.index(asked)
+    if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):
+        return int(asked)
+    if not names:
+        raise SceneError(f"{file}: has no {what}s; leave the {what} out")
+    listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
+    raise SceneError(f"{file}: has no {what} {asked[:60]!r}; its {what}s are {listed}")

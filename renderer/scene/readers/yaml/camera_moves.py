@@ -1,0 +1,50 @@
+"""Cameras that move by a word: around what they look at, or through other cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import SettingsError
+from renderer.scene.animation import smooth
+from renderer.scene.animation.orbit import orbit
+from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.scene.readers.yaml.values import vec3
+from renderer.settings import View
+
+__all__ = ["between", "moved"]
+
+_NUMBERS = ("fov", "height", "aperture", "near")
+
+
+def moved(view: View, source: dict[str, Any], time: float) -> View:
+    """The view of a camera at a time: further around, where it is on a turntable."""
+    return orbit(view, time / source["turntable"]) if "turntable" in source else view
+
+
+def between(views: Sequence[View], seconds: float, time: float, document: Yaml, path: Path) -> View:
+    """Where a camera is that goes through other cameras' views, the first at 0 and the last at `seconds`, smoothly.
+
+    Raises SceneError where there is no way from one to the next.
+    """
+    first = views[0]
+    if any(view.projection != first.projection for view in views):
+        raise document.error((*path, "through"), "names cameras of different projections; nothing lies between these")
+    rows = np.array([_row(view) for view in views])
+    x = smooth(np.linspace(0.0, seconds, len(views)), rows).at(time)
+    try:
+        numbers: dict[str, Any] = dict(zip(_NUMBERS, x[9:], strict=False))
+        focus = None if all(view.focus is None for view in views) else x[-1]
+        return replace(first, eye=vec3(x[:3]), target=vec3(x[3:6]), up=vec3(x[6:9]), focus=focus, **numbers)
+    except SettingsError as error:
+        raise document.error((*path, "through"), f"leads where nothing is seen, after {time:g} s: {error}") from error
+
+
+def _row(view: View) -> list[float]:
+    focus = view.focus
+    if focus is None:
+        focus = float(np.linalg.norm(np.subtract(view.target, view.eye)))
+    return [*view.eye, *view.target, *view.up, *(getattr(view, name) for name in _NUMBERS), focus]

@@ -1,0 +1,158 @@
+"""A scene file's keyframes: its data as they are at a moment, so that nothing else that reads them knows of time.
+
+Wherever a value stands, `{keys: [[seconds, value], ...], curve: linear}` may stand. Values may be structures of one form, as a
+transform's operations are: each number in them goes its own way.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.animation import Curve, smooth
+from renderer.scene.readers.changed import Changed
+from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.scene.readers.yaml.values import color
+
+__all__ = ["CURVES", "Keys", "find_keys"]
+
+CURVES = ("linear", "step", "smooth")  # or the four numbers of a cubic Bezier
+MAX_KEYS = 100_000
+_OF_THE_WHOLE = ("name", "fps", "settings")
+_NAMING = ("file", "image")
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
+
+Track = Callable[[float], Any]  # a value by its time
+Maker = Callable[[npt.NDArray[np.float64]], Curve]  # the curve through the rows of values, one a key
+
+
+class Keys(NamedTuple):
+    """What moves in a scene file, and between which times."""
+
+    tracks: dict[Path, Track]
+    start: float
+    end: float
+    patterns: list[Path]  # names of files that have the frame's number in them, as smoke.####.obj
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything does."""
+        return bool(self.tracks or self.patterns)
+
+    def at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
+        """The file's data at a time. name_of: a pattern's name there."""
+        changed = Changed(data)
+        for path, track in self.tracks.items():
+            changed.set(path, track(time))
+        for path in self.patterns:
+            changed.set(path, name_of(_value_at(data, path)))
+        return changed.root
+
+
+def find_keys(document: Yaml) -> Keys:
+    """All keyframes of a file. Raises SceneError with the line of what cannot be."""
+    tracks: dict[Path, Track] = {}
+    ends: list[float] = []
+    for path, source in _found(document.data, ()):
+        if path[0] in _OF_THE_WHOLE:
+            raise document.error(path, f"has keys, and {path[0]} is the same for all frames")
+        times = _times(source["keys"], document, (*path, "keys"))
+        make = _maker(source.get("curve", "linear"), times, document, (*path, "curve"))
+        values = [value for _, value in source["keys"]]
+        if source.get("curve") == "step":
+            tracks[path] = _jumping(times, values)
+        else:
+            tracks[path] = _track(values, make, document, path)
+        ends += [float(times[0]), float(times[-1])]
+    return Keys(tracks, min(ends, default=0.0), max(ends, default=0.0), _patterns(document.data, ()))
+
+
+def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
+    if isinstance(value, dict) and isinstance(value.get("keys"), list) and value.keys() <= {"keys", "curve"} and path:
+        return [(path, value)]
+    children = value.items() if isinstance(value, dict) else enumerate(value)
+    return [found for key, child in children if isinstance(child, dict | list) for found in _found(child, (*path, key))]
+
+
+def _value_at(data: Any, path: Path) -> Any:
+    """What stands at a path."""
+    for key in path:
+        data = data[key]
+    return data
+
+
+def _patterns(value: Any, path: Path) -> list[Path]:
+    if isinstance(value, str):
+        return [path] if path[-1] in _NAMING and "#" in value else []
+    children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [found for key, child in children if isinstance(child, dict | list | str) for found in _patterns(child, (*path, key))]
+
+
+def _times(keys: list[Any], document: Yaml, path: Path) -> npt.NDArray[np.float64]:
+    if not 1 <= len(keys) <= MAX_KEYS:
+        raise document.error(path, f"has {len(keys)} keys; it takes from 1 to {MAX_KEYS}")
+    for i, key in enumerate(keys):
+        if not isinstance(key, list) or len(key) != 2 or not _is_number(key[0]) or abs(key[0]) > 1e9:
+            raise document.error((*path, i), "is no key; one is [seconds, value]")
+        if i and key[0] <= keys[i - 1][0]:
+            raise document.error((*path, i), "is not later than the key before it")
+    return np.array([key[0] for key in keys], np.float64)
+
+
+def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Path) -> Maker:
+    if curve == "smooth":
+        return lambda values: smooth(times, values)
+    if curve in ("linear", "step"):
+        return lambda values: Curve(times, values)
+    if isinstance(curve, list) and len(curve) == 4 and all(map(_is_number, curve)) and 0 <= curve[0] <= 1 and 0 <= curve[2] <= 1:
+        x1, y1, x2, y2 = (float(number) for number in curve)
+        return lambda values: Curve(times, values, easing=(x1, y1, x2, y2))
+    raise document.error(
+        path, f"is none of {', '.join(CURVES)}, nor the [x1, y1, x2, y2] of a cubic Bezier, whose x are from 0 to 1"
+    )
+
+
+def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
+    which = Curve(times, np.arange(len(values), dtype=np.float64)[:, None], is_step=True)
+    return lambda time: values[int(which.at(time)[0])]
+
+
+def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
+    """What goes from value to value, all of one form: numbers, vectors, colours, or dicts and lists of such."""
+    first = values[0]
+    if all(value == first and type(value) is type(first) for value in values):
+        return lambda time: first
+    if path[-1] == "matrix":
+        raise document.error(path, "cuts through what it turns; give translate, rotate and scale their own keys")
+    if all(map(_is_number, values)):
+        curve = make(np.array(values, np.float64)[:, None])
+        return lambda time: curve.at(time)[0]
+    rows = _vectors(values)
+    if rows is not None:
+        curve = make(np.array(rows, np.float64))
+        return curve.at
+    if all(isinstance(value, dict) and value.keys() == first.keys() for value in values):
+        parts = {key: _track([value[key] for value in values], make, document, (*path, key)) for key in first}
+        return lambda time: {key: part(time) for key, part in parts.items()}
+    if all(isinstance(value, list) and len(value) == len(first) for value in values):
+        places = [_track([v[i] for v in values], make, document, (*path, i)) for i in range(len(first))]
+        return lambda time: [place(time) for place in places]
+    raise document.error(path, "has keys of different forms, or such as nothing lies between; with `curve: step` it jumps")
+
+
+def _vectors(values: list[Any]) -> list[list[float]] | None:
+    """All values as vectors of one length, a number for as many of it; None where they are not such."""
+    rows = [list(color(v)) if isinstance(v, str) and _COLOR.fullmatch(v) else v for v in values]
+    widths = {len(row) for row in rows if isinstance(row, list)}
+    if len(widths) != 1 or not all(_is_number(row) or (isinstance(row, list) and all(map(_is_number, row))) for row in rows):
+        return None
+    (width,) = widths
+    return [row if isinstance(row, list) else [float(row)] * width for row in rows] if width else None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,210 @@
+"""`rayfarm render --frames`: each frame is its still, what is there is kept, what fails is named and the others go on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rayfarm.options import Env
+from rayfarm.stage import open_stage
+from renderer.arrays.scene import flat
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from tests.rayfarm.program import rayfarm
+from tests.renderer.scene.builders import TRIANGLE, Gltf
+
+SMALL = ["--size=24x16", "--spp=2", "--env=1,1,1"]
+
+
+def turning(camera_alone: bool = False) -> Gltf:
+    """A big triangle that goes to the right within a second, or a camera that does; a flat floor keeps still."""
+    g = Gltf()
+    g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
+    g.mesh(TRIANGLE)
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+    g.node(camera=0, translation=[0, 0, 5])
+    from_z = 5 if camera_alone else 0
+    samplers = [{"input": g.array(np.float32([0, 1])), "output": g.array(np.float32([(0, 0, from_z), (2, 0, from_z)]))}]
+    target = {"node": 2 if camera_alone else 1, "path": "translation"}
+    g.root["animations"] = [{"name": "go", "samplers": samplers, "channels": [{"sampler": 0, "target": target}]}]
+    return g
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    path = tmp_path / "shot.glb"
+    path.write_bytes(turning().glb())
+    return path
+
+
+def pixels(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image).copy()
+
+
+def test_frames_differ_and_each_is_the_still_of_its_moment(shot: Path, tmp_path: Path) -> None:
+    done = rayfarm("render", shot, "-o", tmp_path / "out.###.png", "--frames", "0-24x12,6.5", *SMALL)
+    assert done.returncode == 0, done.stderr
+    names = {0: "out.000.png", 12: "out.012.png", 24: "out.024.png", 6.5: "out.006.5.png"}
+    pictures = {}
+    for frame, name in names.items():
+        assert rayfarm("render", shot, "-o", tmp_path / "still.png", f"--frame={frame}", *SMALL).returncode == 0
+        pictures[frame] = pixels(tmp_path / name)
+        assert np.array_equal(pictures[frame], pixels(tmp_path / "still.png"))
+    assert len({picture.tobytes() for picture in pictures.values()}) == 4
+    assert rayfarm("render", shot, "-o", tmp_path / "plain.png", *SMALL).returncode == 0
+    assert np.array_equal(pixels(tmp_path / "plain.png"), pictures[0])
+    slow = rayfarm("render", shot, "-o", tmp_path / "slow.#.png", "--frames", "24", "--fps", "48", *SMALL)
+    assert slow.returncode == 0
+    assert np.array_equal(pixels(tmp_path / "slow.24.png"), pictures[12])
+
+
+def test_a_sequence_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> None:
+    common = ["render", shot, "-o", tmp_path / "out.#.png", "--frames", "0-3", *SMALL]
+    assert rayfarm(*common).returncode == 0
+    whole = pixels(tmp_path / "out.2.png")
+    (tmp_path / "out.2.png").unlink()
+    (tmp_path / "out.3.png").write_bytes(b"")  # as a disk leaves it that was full
+    (tmp_path / ".out.1.png.x7").write_bytes(b"half")  # as a killed process does
+    (tmp_path / "out.0.png").write_bytes(b"kept")
+    done = rayfarm(*common, "--stats", tmp_path / "stats.json")
+    assert done.returncode == 0
+    assert "2 of 4 frames are there and kept" in done.stderr
+    assert (tmp_path / "out.0.png").read_bytes() == b"kept"
+    assert np.array_equal(pixels(tmp_path / "out.2.png"), whole)
+    assert pixels(tmp_path / "out.3.png").shape == whole.shape
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    assert [each["frame"] for each in stats["frames"]] == [2, 3]
+    assert (stats["kept"], stats["failed"]) == (2, {})
+    assert rayfarm(*common, "--overwrite").returncode == 0
+    assert pixels(tmp_path / "out.0.png").shape == whole.shape
+
+
+def test_a_frame_that_fails_is_named_and_the_others_are_rendered(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from renderer.errors import SceneError
+    from renderer.scene.load import Shot
+
+    whole = Shot.at
+
+    def at(self: Shot, moment: Moment) -> object:
+        if moment.frame in (1, 2):
+            raise SceneError("smoke.0001.obj: is not among the scene's files; add it")
+        return whole(self, moment)
+
+    monkeypatch.setattr(Shot, "at", at)
+    common = ["render", shot, "-o", tmp_path / "out.#.png", *SMALL]
+    done = rayfarm(*common, "--frames", "0-3", "--stats", tmp_path / "stats.json")
+    assert done.returncode == 1
+    assert done.stderr.count("smoke.0001.obj: is not among the scene's files; add it") == 1
+    assert "2 of 4 frames failed: 1-2" in done.stderr
+    assert sorted(path.name for path in tmp_path.glob("out.*")) == ["out.0.png", "out.3.png"]
+    assert list(json.loads((tmp_path / "stats.json").read_text())["failed"]) == ["1", "2"]
+    monkeypatch.undo()
+    healed = rayfarm(*common, "--frames", "0-3")
+    assert healed.returncode == 0
+    assert "2 of 4 frames are there" in healed.stderr
+
+
+def test_ctrl_c_says_how_to_go_on(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rayfarm.sequence.render_to", interrupted)
+    done = rayfarm("render", shot, "-o", tmp_path / "out.#.png", "--frames", "0-3", *SMALL)
+    assert done.returncode == 130
+    assert "Stopped after 0 of 4 frames. The same command goes on from here." in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--frames", "3-"], "frames is '3-'; it takes numbers and ranges as 0-99 or 1-250x5,300"),
+        (["--frames", "9-3"], "the range 9-3 ends before it begins"),
+        (["--frames", "0-3", "-o", "out.png"], "there are 4 frames. Write #### for their numbers: -o out.####.png"),
+        (["--frames", "0-3", "--frame", "1"], "--frame and --frames were both given"),
+        (["--frames", "0-3", "--pixel", "1,1"], "name it by --frame"),
+        (["--frame", "0.25"], "in steps of a half"),
+        (["--frame", "1", "--fps", "0"], "fps is 0"),
+        (["--frame", "1", "--overwrite"], "--overwrite goes with --frames"),
+        (["--frames", "0-1", "--camera", "7"], "camera is number 7"),
+        (["--frames", "0-1", "--clip", "swim"], "has no clip 'swim'; its clips are 0: go"),
+        (["--frames", "0-1", "-o", "missing/out.#.png"], "There is no folder"),
+    ],
+)
+def test_what_cannot_be_is_a_sentence(shot: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
+    written = [] if "-o" in options else ["-o", str(tmp_path / "out.#.png")]
+    done = rayfarm("render", shot, *written, *options, *SMALL)
+    assert done.returncode == 1
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_only_what_moved_is_built_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    monkeypatch.setattr("renderer.scene.compile.compile_scene", lambda *a, **k: (built.append(1), compile_scene(*a, **k))[1])
+    for name, g, times in (("camera.glb", turning(camera_alone=True), 1), ("body.glb", turning(), 3)):
+        (tmp_path / name).write_bytes(g.glb())
+        built.clear()
+        with open_stage(tmp_path / name, Env()) as stage:
+            found = [stage.at(Moment(frame)) for frame in (0, 12, 24)]
+        assert len(built) == times
+        for frame, (compiled, summary) in zip((0, 12, 24), found, strict=True):
+            alone = compile_scene(read(tmp_path, name, moment=Moment(frame)))
+            for key, array in flat(alone).items():
+                assert flat(compiled)[key].tobytes() == array.tobytes(), key
+            x = summary["cameras"][0]["view"]["eye"][0]
+            assert x == pytest.approx(2 * frame / 24 if name == "camera.glb" else 0)
+
+
+def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: Path) -> None:
+    g = turning()
+    del g.root["nodes"][2]["camera"]
+    (tmp_path / "bare.glb").write_bytes(g.glb())
+    with open_stage(tmp_path / "bare.glb", Env()) as stage:
+        start, later = (stage.at(Moment(frame))[1]["cameras"][-1] for frame in (0, 18))
+    with open_stage(tmp_path / "bare.glb", Env()) as stage:
+        alone = stage.at(Moment(18))[1]["cameras"][-1]
+    assert start == later == alone
+
+
+def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    monkeypatch.setattr("renderer.scene.compile.compile_scene", lambda *a, **k: (built.append(1), compile_scene(*a, **k))[1])
+    (tmp_path / "s.yaml").write_text("fps: 10\nshapes: [{type: cube, transform: [{rotate: {axis: y, degrees: 20}}]}]")
+    done = rayfarm("render", tmp_path / "s.yaml", "-o", tmp_path / "out.##.png", "--frames", "0-20x5", "--turntable", "2", *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert len(built) == 1
+    pictures = [pixels(tmp_path / f"out.{frame:02d}.png") for frame in range(0, 21, 5)]
+    assert np.array_equal(pictures[0], pictures[4])
+    assert len({picture.tobytes() for picture in pictures[:4]}) == 4
+
+
+def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None:
+    for number in (1, 2, 4):
+        (tmp_path / f"drop.{number:02d}.obj").write_text(f"v 0 {number} 0\nv 1 {number} 0\nv 0 {number + 1} 0\nf 1 2 3\n")
+    done = rayfarm("render", tmp_path / "drop.##.obj", "-o", tmp_path / "out.#.png", "--frames", "1-4", *SMALL)
+    assert done.returncode == 1
+    assert "frame 3 failed: drop.03.obj: is not among the scene's files; add it" in done.stderr
+    assert sorted(path.name for path in tmp_path.glob("out.*")) == ["out.1.png", "out.2.png", "out.4.png"]
+    assert len({pixels(path).tobytes() for path in tmp_path.glob("out.*")}) == 3
+    told = rayfarm("info", tmp_path / "drop.##.obj")
+    assert told.returncode == 0
+    assert "drop.##.obj" in told.stdout
+    for name in ("smoke.##.obj", "drop.##.txt"):
+        missing = rayfarm("render", tmp_path / name, "-o", tmp_path / "x.#.png", "--frames", "1-4")
+        assert missing.returncode == 1
+        assert "There is no file" in missing.stderr
+    assert "a farm renders stills" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
+    # Under an environment image from elsewhere all frames' files are taken along.
+    from rayfarm.scene_files import belonging
+
+    assert len(belonging(tmp_path / "drop.##.obj")) == 3
+    (tmp_path / "s.yaml").write_text("shapes: [{type: mesh, file: drop.##.obj}]")
+    assert len(belonging(tmp_path / "s.yaml")) == 4

@@ -1,0 +1,34 @@
+"""A turntable's camera."""
+
+import numpy as np
+import pytest
+
+from renderer.scene.animation.orbit import orbit
+from renderer.settings import View
+
+
+def test_a_quarter_turn_is_counter_clockwise_from_above():
+    view = View((0, 2, 5), (0, 1, 0))
+    quarter = orbit(view, 0.25)
+    np.testing.assert_allclose(quarter.eye, (5, 2, 0), atol=1e-15)
+    assert quarter.target == view.target
+    np.testing.assert_allclose(orbit(view, 1.5).eye, (0, 2, -5), atol=1e-14)
+
+
+def test_whole_turns_end_where_they_began_to_the_bit():
+    view = View((3.3, 1.7, 5.1), (0.1, 1, 0.2), (0.1, 1, 0))
+    assert orbit(view, 0) == orbit(view, 7) == view
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 2), (1, 1, 0), (0, 1, 0)])
+def test_around_any_axis_distance_and_height_stay_and_the_camera_keeps_its_roll(axis):
+    view = View((3, 2, 1), (1, 0, 1), (0.2, 1, 0.1))
+    unit = np.array(axis) / np.linalg.norm(axis)
+    for turns in (0.1, 0.6):
+        moved = orbit(view, turns, axis)
+        before, after = np.subtract(view.eye, view.target), np.subtract(moved.eye, moved.target)
+        assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before), rel=1e-14)
+        assert after @ unit == pytest.approx(before @ unit, abs=1e-14)
+        assert np.dot(moved.up, after) == pytest.approx(np.dot(view.up, before), rel=1e-13)
+    # Twice a tenth is a fifth.
+    np.testing.assert_allclose(orbit(orbit(view, 0.1, axis), 0.1, axis).eye, orbit(view, 0.2, axis).eye, atol=1e-14)

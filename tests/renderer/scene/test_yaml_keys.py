@@ -1,0 +1,213 @@
+"""Scene files that move: any value may have keys, and is at each time what is worked out here by hand."""
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.animation import Clip, Moment
+from renderer.scene.load import Shot
+from tests.renderer.scene.builders import Gltf, rotation_y, world
+
+SHOT = """
+name: a shot
+fps: 10
+settings: {width: 64, spp: 4}
+cameras:
+  - name: crane
+    eye: {keys: [[0, [0, 1, 5]], [2, [4, 1, 5]]], curve: linear}
+    target: [0, 0, 0]
+    fov: {keys: [[1, 40], [3, 20]]}
+environment:
+  rotation: {keys: [[0, -90], [2, 90]]}
+  sky: {sun_elevation: {keys: [[0, 0], [2, 40]], curve: smooth}, sun: {keys: [[0, true], [1, false]], curve: step}}
+lights:
+  - type: spot
+    position: {keys: [[0, [0, 4, 0]], [1, [0, 8, 0]]]}
+    target: [0, 0, 0]
+    intensity: {keys: [[0, 1], [1, [3, 5, 7]]]}
+materials:
+  paint: {color: {keys: [[0, "#000000"], [2, "#ffffff"]]}, roughness: {keys: [[0, 0.2], [2, 0.8]], curve: [0.42, 0, 0.58, 1]}}
+shapes:
+  - type: quad
+    material: paint
+    transform:
+      - scale: {keys: [[0, 1], [2, [1, 3, 1]]]}
+      - rotate: {axis: y, degrees: {keys: [[0, 0], [2, 720]]}}
+      - translate: {keys: [[0, [0, 0, 0]], [1, [1, 0, 0]], [2, [1, 1, 0]]]}
+"""
+
+
+def at(seconds):
+    return Moment(10 * seconds)  # the file has 10 frames a second
+
+
+def test_everything_is_where_its_keys_say(scene):
+    shot = scene("s.yaml", SHOT, moment=at(0.5))
+    assert shot.cameras[0].view.eye == (1, 1, 5)
+    assert shot.cameras[0].view.fov == 40
+    assert shot.environment.rotation == -45
+    u = 0.25
+    assert shot.environment.sky.sun_elevation == pytest.approx(40 * (3 * u**2 - 2 * u**3))
+    assert shot.environment.sky.sun
+    assert shot.lights[0].position == (0, 6, 0)
+    assert shot.lights[0].intensity == (2, 3, 4), "a number stands for as many"
+    assert shot.materials[0].base_color == (0.25, 0.25, 0.25), "colours are mixed as light is"
+    assert shot.materials[0].roughness == pytest.approx(0.2 + 0.6 * 0.12916, abs=1e-5)  # CSS's ease-in-out at 1/4
+    expected = np.eye(4)
+    expected[:3, 3] = (0.5, 0, 0)
+    expected = expected @ rotation_y(180) @ np.diag([1, 1.5, 1, 1])
+    np.testing.assert_allclose(shot.instances[0].transform, expected, atol=1e-12)
+    assert (shot.fps, shot.clips, shot.moves) == (10, [Clip("a shot", 0, 3)], True)
+    assert not scene("s.yaml", SHOT, moment=at(1)).environment.sky.sun
+
+
+def test_frames_are_the_files_unless_told(scene):
+    by_file, told = scene("s.yaml", SHOT, moment=Moment(5)), scene("s.yaml", SHOT, moment=Moment(10, fps=20))
+    assert by_file.cameras[0].view == told.cameras[0].view
+    assert scene("s.yaml", SHOT).cameras[0].view.eye == (0, 1, 5)
+
+
+def test_a_shot_is_read_anew_at_each_moment(scene, tmp_path):
+    scene("s.yaml", SHOT)
+    shot = Shot(tmp_path, "s.yaml")
+    assert [shot.at(at(s)).cameras[0].view.eye[0] for s in (2, 0, 1)] == [4, 0, 2]
+
+
+def test_whole_structures_have_keys(scene):
+    text = """
+    cameras: [{keys: [[0, {eye: [0, 0, 5], target: [0, 0, 0]}], [1, {eye: [2, 0, 5], target: [1, 0, 0]}]]}]
+    shapes:
+      - type: cube
+        transform: {keys: [[0, [{rotate: {axis: y, degrees: 0}}, {translate: [0, 0, 0]}]],
+                           [1, [{rotate: {axis: y, degrees: 90}}, {translate: [0, 2, 0]}]]]}
+      - {type: sphere, center: [0, {keys: [[0, 1], [1, 3]]}, 0], radius: 1}
+    """
+    shot = scene("s.yaml", text, moment=Moment(12))
+    assert (shot.cameras[0].view.eye, shot.cameras[0].view.target) == ((1, 0, 5), (0.5, 0, 0))
+    expected = rotation_y(45)
+    expected[:3, 3] = (0, 1, 0)
+    np.testing.assert_allclose(shot.instances[0].transform, expected, atol=1e-12)
+    assert shot.spheres[0].center == (0, 2, 0)
+
+
+def test_mesh_files_move_by_their_own_clips(scene):
+    g = Gltf()
+    g.mesh()
+    times = g.array(np.float32([0, 1]))
+    for name, end in (("walk", (1, 0, 0)), ("jump", (0, 4, 0))):
+        samplers = [{"input": times, "output": g.array(np.float32([(0, 0, 0), end]))}]
+        channels = [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
+        g.root.setdefault("animations", []).append({"name": name, "samplers": samplers, "channels": channels})
+    text = """
+    fps: 4
+    shapes:
+      - {type: mesh, file: actor.glb, transform: [{translate: [0, 0, 9]}]}
+      - {type: mesh, file: actor.glb, clip: jump}
+      - {type: mesh, file: actor.glb, clip: 1}
+    """
+    shot = scene("s.yaml", text, {"actor.glb": g.glb()}, moment=Moment(2))
+    places = [tuple(world(shot, i)[0, 0]) for i in range(3)]
+    assert places == [(0.5, 0, 9), (0, 2, 0), (0, 2, 0)]
+    assert shot.moves
+    with pytest.raises(SceneError, match=r"actor\.glb: has no clip 'swim'"):
+        scene("s.yaml", text.replace("jump", "swim"), {"actor.glb": g.glb()})
+
+
+def test_what_has_no_keys_stands_still(scene):
+    shot = scene("s.yaml", "materials: {keys: {color: 0.5}}\nshapes: [{type: quad, material: keys}]", moment=Moment(9))
+    assert (shot.moves, shot.clips, shot.fps) == (False, [], 24)
+    with pytest.raises(SceneError, match=r"s\.yaml: has no clips to choose from"):
+        scene("s.yaml", "shapes: [{type: quad}]", moment=Moment(0, clip="walk"))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("settings: {spp: {keys: [[0, 1]]}}", r"line 1: settings\.spp: has keys, and settings is the same for all frames"),
+        ("fps: -3", r"line 1: fps: fps is -3"),
+        ("fps: fast", r"line 1: fps: 'fast' is not of type 'number'"),
+        ("lights: [{type: point, position: {keys: []}}]", r"position\.keys: has 0 keys; it takes from 1"),
+        ("lights: [{type: point, position: {keys: [[0, [0, 0, 0]], 7]}}]", r"keys\[1\]: is no key; one is \[seconds, value\]"),
+        ("lights: [{type: point, position: {keys: [[1, [0, 0, 0]], [1, [1, 0, 0]]]}}]", r"keys\[1\]: is not later than"),
+        ("lights: [{type: point, position: {keys: [[0, [0, 0, 0]], [1, [1, 0]]]}}]", r"position: has keys of different forms"),
+        ("lights: [{type: {keys: [[0, point], [1, spot]]}, position: [0, 0, 0]}]", r"with `curve: step` it jumps"),
+        (
+            "cameras: [{target: [1, 0, 0], eye: [0, 0, {keys: [[0, 1]], curve: bouncy}]}]",
+            r"curve: is none of linear, step",
+        ),
+        (
+            "cameras: [{target: [1, 0, 0], eye: [0, 0, {keys: [[0, 1]], curve: [2, 0, 0, 1]}]}]",
+            r"whose x are from 0 to 1",
+        ),
+        ("materials: {m: {roughness: {keys: [[0, 0], [1, 48]]}}}", r"line 1: materials\.m\.roughness: 2\.0 is greater than"),
+        (
+            "cameras: [{eye: {keys: [[0, [0, 0, 1]]], curvy: 1}, target: [0, 0, 0]}]",
+            r"cameras\[0\]\.eye: .* is not of type",
+        ),
+    ],
+)
+def test_what_cannot_be_is_told_with_its_line(scene, text, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        scene("s.yaml", f"{text}\nshapes: [{{type: quad}}]", moment=Moment(1))
+
+
+def test_matrices_are_not_cut_through(scene):
+    one, other = np.eye(4).tolist(), rotation_y(90).tolist()
+    text = f"shapes: [{{type: quad, transform: [{{matrix: {{keys: [[0, {one}], [1, {other}]]}}}}]}}]"
+    with pytest.raises(SceneError, match="cuts through what it turns"):
+        scene("s.yaml", text)
+    jumps = text.replace("]]}", "]], curve: step}")
+    np.testing.assert_allclose(scene("s.yaml", jumps, moment=Moment(24)).instances[0].transform, rotation_y(90))
+    with pytest.raises(SceneError, match="is beyond 1e"):
+        scene("s.yaml", "shapes: [{type: quad, transform: [{rotate: {axis: y, degrees: 1e9}}]}]")
+
+
+WAYS = """
+cameras:
+  - {name: tour, through: [front, side, top], seconds: 4}
+  - {name: front, eye: [0, 0, 5], target: [0, 0, 0], fov: 30}
+  - {name: side, eye: [5, 0, 0], target: [1, 0, 0], fov: 50}
+  - {name: top, eye: [5, 4, 0], target: [1, 1, 0], fov: 40}
+  - {name: statue, eye: [0, 1, 5], target: [0, 0, 0], turntable: 8}
+shapes: [{type: cube}]
+"""
+
+
+def test_a_camera_goes_through_others_and_another_around(scene):
+    views = [[c.view for c in scene("s.yaml", WAYS, moment=Moment(24 * s)).cameras] for s in (0, 1, 2, 4, 9)]
+    tour = [each[0] for each in views]
+    assert tour[0] == views[0][1]
+    assert tour[2] == views[0][2]
+    assert tour[3] == tour[4] == views[0][3]
+    assert tour[1].eye[2] == pytest.approx(2.5), "half of the way: z rests at both of its ends"
+    assert tour[1].fov == pytest.approx(40), "and so does the angle, which is the widest at the side"
+    np.testing.assert_allclose(views[2][4].eye, (5, 1, 0), atol=1e-12)
+    described = scene("s.yaml", WAYS)
+    assert (described.clips, described.moves) == ([Clip("s", 0, 8)], True)
+
+
+@pytest.mark.parametrize(
+    ("camera", "sentence"),
+    [
+        ("{through: [front], seconds: 1}", r"cameras\[1\]\.through: .* is too short"),
+        (
+            "{through: [front, back], seconds: 1}",
+            r"through\[1\]: no camera of its own is called back; known are front",
+        ),
+        ("{name: me, through: [front, me], seconds: 1}", r"no camera of its own is called me"),
+        ("{through: [front, front]}", r"'seconds' is a required property"),
+        ("{through: [front, front], seconds: 1, eye: [0, 0, 0]}", r"cameras\[1\]\.eye: does not belong here"),
+        ("{eye: [0, 0, 9]}", r"'target' is a required property"),
+        ("{eye: [0, 0, 9], target: [0, 0, 0], seconds: 2}", r"cameras\[1\]\.seconds: does not belong here"),
+        ("{eye: [0, 0, 9], target: [0, 0, 0], turntable: 0}", r"turntable: 0 is less than"),
+    ],
+)
+def test_what_is_no_way_is_told(scene, camera, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        scene("s.yaml", f"cameras: [{{name: front, eye: [0, 0, 5], target: [0, 0, 0]}}, {camera}]\nshapes: [{{type: cube}}]")
+
+
+def test_cameras_of_two_projections_have_nothing_between_them(scene):
+    text = WAYS.replace("target: [1, 1, 0], fov: 40", "target: [1, 1, 0], projection: orthographic")
+    with pytest.raises(SceneError, match=r"line 3: cameras\[0\]\.through: names cameras of different projections"):
+        scene("s.yaml", text)
