@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
 import pytest
 
+from renderer.arrays import rows
 from renderer.film import CHANNELS, COLOR, Sums
 from renderer.kernel.pool.rows import ROWS
 from renderer.render import render_batch, replay
+from renderer.scene.compiled import seal
 from renderer.settings import Tile
 from tests.renderer.kernel.pool.features import SIZE, made
 
@@ -59,6 +62,23 @@ def test_fewer_samples_than_rows_and_none() -> None:
         assert nothing.sums.shape == (CHANNELS, tile.h, tile.w)
         assert not nothing.sums.any()
         assert nothing.bad_count == 0
+
+
+def test_what_a_thread_rendered_before_leaves_no_trace() -> None:
+    """A thread's scratch space is used again, here after a scene whose light is no number."""
+    scene, settings = made(SCENES[0])
+    other, others = made(SCENES[1])
+    material = other.material.copy()
+    material[2, rows.EMISSION] = np.nan  # the lamp's
+    poisoned = seal(other._replace(material=material))
+    before = render_batch(poisoned, others, Tile(0, 0, SIZE, SIZE), 0, 3)
+    assert 0 < before.bad_count < 3 * SIZE * SIZE
+    tile = Tile(3, 4, 11, 9)
+    here = render_batch(scene, settings, tile, FIRST, 7)
+    with ThreadPoolExecutor(1) as fresh:
+        there = fresh.submit(render_batch, scene, settings, tile, FIRST, 7).result()
+    np.testing.assert_array_equal(here.sums, there.sums)
+    assert here.bad_count == there.bad_count == 0
 
 
 @pytest.mark.parametrize("name", SCENES)
