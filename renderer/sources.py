@@ -36,7 +36,17 @@ MACHINE_CODE = (
     "scene/readers/obj_lines.py",
 )
 # What decides besides them which arrays a kernel reads, and what is asked of it.
-ARRAYS = ("render.py", "preparing.py", "work.py", "formats.py", "scene", "image/__init__.py", "image/read.py", "image/tonemap.py")
+ARRAYS = (
+    "render.py",
+    "preparing.py",
+    "work.py",
+    "formats.py",
+    "frames.py",
+    "scene",
+    "image/__init__.py",
+    "image/read.py",
+    "image/tonemap.py",
+)
 
 WORDS = "Shown"  # what is called with what people read of a setting
 

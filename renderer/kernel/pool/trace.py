@@ -56,7 +56,8 @@ def scatter_nothing(scene, pool, options):
     for which in range(LISTS):
         clear(pool.lists, which)
     choose_lamps(scene, pool.rows, pool.lists, options)
-    scatter(scene, pool.rows, pool.lists, options, False)
+    lit = len(scene.light_primitive) > 0  # of the type that it has there: a literal's would be another
+    scatter(scene, pool.rows, pool.lists, options, lit)
 
 
 @template
