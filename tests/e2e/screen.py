@@ -80,7 +80,7 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
     """The id of a job that is finished."""
     with farm.client() as client:
         job = client.submit(scene, **request).id
-        wait_until(lambda: client.job(job).state == "finished", 90, "the job is finished")
+        wait_until(lambda: client.job(job).state == "finished", 180, "the job is finished")
     return job
 
 
