@@ -1,7 +1,7 @@
 """What a second process compiles while the first compiles a kernel: `python -m renderer.beside [EDITION]`.
 
-A part of the kernel for pictures of scenes of that edition (renderer/arrays/has.py), which the first loads when it comes to it,
-and then what prepares scenes.
+What prepares scenes, and then a part of the kernel for pictures of scenes of that edition (renderer/arrays/has.py), which the
+first loads when it comes to it. In this order, since by then the first has compiled what the two parts have in common.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ __all__ = ["main"]
 
 def main(editions: list[str]) -> None:
     """For each of the editions, of which there may be none."""
+    prepare()
     settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     for edition in editions:
         half_of_pictures(only(example(), edition), settings)
-    prepare()
 
 
 if __name__ == "__main__":

@@ -191,6 +191,8 @@ def scatter(scene, pool, lists, options, lit):
     lit: whether there is anything that light sampling would find in the scene.
     """
     out_of_line()
+    if scene.has.layers is not None and length(lists, RARE) > 0:
+        _scatter_rare(scene, pool, lists, options, lit)
     if length(lists, DIFFUSE) > 0:
         _scatter_diffuse(scene, pool, lists, options, lit)
     if length(lists, SPECULAR) > 0:
@@ -199,5 +201,3 @@ def scatter(scene, pool, lists, options, lit):
         _scatter_metallic_roughness(scene, pool, lists, options, lit)
     if length(lists, CONDUCTOR) > 0:
         _scatter_conductor(scene, pool, lists, options, lit)
-    if scene.has.layers is not None and length(lists, RARE) > 0:
-        _scatter_rare(scene, pool, lists, options, lit)

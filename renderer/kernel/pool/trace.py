@@ -52,12 +52,12 @@ def pool_for(width: int, height: int) -> Pool:
 
 @template
 def scatter_nothing(scene, pool, options):
-    """Calls the later stages with nothing to do: about half of what there is to compile."""
+    """Calls the later stages with nothing to do: about half of what there is to compile, first what the rest has least of."""
     for which in range(LISTS):
         clear(pool.lists, which)
-    choose_lamps(scene, pool.rows, pool.lists, options)
     lit = len(scene.light_primitive) > 0  # of the type that it has there: a literal's would be another
     scatter(scene, pool.rows, pool.lists, options, lit)
+    choose_lamps(scene, pool.rows, pool.lists, options)
 
 
 @template
