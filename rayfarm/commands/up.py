@@ -97,4 +97,4 @@ def _summary(url: str, public_url: str, token: str, host: str, folder: Path) -> 
     else:
         line("Add a machine", f"{PROGRAM} worker --join {public_url} --token {token}")
     line("Data and logs", str(folder))
-    line("Kernels", "loading; the first start compiles them, which takes a quarter of a minute\n")
+    line("Kernels", "loading; the first start compiles them, which takes about half a minute\n")
