@@ -26,6 +26,7 @@ __all__ = [
     "call",
     "extract",
     "f32x8",
+    "fetch",
     "flip",
     "fma",
     "less",
@@ -107,6 +108,20 @@ def address(typingctx, array, index):
         return builder.ptrtoint(builder.gep(data, [args[1]]), args[1].type)
 
     return types.uintp(array, types.uintp), codegen
+
+
+@intrinsic
+def fetch(typingctx, address):
+    """Asks for the cache's line at an address, without waiting for it."""
+
+    def codegen(context, builder, sig, args):
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, _I32, _I32, _I32])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        builder.call(function, [builder.inttoptr(args[0], byte), _I32(0), _I32(3), _I32(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.uintp), codegen
 
 
 @intrinsic

@@ -45,7 +45,7 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "closest_hit", "new_stack", "to_local"]
+__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "any_in_instance", "closest_hit", "closest_in_instance", "new_stack", "to_local"]
 
 NO_PRIMITIVE = np.int32(-1)
 _WORLD = np.int32(-1)
@@ -214,7 +214,7 @@ def to_local(transform, number, o, d):
 
 
 @subroutine
-def _closest_in_instance(bvh, stack, bottom, number, o, d, best):
+def closest_in_instance(bvh, stack, bottom, number, o, d, best):
     """The nearest hit nearer than `best` in an instance's tree: (distance, primitive, u, v); NO_PRIMITIVE where there is none."""
     out_of_line()
     o, d = to_local(bvh.to_local, number, o, d)
@@ -275,7 +275,7 @@ def closest_hit(bvh, stack, o, d, t_max):
             continue
         leaf = ~child
         if bvh.instances is not None and leaf & INSTANCE:
-            found = _closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best)
+            found = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best)
             if found[1] != NO_PRIMITIVE:
                 best, primitive, u, v = found
                 instance = np.int32(leaf >> 2)
@@ -288,7 +288,7 @@ def closest_hit(bvh, stack, o, d, t_max):
 
 
 @subroutine
-def _any_in_instance(bvh, stack, bottom, number, o, d, t_max):
+def any_in_instance(bvh, stack, bottom, number, o, d, t_max):
     """`any_hit` in an instance's tree."""
     out_of_line()
     o, d = to_local(bvh.to_local, number, o, d)
@@ -336,7 +336,7 @@ def any_hit(bvh, stack, o, d, t_max):
                 continue
             leaf = ~child
             if bvh.instances is not None and leaf & INSTANCE:
-                if _any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
+                if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
                     return True
             elif bits(_met(bvh.packet, leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
                 return True

@@ -43,7 +43,7 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["choose_from_tree", "tree_chance"]
+__all__ = ["choose_from_tree", "descend", "tree_chance"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -55,6 +55,9 @@ _NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
 _CHILD = np.uintp(CHILD * LIGHT_WIDTH)
 _FIRST = np.uint32(0)
 _STEP = np.uint32(1)
+_LANES = np.uint32(LIGHT_WIDTH - 1)
+_LAST = np.uint32(1 << (LIGHT_WIDTH - 1))
+_ANY = np.int32(-1)  # ~ the first light
 
 
 @device
@@ -88,15 +91,17 @@ def _importances(node, base, p, n):
     bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
     sin_bound, cos_bound = radius * inverse, bound * inverse
 
-    along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
-    across = sqrt(maximum(fma(zero - along, along, square), zero))
-    along = maximum(along, along * _row(node, base, MIRROR))
-    cos_spread, sin_spread = _row(node, base, COS_SPREAD), _row(node, base, SIN_SPREAD)
-    sine = fma(across, cos_spread, product(zero - along, sin_spread))
-    cosine = fma(along, cos_spread, product(across, sin_spread))
-    inside = less_equal(sine, zero) | less_equal(bound, cosine) | among
-    emitted = select(inside, one, fma(cosine, cos_bound, product(sine, sin_bound)))
-    emitted = select(less(emitted, _row(node, base, COS_REACH)), zero, emitted)
+    cos_spread, emitted = _row(node, base, COS_SPREAD), one
+    if bits(less(zero - one, cos_spread)) != _FIRST:  # else they shine to all sides, as balls and bulbs do
+        along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
+        across = sqrt(maximum(fma(zero - along, along, square), zero))
+        along = maximum(along, along * _row(node, base, MIRROR))
+        sin_spread = _row(node, base, SIN_SPREAD)
+        sine = fma(across, cos_spread, product(zero - along, sin_spread))
+        cosine = fma(along, cos_spread, product(across, sin_spread))
+        inside = less_equal(sine, zero) | less_equal(bound, cosine) | among
+        emitted = select(inside, one, fma(cosine, cos_bound, product(sine, sin_bound)))
+        emitted = select(less(emitted, _row(node, base, COS_REACH)), zero, emitted)
 
     facing = n[0] != _ZERO or n[1] != _ZERO or n[2] != _ZERO
     above = zero - _dot(x, y, z, splat(n[0]), splat(n[1]), splat(n[2]))
@@ -107,6 +112,28 @@ def _importances(node, base, p, n):
     return product(_row(node, base, INTENSITY) * inverse * received, emitted)
 
 
+@device
+def descend(node, base, p, n, choice):
+    """A step down the tree, from the node that lies at `base`: (the child, the chance of it, what is left of the choice).
+
+    The child is a node's number, or ~ a light's. The chance is 0 where no child reaches p: the way ends there, at any light.
+    Nothing here is a branch.
+    """
+    weights = _importances(node, base, p, n)
+    sums = running_sum(weights)
+    totals = whole_sum(weights)
+    at = splat(choice) * totals
+    found = bits(less(at, sums))
+    none = found == _FIRST
+    lane = lowest_bit(found | _LAST)
+    weight = extract(weights, lane)
+    chance = select(none, _ZERO, weight / extract(totals, _FIRST))
+    child = select(none, _ANY, load_int(node, base + _CHILD + np.uintp(lane)))
+    before = select(lane > _FIRST, extract(sums, (lane - _STEP) & _LANES), _ZERO)
+    # Below 0 only where the compiler fuses this.
+    return child, chance, min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)
+
+
 @subroutine
 def choose_from_tree(node, p, n, choice):
     """The light that `choice` in [0, 1) picks: (its number, its chance). The chance is 0 where the way ends at a node none of
@@ -115,21 +142,10 @@ def choose_from_tree(node, p, n, choice):
     chance = _ONE
     base = np.uintp(0)
     while True:
-        weights = _importances(node, base, p, n)
-        sums = running_sum(weights)
-        totals = whole_sum(weights)
-        at = splat(choice) * totals
-        found = bits(less(at, sums))
-        if found == 0:
-            return 0, _ZERO
-        lane = lowest_bit(found)
-        weight = extract(weights, lane)
-        chance *= weight / extract(totals, _FIRST)
-        child = load_int(node, base + _CHILD + np.uintp(lane))
+        child, share, choice = descend(node, base, p, n, choice)
+        chance *= share
         if child < 0:
             return np.int64(~child), chance
-        before = extract(sums, lane - _STEP) if lane > 0 else _ZERO
-        choice = min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)  # below 0 only where the compiler fuses this
         base = np.uintp(child) * _NODE
 
 

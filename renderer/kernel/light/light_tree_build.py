@@ -292,4 +292,5 @@ def build(center, radius, axis, spread, reach, intensity, both, distant, order, 
         for k in range(parts, LIGHT_WIDTH):
             number[parent, CHILD, k] = ~0
             number[parent, END, k] = NO_END
+            node[parent, COS_SPREAD, k] = -_ONE
     return used

@@ -30,7 +30,10 @@ __all__ = [
     "LightSample",
     "choose_light",
     "environment_seen",
+    "nearby_choice",
     "primitive_light_pdf",
+    "sample_by_power",
+    "sample_chosen",
     "sample_light",
     "sample_one_light",
 ]
@@ -224,10 +227,42 @@ def sample_one_light(scene, light, p, u):
 
 
 @device
+def nearby_choice(scene, choice):
+    """Whether a choice in [0, 1) falls on the lights but the environment, and what is left of it to choose among them."""
+    environment_chance = scene.environment_frame[3]
+    nearby = not_(choice < environment_chance)
+    if environment_chance > _ZERO:
+        choice = (choice - environment_chance) / (_ONE - environment_chance)
+    return nearby, choice
+
+
+@device
 def sample_light(scene, p, n, choice, u):
     """Light towards the point p with normal n: a LightSample. `choice` picks the light, u the place on it.
 
     n is zero where the point is lit from all sides."""
+    light, chance = as_wide(_FIRST, choice), nil(choice)
+    if len(scene.light_primitive) > 0:
+        nearby, rest = nearby_choice(scene, choice)
+        if any_of(nearby):
+            light, chance = _choose_light(scene, p, n, rest, nearby)
+    return sample_chosen(scene, p, choice, u, light, chance)
+
+
+@device
+def sample_by_power(scene, p, choice, u):
+    """As `sample_light`, where no tree chooses."""
+    light, chance = as_wide(_FIRST, choice), nil(choice)
+    if len(scene.light_primitive) > 0:
+        nearby, rest = nearby_choice(scene, choice)
+        if any_of(nearby):
+            light, _, chance = choose(scene.light_cdf, rest)
+    return sample_chosen(scene, p, choice, u, light, chance)
+
+
+@device
+def sample_chosen(scene, p, choice, u, light, chance):
+    """As `sample_light`, where another light than the environment would be that one, chosen with that chance; 0: none is."""
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
     nearby = not_(from_far)
@@ -238,23 +273,19 @@ def sample_light(scene, p, n, choice, u):
         end = vec.add(p, vec.scale(w, _FAR))
         sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
     if any_of(nearby):
-        if environment_chance > _ZERO:
-            choice = (choice - environment_chance) / (_ONE - environment_chance)
-        near = _sample_lights(scene, p, n, choice, nearby, u, _ONE - environment_chance)
-        sample = _either(nearby, near, sample)
+        sample = _either(nearby, _sample_nearby(scene, p, u, light, chance, nearby), sample)
     return sample
 
 
 @device
-def _sample_lights(scene, p, n, choice, wanted, u, share):
-    """As `sample_light`, of all lights but the environment, which are chosen by that share, where `wanted`."""
+def _sample_nearby(scene, p, u, light, chance, wanted):
+    """The part of `sample_chosen` that is not the environment's, where `wanted`."""
     sample = _nothing(p)
-    if len(scene.light_primitive) > 0:
-        light, chance = _choose_light(scene, p, n, choice, wanted)
-        if any_of(wanted & (chance != _ZERO)):
-            found = sample_one_light(scene, light, p, u)
-            sample = LightSample(found.direction, found.end, found.radiance, found.pdf * share * chance, found.alone)
-            sample = _if_found(chance != _ZERO, sample, p)
+    if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):
+        found = sample_one_light(scene, light, p, u)
+        pdf = found.pdf * (_ONE - scene.environment_frame[3]) * chance
+        sample = LightSample(found.direction, found.end, found.radiance, pdf, found.alone)
+        sample = _if_found(chance != _ZERO, sample, p)
     return sample
 
 

@@ -22,8 +22,8 @@ from renderer.jit import out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fixed import add_fixed8, in_half
 from renderer.kernel.pool.lists import DONE, length, row
-from renderer.kernel.pool.meet import floats3
 from renderer.kernel.pool.rows import CARRIED, FIRST, SAMPLE, at
+from renderer.kernel.pool.ways import three
 
 __all__ = ["SUMS", "keep", "unfold"]
 
@@ -50,9 +50,9 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
     for k in range(length(lists, DONE)):
         path = row(lists, DONE, k)
         sample, place = load_int(pool, at(path, _SAMPLE)), load_int(pool, at(path, _PIXEL))
-        radiance = floats3(pool, at(path, CARRIED))
-        finite = vec.is_finite(radiance) and vec.is_finite(floats3(pool, at(path, FIRST)))
-        if not (finite and vec.is_finite(floats3(pool, at(path, _NORMAL))) and vec.is_finite(floats3(pool, at(path, _PLACE)))):
+        radiance = three(pool, at(path, CARRIED))
+        finite = vec.is_finite(radiance) and vec.is_finite(three(pool, at(path, FIRST)))
+        if not (finite and vec.is_finite(three(pool, at(path, _NORMAL))) and vec.is_finite(three(pool, at(path, _PLACE)))):
             if bad_count < len(bad):
                 bad[bad_count, 0] = batch.x + place % width
                 bad[bad_count, 1] = batch.y + place // width

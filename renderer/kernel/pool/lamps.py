@@ -1,37 +1,100 @@
-"""Stage 3: for each vertex that light sampling can serve, a point of a light."""
+"""Stage 3: for each vertex that light sampling can serve, a point of a light.
+
+Where a tree chooses among many lights, all vertices go down it together, a step each in turn: a step is a few long sums and
+roots, which the processor works out for several vertices at once.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import out_of_line, subroutine
-from renderer.kernel.light.lights import sample_light
-from renderer.kernel.pool.lists import LIT, eight, pad
-from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, few, write
+from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
+from renderer.bvh.simd import load_int, select, store_int
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.light.light_tree import descend
+from renderer.kernel.light.lights import nearby_choice, sample_by_power, sample_chosen
+from renderer.kernel.pool.lists import ENDED, LIT, NODES, append, clear, eight, length, pad, row
+from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, WAY, at, few, write
 from renderer.kernel.pool.scatter import stream_of
+from renderer.kernel.pool.ways import three
 from renderer.kernel.sampling.sampler import draw4
-from renderer.wide.values import nil, to_int, where
+from renderer.wide.values import as_floats, as_ints, as_wide, nil, to_int, where
 
 __all__ = ["choose_lamps"]
 
 _ONE = np.float32(1.0)
 _LIGHT_BLOCK = np.uint32(1)
 _TWO = np.uint32(2)
+_ROOT = np.uint32(0)
+_NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
+_NODES, _ENDED = np.uintp(NODES), np.uintp(ENDED)
 _NUMBER = CARRIED + np.uintp(7)
+# Of a vertex on its way down the tree, where no ray is under way: what is left of its choice, the chance of the way so far, the
+# node or ~ light that it has come to.
+_LEFT, _CHANCE, _HERE = WAY, WAY + np.uintp(1), WAY + np.uintp(2)
+
+
+@device
+def _numbers(pool, rows, options):
+    number = to_int(few(pool, rows, _NUMBER, 1)[0])
+    return draw4(stream_of(pool, rows, options), number * _TWO + _LIGHT_BLOCK)
+
+
+@device
+def _facing(scene, pool, path):
+    """The normal that lights count on the side of, of one row."""
+    if scene.has.textures is not None:
+        return three(pool, path + MAPPED + np.uintp(3))
+    return three(pool, path + FRAME)
+
+
+@subroutine
+def _go_down(scene, pool, lists, options):
+    """Chooses each listed vertex' light by the tree: into _CHANCE and _HERE."""
+    out_of_line()
+    for k in range(0, pad(lists, LIT), 8):
+        rows = eight(lists, LIT, k)
+        _, left = nearby_choice(scene, _numbers(pool, rows, options)[2])
+        none = nil(left)
+        root = as_floats(as_wide(_ROOT, none))
+        write(pool, rows, WAY, (left, none + _ONE, root, none, none, none, none, none))
+    clear(lists, NODES)
+    clear(lists, ENDED)
+    for k in range(length(lists, LIT)):
+        append(lists, NODES, row(lists, LIT, k))
+    while length(lists, NODES) > 0:
+        count = length(lists, NODES)
+        clear(lists, NODES)
+        for k in range(count):
+            number = row(lists, NODES, k)
+            path = at(number, np.uintp(0))
+            base = np.uintp(np.uint32(load_int(pool, path + _HERE))) * _NODE
+            p, n = three(pool, path + PLACE), _facing(scene, pool, path)
+            child, share, left = descend(scene.light_node, base, p, n, pool[path + _LEFT])
+            pool[path + _LEFT] = left
+            pool[path + _CHANCE] *= share
+            store_int(pool, path + _HERE, child)
+            append(lists, select(child < np.int32(0), _ENDED, _NODES), number)
 
 
 @subroutine
 def choose_lamps(scene, pool, lists, options):
     """Samples a light for each vertex that is to be lit."""
     out_of_line()
+    by_tree = False
+    if scene.has.lights is not None:
+        by_tree = len(scene.light_node) > 0
+        if by_tree:
+            _go_down(scene, pool, lists, options)
     for k in range(0, pad(lists, LIT), 8):
         rows = eight(lists, LIT, k)
-        number = to_int(few(pool, rows, _NUMBER, 1)[0])
-        u = draw4(stream_of(pool, rows, options), number * _TWO + _LIGHT_BLOCK)
-        point, n = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
-        if scene.has.textures is not None:
-            n = few(pool, rows, MAPPED + np.uintp(3), 3)
-        light = sample_light(scene, point, n, u[2], (u[0], u[1]))
+        u = _numbers(pool, rows, options)
+        point = few(pool, rows, PLACE, 3)
+        if scene.has.lights is not None and by_tree:
+            _, chance, here = few(pool, rows, WAY, 3)
+            light = sample_chosen(scene, point, u[2], (u[0], u[1]), as_ints(here) ^ np.uint32(0xFFFFFFFF), chance)
+        else:
+            light = sample_by_power(scene, point, u[2], (u[0], u[1]))
         none = nil(u[0])
         alone = where(light.alone, nil(none) + _ONE, none)
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))

@@ -17,11 +17,15 @@ __all__ = [
     "CONDUCTOR",
     "DIFFUSE",
     "DONE",
+    "ENDED",
     "LISTS",
     "LIST_SIZE",
     "LIT",
     "METALLIC_ROUGHNESS",
     "MISSED",
+    "NODES",
+    "OTHERS",
+    "PACKETS",
     "PASSED",
     "RARE",
     "RARE_SPECULAR",
@@ -29,11 +33,14 @@ __all__ = [
     "SPECULAR",
     "SPHERES",
     "TRIANGLES",
+    "WAITING",
     "append",
     "clear",
+    "cut",
     "eight",
     "length",
     "pad",
+    "put",
     "row",
 ]
 
@@ -42,7 +49,9 @@ __all__ = [
 DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR = range(6)
 SCATTERING = RARE_SPECULAR
 ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SCATTERING + 1, SCATTERING + 8)
-LISTS = DONE + 1
+# Rays on their way through the tree, by what they are to look into next: a node, a packet of triangles, anything else.
+NODES, PACKETS, OTHERS, ENDED, WAITING = range(DONE + 1, DONE + 6)
+LISTS = WAITING + 1
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)
 _ONE = np.uintp(1)
@@ -73,6 +82,18 @@ def append(lists, which, number):
     count = np.uintp(lists[base]) + _ONE
     lists[base + count] = np.uint32(number)
     lists[base] = np.uint32(count)
+
+
+@device
+def put(lists, which, count, number):
+    """Writes a number behind the first `count` of a list, whose length is not changed."""
+    lists[np.uintp(which) * _SIZE + _ONE + count] = np.uint32(number)
+
+
+@device
+def cut(lists, which, count):
+    """Gives a list the length that it has by now."""
+    lists[np.uintp(which) * _SIZE] = np.uint32(count)
 
 
 @device

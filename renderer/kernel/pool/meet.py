@@ -1,11 +1,11 @@
-"""Stage 1: what each path's ray meets first. Rays are traced one by one: their ways through the tree part too soon."""
+"""Stage 1: what each path's ray meets first; and the last but one: which lights are seen."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.simd import store_int
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.bvh.simd import load_int
+from renderer.bvh.traverse import NO_PRIMITIVE
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.integrators.transport import limited
@@ -13,79 +13,135 @@ from renderer.kernel.integrators.visibility import transmittance
 from renderer.kernel.pool.lists import (
     ACTIVE,
     DONE,
+    ENDED,
     MISSED,
+    NODES,
     PASSED,
     SCATTERING,
     SPHERES,
     TRIANGLES,
+    WAITING,
     append,
     clear,
+    cut,
+    eight,
     length,
+    pad,
+    put,
     row,
 )
-from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at
+from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, write
+from renderer.kernel.pool.shade import walk_in_shade
+from renderer.kernel.pool.walk import walk
+from renderer.kernel.pool.ways import BLOCKED, set_out, three
+from renderer.wide.values import as_floats, as_wide, nil, where3
 
-__all__ = ["floats3", "meet", "see_lights"]
+__all__ = ["meet", "see_lights"]
 
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
-_1, _2 = np.uintp(1), np.uintp(2)
-_D = RAY + np.uintp(3)
-_U, _V, _PRIMITIVE, _INSTANCE = (HIT + np.uintp(k) for k in (1, 2, 3, 4))
+_NOBODY = np.uint32(0xFFFFFFFF)  # of the world's primitives, or instances: -1
+_PRIMITIVE = HIT + np.uintp(3)
 _SEGMENTS = LAMP + np.uintp(3)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
 
 
-@device
-def floats3(pool, place):
-    """A vector at a flat place of the pool."""
-    return pool[place], pool[place + _1], pool[place + _2]
-
-
 @subroutine
-def meet(scene, stack, pool, lists):
+def meet(scene, alone, stack, pool, lists):
     """Traces the active paths' rays, and lists the paths by what they met."""
     out_of_line()
-    for which in (MISSED, TRIANGLES, SPHERES):
-        clear(lists, which)
+    count = pad(lists, ACTIVE)
+    for k in range(0, count, 8):
+        rows = eight(lists, ACTIVE, k)
+        ray, hit = read(pool, rows, RAY), read(pool, rows, HIT)
+        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]))
+        zero = nil(ray[0])
+        nobody = as_floats(as_wide(_NOBODY, zero))
+        write(pool, rows, HIT, (zero + _INF, zero, zero, nobody, nobody, hit[5], hit[6], hit[7]))
+    for k in range(count):
+        put(lists, NODES, np.uintp(k), row(lists, ACTIVE, k))
+    cut(lists, NODES, np.uintp(count))
+    clear(lists, ENDED)
+    walk(scene.bvh, alone, pool, stack, lists)
     triangles = len(scene.triangle)
-    for k in range(length(lists, ACTIVE)):
+    missed, on_triangles, on_spheres = np.uintp(0), np.uintp(0), np.uintp(0)
+    for k in range(count):
         path = row(lists, ACTIVE, k)
-        hit = closest_hit(scene.bvh, stack, floats3(pool, at(path, RAY)), floats3(pool, at(path, _D)), _INF)
-        if hit.primitive == NO_PRIMITIVE:
-            append(lists, MISSED, path)
-            continue
-        pool[at(path, _U)] = hit.u
-        pool[at(path, _V)] = hit.v
-        pool[at(path, HIT)] = hit.t
-        store_int(pool, at(path, _PRIMITIVE), hit.primitive)
-        if scene.has.instances is not None:
-            store_int(pool, at(path, _INSTANCE), hit.instance)
-        append(lists, TRIANGLES if hit.primitive < triangles else SPHERES, path)
+        primitive = load_int(pool, at(path, _PRIMITIVE))
+        put(lists, MISSED, missed, path)
+        put(lists, TRIANGLES, on_triangles, path)
+        put(lists, SPHERES, on_spheres, path)
+        is_hit, is_triangle = primitive != NO_PRIMITIVE, primitive < triangles
+        missed += np.uintp(not is_hit)
+        on_triangles += np.uintp(is_hit & is_triangle)
+        on_spheres += np.uintp(is_hit & (not is_triangle))
+    cut(lists, MISSED, missed)
+    cut(lists, TRIANGLES, on_triangles)
+    cut(lists, SPHERES, on_spheres)
+
+
+@device
+def _light_through(scene, alone, pool, lists, options):
+    """Adds what reaches the vertices that wait for light, where it may pass surfaces by their alpha."""
+    for k in range(length(lists, WAITING)):
+        path = row(lists, WAITING, k)
+        share = transmittance(scene, alone, three(pool, at(path, SHADOW)), three(pool, at(path, _END)), True)
+        if share > _ZERO:
+            brought = limited(vec.scale(three(pool, at(path, LAMP)), share), pool[at(path, _SEGMENTS)], options.clamp)
+            for c in range(3):
+                pool[at(path, CARRIED + np.uintp(c))] += brought[c]
+
+
+@device
+def _light(scene, alone, stack, pool, lists, options):
+    """Adds what reaches the vertices that wait for light, where any surface stops it."""
+    count = pad(lists, WAITING)
+    for k in range(0, count, 8):
+        rows = eight(lists, WAITING, k)
+        way = read(pool, rows, SHADOW)
+        start, end = (way[0], way[1], way[2]), (way[3], way[4], way[5])
+        set_out(pool, rows, start, vec.sub(end, start))
+    for k in range(count):
+        put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
+    cut(lists, NODES, np.uintp(count))
+    clear(lists, ENDED)
+    walk_in_shade(scene.bvh, alone, pool, stack, lists)
+    for k in range(0, count, 8):
+        rows = eight(lists, WAITING, k)
+        r, g, b, segments = few(pool, rows, LAMP, 4)
+        carried, blocked = read(pool, rows, CARRIED), few(pool, rows, BLOCKED, 1)[0]
+        none = nil(r)
+        brought = where3(blocked != _ZERO, (none, none, none), limited((r, g, b), segments, options.clamp))
+        radiance = vec.add((carried[0], carried[1], carried[2]), brought)
+        write(pool, rows, CARRIED, (*radiance, carried[3], carried[4], carried[5], carried[6], carried[7]))
 
 
 @subroutine
-def see_lights(scene, stack, pool, lists, options):
+def see_lights(scene, alone, stack, pool, lists, options):
     """Casts the shadow rays of the vertices that have one, and adds what lights them: how many.
 
     Paths that go on are the active ones from here on, the others are done.
     """
     out_of_line()
-    cast = 0
     clear(lists, ACTIVE)
+    waiting, active, done = np.uintp(0), np.uintp(0), np.uintp(length(lists, DONE))
     for which in range(SCATTERING):
         for k in range(length(lists, which)):
             path = row(lists, which, k)
-            if pool[at(path, _WAITS)] != _ZERO:
-                cast += 1
-                start, end = floats3(pool, at(path, SHADOW)), floats3(pool, at(path, _END))
-                share = transmittance(scene, stack, start, end, options.transparent)
-                if share > _ZERO:
-                    brought = vec.scale(floats3(pool, at(path, LAMP)), share)
-                    brought = limited(brought, pool[at(path, _SEGMENTS)], options.clamp)
-                    for c in range(3):
-                        pool[at(path, CARRIED + np.uintp(c))] += brought[c]
-            append(lists, ACTIVE if pool[at(path, _GOES_ON)] != _ZERO else DONE, path)
+            put(lists, WAITING, waiting, path)
+            put(lists, ACTIVE, active, path)
+            put(lists, DONE, done, path)
+            goes_on = pool[at(path, _GOES_ON)] != _ZERO
+            waiting += np.uintp(pool[at(path, _WAITS)] != _ZERO)
+            active += np.uintp(goes_on)
+            done += np.uintp(not goes_on)
+    cut(lists, WAITING, waiting)
+    cut(lists, ACTIVE, active)
+    cut(lists, DONE, done)
     for k in range(length(lists, PASSED)):
         append(lists, ACTIVE, row(lists, PASSED, k))
-    return cast
+    if scene.has.textures is not None and options.transparent:
+        _light_through(scene, alone, pool, lists, options)
+    else:
+        _light(scene, alone, stack, pool, lists, options)
+    return np.int64(waiting)

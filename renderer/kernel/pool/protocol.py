@@ -9,8 +9,8 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.integrators.record import EMITTED, record_light, record_miss, record_surface
 from renderer.kernel.integrators.state import Path
 from renderer.kernel.pool.lists import MISSED, length
-from renderer.kernel.pool.meet import floats3
 from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, PLACE, RAY
+from renderer.kernel.pool.ways import three
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import u32
 
@@ -28,12 +28,12 @@ _PASSED = HIT + np.uintp(5)
 @device
 def _path(pool, radiance):
     return Path(
-        floats3(pool, RAY),
-        floats3(pool, RAY + np.uintp(3)),
-        floats3(pool, PLACE),
-        floats3(pool, FRAME),
+        three(pool, RAY),
+        three(pool, RAY + np.uintp(3)),
+        three(pool, PLACE),
+        three(pool, FRAME),
         pool[RAY + np.uintp(6)],
-        floats3(pool, CARRIED + np.uintp(4)),
+        three(pool, CARRIED + np.uintp(4)),
         radiance,
         pool[RAY + np.uintp(7)],
         np.int64(pool[CARRIED + np.uintp(3)]),
@@ -45,8 +45,8 @@ def _surface(pool, point):
     return Surface(
         point,
         pool[PLACE + np.uintp(3)],
-        floats3(pool, PLACE + np.uintp(4)),
-        floats3(pool, FRAME),
+        three(pool, PLACE + np.uintp(4)),
+        three(pool, FRAME),
         _NO_UV,
         True,
         u32(load_int(pool, FRAME + np.uintp(6))),
@@ -78,6 +78,6 @@ def record_arrival(pool, lists, log, row, passed, before):
         record_miss(log, row, path)
     else:
         through = pool[_PASSED] != passed
-        point = floats3(pool, RAY) if through else floats3(pool, PLACE)  # where it goes on from: beside what it passed
+        point = three(pool, RAY) if through else three(pool, PLACE)  # where it goes on from: beside what it passed
         record_surface(log, row, _surface(pool, point), through, pool[HIT], path)
-    record_light(log, row, EMITTED, floats3(pool, CARRIED))
+    record_light(log, row, EMITTED, three(pool, CARRIED))

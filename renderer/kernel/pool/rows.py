@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
@@ -26,12 +27,15 @@ __all__ = [
     "ROWS",
     "SAMPLE",
     "SHADOW",
+    "WAY",
     "at",
     "few",
+    "line_floats",
     "read",
     "write",
 ]
 
+_LINE = 64  # bytes
 ROWS = 128  # paths; 64 to 256 are as fast
 # Groups, by their first columns. Whole numbers are kept by their bits, but for depth, number and what was passed.
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, eta scale: as in integrators/state.py's Path
@@ -47,7 +51,16 @@ FIRST = np.uintp(64)  # first hit: albedo 3, distance, normal 3, 1 + object's nu
 MATTER = np.uintp(80)  # colour 3, metallic, roughness, eta, first texture coordinates 2
 AXES = np.uintp(88)  # the frame to scatter in: s 3, t 3; second texture coordinates 2
 MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side of 3
-ROW = np.uintp(104)  # no power of two, which would put all rows' groups into the same cache sets
+# Of the ray that is on its way through the tree (ways.py), three groups:
+WAY = np.uintp(104)
+ROW = np.uintp(136)  # no power of two, which would put all rows' groups into the same cache sets
+
+
+def line_floats(count: int) -> npt.NDArray[np.float32]:
+    """So many zeros, the first at the beginning of one of the cache's lines."""
+    memory = np.zeros(count + _LINE // 4, np.float32)
+    first = -memory.ctypes.data % _LINE // 4
+    return memory[first : first + count]
 
 
 @device

@@ -14,11 +14,12 @@ from renderer.kernel.pool.begin import Next, begin
 from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
-from renderer.kernel.pool.meet import floats3, meet, see_lights
+from renderer.kernel.pool.meet import meet, see_lights
 from renderer.kernel.pool.protocol import first_row, record_arrival
-from renderer.kernel.pool.rows import CARRIED, ROW, ROWS
+from renderer.kernel.pool.rows import CARRIED, ROW, ROWS, line_floats
 from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.surfaces import arrive, miss
+from renderer.kernel.pool.ways import new_ways, three
 
 __all__ = ["Pool", "pool_for", "render_with_pool", "scatter_nothing"]
 
@@ -28,7 +29,8 @@ _ZERO = np.float32(0.0)
 class Pool(NamedTuple):
     """The scratch space of a batch."""
 
-    stack: Any  # of a ray's way through the tree
+    alone: Any  # the stack of a ray that goes through the tree by itself
+    stack: Any  # those of all rows' rays: ways.py
     rows: Any  # (ROWS * ROW,) f32: rows.py
     lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
     film: Any  # (pixels * SUMS,) i64, zeros before and after: keep.py
@@ -45,8 +47,8 @@ def pool_for(width: int, height: int) -> Pool:
     pool: Pool | None = getattr(_kept, "pool", None)
     if pool is None or len(pool.film) < width * height * SUMS:
         film = np.zeros(width * height * SUMS, np.int64)
-        rows = np.zeros(ROWS * int(ROW), np.float32)
-        pool = _kept.pool = Pool(new_stack(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
+        rows = line_floats(ROWS * int(ROW))
+        pool = _kept.pool = Pool(new_stack(), new_ways(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
     return pool
 
 
@@ -79,9 +81,9 @@ def render_with_pool(scene, pool, camera, options, batch, output):
             break
         clear(lists, DONE)
         row, passed = first_row(paths)
-        before = floats3(paths, CARRIED)
+        before = three(paths, CARRIED)
         rays += length(lists, ACTIVE)
-        meet(scene, pool.stack, paths, lists)
+        meet(scene, pool.alone, pool.stack, paths, lists)
         miss(scene, paths, lists, options)
         arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
@@ -89,9 +91,9 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if lit:
             choose_lamps(scene, paths, lists, options)
         scatter(scene, paths, lists, options, lit)
-        rays += see_lights(scene, pool.stack, paths, lists, options)
+        rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
-            record_light(log, row, DIRECT, floats3(paths, CARRIED))
+            record_light(log, row, DIRECT, three(paths, CARRIED))
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
     unfold(pool.film, output.sums)
     return bad_count, rays

@@ -1,0 +1,105 @@
+"""Shadow rays of many paths through the tree, a step each in turn, as walk.py: whether anything lies on their way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, WIDTH
+from renderer.bvh.packet import meet_spheres, meet_triangles
+from renderer.bvh.simd import address, bits, load_int, lowest_bit, select, store_int
+from renderer.bvh.traverse import any_in_instance
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.pool.lists import NODES, OTHERS, PACKETS, clear, length, row
+from renderer.kernel.pool.rows import SHADOW, at
+from renderer.kernel.pool.walk import axes_of, boxes, go_on
+from renderer.kernel.pool.ways import BLOCKED, CHILD, LEVEL, TOP, three, word
+
+__all__ = ["walk_in_shade"]
+
+_ONE = np.float32(1.0)
+_NONE = np.uint32(0)
+_BIT = np.uint32(1)
+_LAST = np.uint32(1 << (WIDTH - 1))
+_1 = np.uintp(1)
+_NODE = np.uintp(NODE_SIZE)
+_CHILDREN = np.uintp(ROW_CHILD * WIDTH)
+_PACKET = np.uintp(PACKET_SIZE)
+_END = SHADOW + np.uintp(3)
+
+
+@device
+def _choose(node, stack, top):
+    """A child that waits on a ray's stack: (the child, the stack's new top, whether there is none)."""
+    left = np.uint32(load_int(stack, top))
+    base = word(stack, top + _1) * _NODE
+    child = load_int(node, base + _CHILDREN + np.uintp(lowest_bit(left | _LAST)))
+    rest = np.uint32(left & np.uint32(left - _BIT))
+    store_int(stack, top, np.int32(rest))
+    return child, select(rest == _NONE, top - LEVEL, top), top < LEVEL
+
+
+@subroutine
+def _look_into_nodes(bvh, pool, stack, lists):
+    out_of_line()
+    count = length(lists, NODES)
+    clear(lists, NODES)
+    for k in range(count):
+        number = row(lists, NODES, k)
+        path = at(number, np.uintp(0))
+        this = load_int(pool, path + CHILD)
+        met = bits(boxes(bvh.node, np.uintp(np.uint32(this)) * _NODE, pool, path, _ONE)[0])
+        top = word(pool, path + TOP)
+        above = top + LEVEL
+        store_int(stack, above, np.int32(met))
+        store_int(stack, above + _1, this)
+        child, top, over = _choose(bvh.node, stack, select(met != _NONE, above, top))
+        go_on(bvh, pool, lists, number, path, child, top, over)
+
+
+@subroutine
+def _look_into_packets(bvh, pool, stack, lists):
+    out_of_line()
+    count = length(lists, PACKETS)
+    clear(lists, PACKETS)
+    for k in range(count):
+        number = row(lists, PACKETS, k)
+        path = at(number, np.uintp(0))
+        first = np.uintp(~load_int(pool, path + CHILD) >> 2) * _PACKET
+        axes, shear, origin = axes_of(pool, path)
+        blocked = bits(meet_triangles(address(bvh.packet, first), axes, shear, origin, _ONE)[0]) != _NONE
+        pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
+        go_on(bvh, pool, lists, number, path, child, top, over | blocked)
+
+
+@subroutine
+def _look_into_others(bvh, alone, pool, stack, lists):
+    out_of_line()
+    count = length(lists, OTHERS)
+    clear(lists, OTHERS)
+    for k in range(count):
+        number = row(lists, OTHERS, k)
+        path = at(number, np.uintp(0))
+        leaf = ~load_int(pool, path + CHILD)
+        o = three(pool, path + SHADOW)
+        d = vec.sub(three(pool, path + _END), o)
+        if bvh.instances is not None and leaf & INSTANCE:
+            blocked = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE)
+        else:
+            blocked = bits(meet_spheres(address(bvh.packet, np.uintp(leaf >> 2) * _PACKET), o, d, _ONE)[0]) != _NONE
+        pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
+        go_on(bvh, pool, lists, number, path, child, top, over | blocked)
+
+
+@device
+def walk_in_shade(bvh, alone, pool, stack, lists):
+    """Whether anything lies between the ends of each shadow ray on the list NODES, which have been set out (ways.py): into their
+    rows' column BLOCKED. alone, stack: as in walk.py.
+    """
+    while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
+        _look_into_nodes(bvh, pool, stack, lists)
+        _look_into_packets(bvh, pool, stack, lists)
+        if length(lists, OTHERS) > 0:
+            _look_into_others(bvh, alone, pool, stack, lists)

@@ -1,0 +1,241 @@
+"""The rays of many paths through the tree, a step each in turn.
+
+A ray by itself waits: for its node, for the least of eight distances, for the branch that was guessed wrong. Here a pass takes
+one step of every ray that is to look into a node, another pass one of every ray that is to look into a packet. Steps of different
+rays do not depend on each other, and hardly anything in a step is a branch that cannot be foretold: what a ray does next decides
+which list its number is put on. So the processor works on several rays at once, and what one of them has to wait for is fetched
+meanwhile.
+
+A ray meets boxes and primitives in the order and by the formulas of renderer/bvh/traverse.py, and so the same hit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
+from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
+from renderer.bvh.packet import meet_spheres, meet_triangles
+from renderer.bvh.simd import (
+    address,
+    extract,
+    fetch,
+    fma,
+    less_equal,
+    load,
+    load_int,
+    maximum,
+    minimum,
+    select,
+    splat,
+    store,
+    store_int,
+)
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_in_instance
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.pool.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
+from renderer.kernel.pool.rows import HIT, RAY, at
+from renderer.kernel.pool.ways import (
+    AXES,
+    BEST,
+    CHILD,
+    FAR,
+    INVERSE,
+    LEVEL,
+    NEAR,
+    ORIGIN,
+    PLANES,
+    SHEAR,
+    TOP,
+    three,
+    word,
+)
+from renderer.wide.values import as_ints
+
+__all__ = ["axes_of", "boxes", "go_on", "walk"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_LANE = np.int32(WIDTH - 1)  # of a key: the lane
+_LEAF_KIND = np.int32(3)
+_1, _2 = np.uintp(1), np.uintp(2)
+_W = np.uintp(WIDTH)
+_NODE = np.uintp(NODE_SIZE)
+_CHILDREN = np.uintp(ROW_CHILD * WIDTH)
+_PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
+_PACKET = np.uintp(PACKET_SIZE)
+_D = RAY + np.uintp(3)
+_U, _V, _PRIMITIVE, _INSTANCE = (HIT + np.uintp(k) for k in (1, 2, 3, 4))
+_NODES, _PACKETS, _OTHERS, _ENDED = (np.uintp(k) for k in (NODES, PACKETS, OTHERS, ENDED))
+
+
+@device
+def boxes(node, base, pool, path, t_max):
+    """The ray of a row (its flat place) against a node's eight boxes: (mask of those met, f32x8 distances)."""
+    x, y, z = word(pool, path + PLANES), word(pool, path + PLANES + _1), word(pool, path + PLANES + _2)
+    ix, iy, iz = three(pool, path + INVERSE)
+    near_x, near_y, near_z = three(pool, path + NEAR)
+    far_x, far_y, far_z = three(pool, path + FAR)
+    x_near = fma(load(node, base + x), splat(ix), splat(near_x))
+    x_far = fma(load(node, base + (x ^ _W)), splat(ix), splat(far_x))
+    y_near = fma(load(node, base + y), splat(iy), splat(near_y))
+    y_far = fma(load(node, base + (y ^ _W)), splat(iy), splat(far_y))
+    z_near = fma(load(node, base + z), splat(iz), splat(near_z))
+    z_far = fma(load(node, base + (z ^ _W)), splat(iz), splat(far_z))
+    # As in renderer/bvh/traverse.py, NaN reaches the end: a ray that is no number meets nothing.
+    entered = maximum(maximum(x_near, y_near), maximum(splat(_ZERO), z_near))
+    left = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
+    return less_equal(entered, left), entered
+
+
+@device
+def go_on(bvh, pool, lists, number, path, child, top, over):
+    """Puts a ray on the list of what it does next; over: nothing."""
+    node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)
+    packet = address(bvh.packet, np.uintp(~child >> 2) * _PACKET)
+    there = select(child >= np.int32(0), node, packet)
+    for line in range(4):
+        fetch(there + np.uintp(64 * line))
+    store_int(pool, path + CHILD, child)
+    store_int(pool, path + TOP, np.int32(top))
+    leaf = select((~child & _LEAF_KIND) == np.int32(0), _PACKETS, _OTHERS)
+    append(lists, select(over, _ENDED, select(child >= np.int32(0), _NODES, leaf)), number)
+
+
+@device
+def _choose(node, stack, top, limit):
+    """The nearest child that waits on a ray's stack, and is not beyond the limit: (the child, the stack's new top, whether there
+    is none).
+    """
+    key = load_int(stack, top + _W)
+    while key > limit:
+        top -= LEVEL
+        key = load_int(stack, top + _W)
+    base = word(stack, top + _W + _1) * _NODE
+    child = load_int(node, base + _CHILDREN + np.uintp(np.uint32(key & _LANE)))
+    rest = least(beyond(load(stack, top), key))
+    over = key < np.int32(0)
+    store_int(stack, top + _W, select(over, key, rest))
+    return child, select(rest > limit, top - LEVEL, top), over
+
+
+@subroutine
+def _look_into_nodes(bvh, pool, stack, lists):
+    out_of_line()
+    node = bvh.node
+    count = length(lists, NODES)
+    clear(lists, NODES)
+    for k in range(count):
+        number = row(lists, NODES, k)
+        path = at(number, np.uintp(0))
+        this = load_int(pool, path + CHILD)
+        best = pool[path + BEST]
+        met, distance = boxes(node, np.uintp(np.uint32(this)) * _NODE, pool, path, best)
+        keys = ranked(met, distance)
+        key = least(keys)
+        top = word(pool, path + TOP)
+        above = top + LEVEL
+        store(stack, above, keys)
+        store_int(stack, above + _W, key)
+        store_int(stack, above + _W + _1, this)
+        limit = key_limit(best)
+        child, top, over = _choose(node, stack, select(key <= limit, above, top), limit)
+        go_on(bvh, pool, lists, number, path, child, top, over)
+
+
+@device
+def axes_of(pool, path):
+    """(rows of the axes, shear, origin) of a row's ray, for `meet_triangles`."""
+    k = path + AXES
+    return (word(pool, k), word(pool, k + _1), word(pool, k + _2)), three(pool, path + SHEAR), three(pool, path + ORIGIN)
+
+
+@device
+def _keep(pool, place, nearer, value):
+    """Writes a float where it is of a nearer hit. As whole numbers: of floats, the compiler makes a branch."""
+    store_int(pool, place, select(nearer, np.int32(as_ints(value)), load_int(pool, place)))
+
+
+@subroutine
+def _look_into_packets(bvh, pool, stack, lists):
+    out_of_line()
+    packet = bvh.packet
+    count = length(lists, PACKETS)
+    clear(lists, PACKETS)
+    for k in range(count):
+        number = row(lists, PACKETS, k)
+        path = at(number, np.uintp(0))
+        first = np.uintp(~load_int(pool, path + CHILD) >> 2) * _PACKET
+        best = pool[path + BEST]
+        axes, shear, origin = axes_of(pool, path)
+        hit, t, b, c, determinant = meet_triangles(address(packet, first), axes, shear, origin, best)
+        inverse = splat(_ONE) / determinant
+        distance, lane = nearest(hit, t * inverse)
+        nearer = distance < best  # not where nothing is hit, whose distance is NaN
+        best = select(nearer, distance, best)
+        pool[path + BEST] = best
+        _keep(pool, path + _U, nearer, extract(b * inverse, lane))
+        _keep(pool, path + _V, nearer, extract(c * inverse, lane))
+        found = load_int(packet, first + _PRIMITIVES + np.uintp(lane))
+        store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
+        if bvh.instances is not None:
+            store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(best))
+        go_on(bvh, pool, lists, number, path, child, top, over)
+
+
+@device
+def _meet_spheres(bvh, pool, path, first, best):
+    """A packet of spheres: as the end of a step among the triangles."""
+    hit, t = meet_spheres(address(bvh.packet, first), three(pool, path + RAY), three(pool, path + _D), best)
+    distance, lane = nearest(hit, t)
+    if distance < best:
+        pool[path + BEST] = distance
+        pool[path + _U] = _ZERO
+        pool[path + _V] = _ZERO
+        store_int(pool, path + _PRIMITIVE, load_int(bvh.packet, first + _PRIMITIVES + np.uintp(lane)))
+        store_int(pool, path + _INSTANCE, NO_PRIMITIVE)
+
+
+@device
+def _meet_instance(bvh, alone, pool, path, instance, best):
+    """An instance: its tree is walked by this ray alone."""
+    o, d = three(pool, path + RAY), three(pool, path + _D)
+    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best)
+    if found[1] != NO_PRIMITIVE:
+        pool[path + BEST] = found[0]
+        pool[path + _U] = found[2]
+        pool[path + _V] = found[3]
+        store_int(pool, path + _PRIMITIVE, found[1])
+        store_int(pool, path + _INSTANCE, np.int32(instance))
+
+
+@subroutine
+def _look_into_others(bvh, alone, pool, stack, lists):
+    out_of_line()
+    count = length(lists, OTHERS)
+    clear(lists, OTHERS)
+    for k in range(count):
+        number = row(lists, OTHERS, k)
+        path = at(number, np.uintp(0))
+        leaf = ~load_int(pool, path + CHILD)
+        best = pool[path + BEST]
+        if bvh.instances is not None and leaf & INSTANCE:
+            _meet_instance(bvh, alone, pool, path, leaf >> 2, best)
+        else:
+            _meet_spheres(bvh, pool, path, np.uintp(leaf >> 2) * _PACKET, best)
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
+        go_on(bvh, pool, lists, number, path, child, top, over)
+
+
+@device
+def walk(bvh, alone, pool, stack, lists):
+    """The nearest hits of the rays on the list NODES, which have been set out (ways.py): into their rows' group HIT.
+
+    alone: from `new_stack`, for rays that go by themselves; stack: from `new_ways`.
+    """
+    while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
+        _look_into_nodes(bvh, pool, stack, lists)
+        _look_into_packets(bvh, pool, stack, lists)
+        if length(lists, OTHERS) > 0:
+            _look_into_others(bvh, alone, pool, stack, lists)

@@ -1,0 +1,132 @@
+"""What a ray carries on its way through the tree, as columns of its path's row, and how it is set out: eight rays at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.layout import MAX_LEVELS, WIDTH
+from renderer.bvh.simd import load_int
+from renderer.jit import device
+from renderer.kernel.pool.rows import HIT, ROWS, WAY, line_floats, write
+from renderer.wide.values import as_floats, as_wide, nil, where
+
+__all__ = [
+    "AXES",
+    "BEST",
+    "BLOCKED",
+    "CHILD",
+    "FAR",
+    "INVERSE",
+    "LEVEL",
+    "NEAR",
+    "NEVER",
+    "ORIGIN",
+    "PLANES",
+    "SHEAR",
+    "STACK_SIZE",
+    "TOP",
+    "new_ways",
+    "set_out",
+    "three",
+    "word",
+]
+
+# Columns. Whole numbers are kept by their bits.
+INVERSE = WAY  # 1 / direction 3
+NEAR = WAY + np.uintp(3)  # the constants of the near planes 3: a plane at x is met at x * inverse + constant
+TOP = WAY + np.uintp(6)  # where the ray's last entry on the stack begins
+CHILD = WAY + np.uintp(7)  # the node or leaf that it is to look into, as in renderer/bvh/layout.py
+FAR = WAY + np.uintp(8)  # the constants of the far planes 3
+PLANES = WAY + np.uintp(11)  # which rows of a node hold the near planes 3: their first elements; the far ones' differ by WIDTH
+AXES = WAY + np.uintp(14)  # of the watertight test (renderer/bvh/packet.py): which rows of a corner are x, y, z 3
+SHEAR = WAY + np.uintp(17)  # 3
+ORIGIN = WAY + np.uintp(20)  # by the same axes 3
+BLOCKED = WAY + np.uintp(23)  # of a shadow ray: whether something lies on its way
+BEST = HIT  # how far the nearest hit is so far
+
+# The stack holds one entry a level and ray, those of all rays of one level side by side: rays are mostly on few levels. An entry:
+# the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
+_ENTRY = 16  # words: a line of the cache
+LEVEL = np.uintp((ROWS + 1) * _ENTRY)  # between two levels' entries of a ray; not a power of two, whose lines share sets
+STACK_SIZE = int(LEVEL) * (MAX_LEVELS + 2)
+NEVER = np.int32(-(2**31))  # the key of what lies below a ray's first entry: chosen when nothing else is left
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TINY = np.float32(1e-18)
+_SLACK = np.float32(4 * 2.0**-24)
+_1, _2 = np.uintp(1), np.uintp(2)
+
+
+def new_ways() -> npt.NDArray[np.float32]:
+    """The stack of all rows' rays, with what each ray finds when nothing is left."""
+    stack = line_floats(STACK_SIZE)
+    stack.view(np.int32)[WIDTH : int(LEVEL) : _ENTRY] = NEVER
+    return stack
+
+
+@device
+def three(pool, place):
+    """A vector at a flat place of the pool."""
+    return pool[place], pool[place + _1], pool[place + _2]
+
+
+@device
+def word(array, place):
+    """The whole number at a flat place, to be an index."""
+    return np.uintp(np.uint32(load_int(array, place)))
+
+
+@device
+def _slab(o, d):
+    """What eight rays need of one axis: (1/d, the near plane's constant, the far plane's), f32x8 each.
+
+    As renderer/bvh/traverse.py: a component near zero is taken as +-1e-18, and the constants have a slack.
+    """
+    size = abs(d)
+    inverse = _ONE / math.copysign(where(size < _TINY, _TINY, size), d)
+    constant = -o * inverse
+    slack = abs(constant) * _SLACK
+    return inverse, constant - slack, constant + slack
+
+
+@device
+def _whole(n, like):
+    """A whole number's bits in eight lanes."""
+    return as_floats(as_wide(np.uint32(n), like))
+
+
+@device
+def _planes(inverse, axis):
+    """The bits of the first element of the nearer planes' row in a node."""
+    lower = np.uint32(2 * WIDTH * axis)
+    return as_floats(where(inverse > _ZERO, as_wide(lower, inverse), np.uint32(lower + np.uint32(WIDTH))))
+
+
+@device
+def set_out(pool, rows, o, d):
+    """Puts eight rays at the root of the tree: their rows, u32x8, and where they begin and go, three f32x8 each."""
+    x = _slab(o[0], d[0])
+    y = _slab(o[1], d[1])
+    z = _slab(o[2], d[2])
+    zero = nil(d[0])
+    ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
+    first, second = ax > max(ay, az), ay > az
+    a, b, c = _whole(0, zero), _whole(WIDTH, zero), _whole(2 * WIDTH, zero)
+    scale = where(first, x[0], where(second, y[0], z[0]))
+    planes = _planes(x[0], 0), _planes(y[0], 1), _planes(z[0], 2)
+    kx = where(first, b, where(second, c, a))
+    ky = where(first, c, where(second, a, b))
+    kz = where(first, a, where(second, b, c))
+    sx = where(first, d[1], where(second, d[2], d[0])) * scale
+    sy = where(first, d[2], where(second, d[0], d[1])) * scale
+    ox = where(first, o[1], where(second, o[2], o[0]))
+    oy = where(first, o[2], where(second, o[0], o[1]))
+    oz = where(first, o[0], where(second, o[1], o[2]))
+    top = as_floats(rows * np.uint32(_ENTRY))
+    write(pool, rows, WAY, (x[0], y[0], z[0], x[1], y[1], z[1], top, zero))
+    write(pool, rows, WAY + np.uintp(8), (x[2], y[2], z[2], *planes, kx, ky))
+    write(pool, rows, WAY + np.uintp(16), (kz, sx, sy, scale, ox, oy, oz, zero))
