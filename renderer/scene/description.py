@@ -212,5 +212,8 @@ class SceneDescription:
     clips: list[Clip] = field(default_factory=list)  # what the file animates; which is shown, and when, is asked for
     fps: float = DEFAULT_FPS  # the file's
     moves: bool = False  # whether another moment may show something else
+    # An object that descriptions of several moments share, where they differ in cameras, lights without a body and what is marked
+    # as moving alone: places of instances, and vertices of meshes that deform.
+    still: object | None = None
     variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on
