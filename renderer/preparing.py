@@ -26,11 +26,14 @@ __all__ = ["prepare", "preparing_beside"]
 
 @functools.cache
 def prepare() -> None:
-    """Compiles the kernels that prepare scenes, or loads them: those for a mesh that is large enough to need every one."""
+    """Compiles the kernels that prepare scenes, or loads them: those for a mesh that is large enough to need every one, and for
+    one that moves."""
     count = 2 * LEAST_PART
     corner = np.random.default_rng(0).random((3 * count, 3), np.float32)
     mesh = Mesh("soup", corner, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), corner)
-    compile_scene(SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment()))
+    small = Mesh("corner", corner[:3], np.arange(3, dtype=np.int32).reshape(1, 3), corner[:3])
+    instances = [Instance(0), Instance(1, moves=True)]
+    compile_scene(SceneDescription(meshes=[mesh, small], instances=instances, materials=[Material()], environment=Environment()))
 
 
 @contextlib.contextmanager

@@ -48,6 +48,7 @@ class Laid(NamedTuple):
     bvh: Bvh
     node: tuple[int, ...]
     packet: tuple[int, ...]
+    kept: tuple[object, object]  # the trees of what stands still and of the bodies, as they were given
 
 
 def lay(
@@ -95,7 +96,7 @@ def lay(
     _put_top(top, number[children], node, nodes[1])
     if brute:
         boundless(node)
-    return Laid(Bvh(node, packet, root.astype(np.int32), inverted(to_world)), nodes, packets)
+    return Laid(Bvh(node, packet, root.astype(np.int32), inverted(to_world)), nodes, packets, (still, bodies))
 
 
 def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:

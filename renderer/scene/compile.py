@@ -25,7 +25,7 @@ from renderer.scene.framing import frame
 from renderer.scene.geometry import NOWHERE, Geometry
 from renderer.scene.grown import grow
 from renderer.scene.guides import list_guides
-from renderer.scene.kept import Kept
+from renderer.scene.kept import Cuts, Kept
 from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
 from renderer.scene.punctual import tabulate_punctual
@@ -125,6 +125,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         environment_frame=environment.frame(chance),
         bounds=stood.bounds,
     )
+    kept.cuts = _cuts(stood, laid, (environment, search))
     scene = seal(arrays, _to_check(stood, laid, arrays, kept))
     say("done", 1.0)
     return scene
@@ -138,6 +139,22 @@ def _environment(description: SceneDescription) -> tuple[EnvironmentTables, dict
 def _image_of(description: SceneDescription) -> np.ndarray | None:
     source = description.environment
     return None if source is None or source.image is None else description.images[source.image].pixels
+
+
+def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...]) -> Cuts:
+    still, bodies, _ = stood.sections
+    joined = stood.joined
+    geometry = joined.geometry
+    has = tuple(len(getattr(geometry, name)) > 0 for name in ("uv", "uv1", "color", "tangent"))
+    where = (*map(int, has), *laid.node[1:4], *laid.packet[1:4], *joined.first_triangle[:3], *joined.first_vertex[:3])
+    heads = {
+        "still": (still, laid.kept[0], *where),
+        "bodies": (still, bodies, laid.kept[1], *where),
+        "materials": (stood.packed,),
+        "textures": (stood.packed,),
+        "environment": environment,
+    }
+    return Cuts(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
 
 
 def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dict[str, np.ndarray]:

@@ -55,7 +55,7 @@ def grow(
         "still tree", lambda: (still, placement.group[: placement.still], shown, spheres, first_sphere), build_still
     )
     if not moves:
-        return Laid(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3))
+        return Laid(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
     trees = kept.recall("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
     lax = _NO_TREE
     if len(loose.geometry.triangle) or still_spheres < len(sphere):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.scene.same import same
 
-__all__ = ["Kept"]
+__all__ = ["Cuts", "Kept"]
 
 Made = TypeVar("Made")
 Array = npt.NDArray[Any]
@@ -24,6 +24,16 @@ class _Entry(NamedTuple):
     made: Any
 
 
+class Cuts(NamedTuple):
+    """Where in its arrays the parts of a compiled scene begin, and what each is made of: of the same objects, the same bytes."""
+
+    vertex: tuple[int, ...]  # what stands still, bodies, what is loose; the last number is the end
+    triangle: tuple[int, ...]
+    node: tuple[int, ...]  # the top, then those
+    packet: tuple[int, ...]  # of the top none
+    heads: dict[str, tuple[object, ...]]  # of the parts that may outlast a moment
+
+
 class Kept:
     """The parts of one shot's compiled scene. What it gives depends on what is asked for and never on what was asked before.
 
@@ -35,6 +45,7 @@ class Kept:
         self._buffers: dict[str, Array] = {}
         self._heads: dict[str, tuple[object, ...]] = {}
         self._used: set[Hashable] = set()
+        self.cuts: Cuts | None = None  # of the moment that was compiled last
 
     def begin(self) -> None:
         """A moment is compiled: what the last one had no use for is forgotten."""
