@@ -103,7 +103,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         sphere=sphere,
         sphere_material=stood.sphere_material,
         sphere_light=lights.sphere_light,
-        sphere_object=np.array(number_objects(description).sphere, np.int32)[stood.spheres],
+        sphere_object=stood.sphere_object,
         material_kind=packed.material_kind,
         material_flags=packed.material_flags,
         material=packed.material,

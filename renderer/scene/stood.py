@@ -41,6 +41,7 @@ class Stood(NamedTuple):
     still_spheres: int
     sphere: F32  # (S, 4)
     sphere_material: I32  # (S,)
+    sphere_object: I32  # (S,)
     packed: Packed
     bounds: F32  # (2, 3)
 
@@ -48,12 +49,16 @@ class Stood(NamedTuple):
 def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
     """Places meshes and spheres. Raises SceneError where there are none or too many, or one is beyond what numbers hold."""
     token = description.still
-    objects = kept.recall(
+    numbers = kept.recall(
         "objects",
-        lambda: [(i.name, "" if i.name else description.meshes[i.mesh].name) for i in description.instances],
-        lambda: number_objects(description).instance,
+        lambda: (
+            [(i.name, "" if i.name else description.meshes[i.mesh].name) for i in description.instances],
+            [s.name for s in description.spheres],
+        ),
+        lambda: number_objects(description),
         token,
     )
+    objects = numbers.instance
     standing = kept.recall("standing", lambda: _standing_key(description), lambda: share_still(description), token)
     sharing = Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
     check_size(description, sharing)
@@ -87,6 +92,7 @@ def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
         sum(not s.moves for s in description.spheres),
         sphere,
         np.array([description.spheres[n].material for n in spheres], np.int32),
+        np.array([numbers.sphere[n] for n in spheres], np.int32),
         packed,
         _bounds(description.name, sections, placement, sphere, kept),
     )

@@ -14,12 +14,15 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from rayfarm.stage import Stage
 from renderer.scene.animation import Moment
+from renderer.scene.compiled import load
 from renderer.scene.load import Shot
+from renderer.scene.parts import Saver, parts_of
 from tests.renderer.scene.builders import Gltf, clip
 
 SET = 5_000_000
@@ -137,32 +140,68 @@ SHOTS: dict[str, tuple[Callable[[Gltf], Gltf], float, str]] = {
 }
 
 
-def measure(name: str, triangles: int, frames: int) -> None:
+class Cost(NamedTuple):
+    """Of a frame: seconds until it is compiled, until its parts are written, until a slot has mapped them; bytes of new parts."""
+
+    compiled: float
+    written: float
+    mapped: float
+    bytes: int
+
+
+def costs(folder: Path, frames: int) -> list[Cost]:
+    """Of each frame of folder/shot.glb."""
+    stage, out = Stage(Shot(folder, "shot.glb"), threads=1), folder / "parts"
+    out.mkdir()
+    saver, shown, known = Saver(out), None, set[str]()
+    found = []
+    for frame in range(frames + 1):
+        begun = time.process_time()
+        compiled, _ = stage.at(Moment(frame))
+        is_compiled = time.process_time()
+        is_written = is_mapped = is_compiled
+        size = 0
+        if compiled is not shown:
+            assert stage._kept is not None
+            assert stage._kept.cuts is not None
+            manifest = saver.save(compiled, stage._kept.cuts)
+            is_written = time.process_time()
+            load(manifest)
+            is_mapped = time.process_time()
+            new = [part for part in parts_of(manifest) if part.sha256 not in known]
+            size = sum(part.size for part in new) + manifest.stat().st_size
+            known |= {part.sha256 for part in new}
+            if frame:
+                for part in new:  # as if sent: only what stays is kept on the disk
+                    (out / part.sha256).unlink()
+        shown = compiled
+        found.append(Cost(is_compiled - begun, is_written - is_compiled, is_mapped - is_written, size))
+    return found
+
+
+def measure(name: str, triangles: int, frames: int) -> str:
+    """A row of the table."""
     make, asked, words = SHOTS[name]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "shot.glb").write_bytes(make(still_set(triangles)).glb())
-        stage = Stage(Shot(Path(folder), "shot.glb"), threads=1)
-        begun = time.process_time()
-        stage.at(Moment(0))
-        first = time.process_time() - begun
-        times = []
-        for frame in range(1, frames + 1):
-            begun = time.process_time()
-            stage.at(Moment(frame))
-            times.append(time.process_time() - begun)
-    found = float(np.median(times))
-    print(
-        f"{words:34} {first:8.2f} s  {1000 * found:8.1f} ms  asked {1000 * asked:6.0f} ms  most {1000 * max(times):8.1f} ms",
-        flush=True,
-    )
+        first, *rest = costs(Path(folder), frames)
+    median = Cost(*(float(np.median([getattr(cost, column) for cost in rest])) for column in Cost._fields))
+    whole = [sum(cost[:3]) for cost in rest]
+    columns = [f"{1000 * seconds:6.1f}" for seconds in median[:3]]
+    asked_ms, found_ms, most_ms = (f"{1000 * seconds:6.1f}" for seconds in (asked, float(np.median(whole)), max(whole)))
+    sizes = f"{median.bytes / 1e6:7.2f} MB  {first.bytes / 1e6:6.0f} MB"
+    return f"| {words:33} | {' | '.join(columns)} | {found_ms} | {most_ms} | {asked_ms} | {sizes.replace('  ', ' | ')} |"
 
 
 def main() -> None:
     """Prints the table."""
     triangles = int(sys.argv[1]) if len(sys.argv) > 1 else SET
     frames = int(sys.argv[2]) if len(sys.argv) > 2 else FRAMES
+    columns = ("ms a frame, one core", "compile", "write", "map", "in all", "most", "asked", "bytes a frame", "bytes once")
+    print("| " + " | ".join(columns) + " |")
+    print("|" + "---|" * len(columns), flush=True)
     for name in sys.argv[3:] or SHOTS:
-        measure(name, triangles, frames)
+        print(measure(name, triangles, frames), flush=True)
 
 
 if __name__ == "__main__":
