@@ -2,6 +2,7 @@
 
 An 8-wide tree. A node keeps its eight children's boxes lane by lane, so that one ray meets all eight in a few instructions;
 a leaf is one packet of up to eight triangles, or of up to eight spheres, kept lane by lane likewise, or one instance.
+Nodes that no child names, and packets that no leaf does, may lie between the others.
 
     node           (N, 7, 8) f32   rows: x lower, x upper, y lower, y upper, z lower, z upper, child
     packet         (P, 10, 8) f32  triangles, rows: a.x a.y a.z  b.x b.y b.z  c.x c.y c.z  primitive
@@ -50,8 +51,9 @@ PACKET_SIZE = PACKET_ROWS * WIDTH
 TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
 
 # The builder halves by number below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each puts
-# at most seven children aside.
-MAX_LEVELS = 68
+# at most seven children aside. A world's tree may have a tree as its top (parts.py), whose instances are fewer than 2**20: over
+# trees of together 2**25 primitives, 57 + 62 levels at most.
+MAX_LEVELS = 119
 STACK_SIZE = 512
 
 

@@ -4,31 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES
 from renderer.arrays.scene import CompiledScene, seal
-from renderer.bvh.build import build
-from renderer.bvh.instances import Instances
-from renderer.errors import SceneError
-from renderer.scene.description import F32, I32, Camera, SceneDescription
-from renderer.scene.emitters import emitted_by_triangles
-from renderer.scene.environment import are_accents, choose_environment, search_tables, tabulate_environment
+from renderer.bvh.parts import Laid
+from renderer.bvh.transforms import stretches
+from renderer.scene.description import I32, Camera, SceneDescription
+from renderer.scene.emitters import emitting_triangles
+from renderer.scene.environment import (
+    EnvironmentTables,
+    are_accents,
+    choose_environment,
+    search_tables,
+    tabulate_environment,
+)
 from renderer.scene.framing import frame
-from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, by_triangle, place
+from renderer.scene.geometry import NOWHERE, Geometry
+from renderer.scene.grown import grow
 from renderer.scene.guides import list_guides
+from renderer.scene.kept import Cuts, Kept
 from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
-from renderer.scene.packing import pack
 from renderer.scene.punctual import tabulate_punctual
+from renderer.scene.stood import Stood, stand
 from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
 from renderer.threads import Team
 
-__all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
+__all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "summarise", "summarise_again"]
 
 AUTO_CAMERA = "auto"
 
@@ -36,59 +42,68 @@ Progress = Callable[[str, float], None]
 
 
 def compile_scene(
-    description: SceneDescription, progress: Progress | None = None, brute: bool = False, threads: int | None = None
+    description: SceneDescription,
+    progress: Progress | None = None,
+    brute: bool = False,
+    threads: int | None = None,
+    kept: Kept | None = None,
 ) -> CompiledScene:
     """The compiled scene, every array C-contiguous and read-only.
 
     progress: told each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
-    threads: None for one per core; the scene does not depend on it.
+    threads: None for one per core; the scene does not depend on it. kept: of the same shot at another moment, whose compiled
+    scene is not read any more; the scene does not depend on it either.
     Raises SceneError where there is nothing to see or too much to hold.
     """
     with Team(threads) as team:
-        return _compiled(description, progress or (lambda step, fraction: None), brute, team)
+        kept = Kept() if kept is None or brute else kept
+        kept.begin()
+        return _compiled(description, progress or (lambda step, fraction: None), brute, team, kept)
 
 
-def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team) -> CompiledScene:
+def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: Kept) -> CompiledScene:
     say("placing meshes", 0.0)
-    geometry, placement = place(description, team)
-    sphere = _spheres(description)
-    sphere_material = np.array([s.material for s in description.spheres], np.int32)
-    bounds = _bounds(description.name, geometry, placement, sphere, team)
+    stood = stand(description, team, kept)
+    sphere, joined, placement = stood.sphere, stood.joined, stood.placement
+    geometry = joined.geometry
     say("packing textures", 0.25)
-    packed = pack(description)
+    packed = stood.packed
     say("listing lights", 0.4)
-    punctual = tabulate_punctual(description.lights, bounds)
+    punctual = tabulate_punctual(description.lights, stood.bounds)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
-    emitted = emitted_by_triangles(packed, geometry)
-    lights = list_lights(packed.emitted, emitted, double_sided, geometry, sphere, sphere_material, punctual)
+    emitters = emitting_triangles(packed, geometry)
+    lights = list_lights(packed.emitted, emitters, double_sided, geometry, sphere, stood.sphere_material, punctual)
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
-    if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, bounds):
+    if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(description)
         description.warnings.append(STUDIO_TOO)
-    environment = tabulate_environment(description)
-    chance = choose_environment(environment, lights.power, bounds)
+    environment, search = kept.recall(
+        "environment",
+        lambda: (description.environment, _image_of(description)),
+        lambda: _environment(description),
+    )
+    chance = choose_environment(environment, lights.power, stood.bounds)
     say("building the BVH", 0.5)
-    instances = Instances(placement.first, placement.group, placement.to_world) if len(placement.group) else None
-    bvh = build(geometry.position, geometry.triangle, sphere, instances, brute, team)
-    scene = CompiledScene(
-        bvh=bvh,
+    laid = grow(stood.sections, joined.first_triangle, placement, sphere, stood.still_spheres, brute, team, kept)
+    arrays = CompiledScene(
+        bvh=laid.bvh,
         to_world=placement.to_world,
-        instance_stretch=np.linalg.svd(placement.to_world[:, :, :3], compute_uv=False)[:, ::2],
+        instance_stretch=stretches(placement.to_world),
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,
         normal=geometry.normal,
-        uv=geometry.uv if len(packed.texture) else geometry.uv[:0],
+        uv=geometry.uv,
         uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
         color=geometry.color,
         tangent=geometry.tangent,
-        triangle=_with_part(geometry),
-        part=_parts(geometry, lights.triangle_light),
+        triangle=joined.triangle,
+        part=_parts(geometry, emitters.triangle),
         triangle_light=lights.triangle_light,
         sphere=sphere,
-        sphere_material=sphere_material,
+        sphere_material=stood.sphere_material,
         sphere_light=lights.sphere_light,
-        sphere_object=np.array(number_objects(description).sphere, np.int32),
+        sphere_object=stood.sphere_object,
         material_kind=packed.material_kind,
         material_flags=packed.material_flags,
         material=packed.material,
@@ -100,17 +115,58 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         light_cdf=lights.cdf,
         light_node=lights.node,
         light_area=lights.area,
-        guide=list_guides([s.guide for s in description.spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
+        guide=list_guides(
+            [description.spheres[n].guide for n in stood.spheres], lights.primitive, lights.cdf, len(geometry.triangle)
+        ),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,
-        **search_tables(environment.marginal, environment.conditional),
+        **search,
         environment_frame=environment.frame(chance),
-        bounds=bounds,
+        bounds=stood.bounds,
     )
-    scene = seal(scene)
+    kept.cuts = _cuts(stood, laid, (environment, search))
+    scene = seal(arrays, _to_check(stood, laid, arrays, kept))
     say("done", 1.0)
     return scene
+
+
+def _environment(description: SceneDescription) -> tuple[EnvironmentTables, dict[str, Any]]:
+    tables = tabulate_environment(description)
+    return tables, search_tables(tables.marginal, tables.conditional)
+
+
+def _image_of(description: SceneDescription) -> np.ndarray | None:
+    source = description.environment
+    return None if source is None or source.image is None else description.images[source.image].pixels
+
+
+def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...]) -> Cuts:
+    still, bodies, _ = stood.sections
+    joined = stood.joined
+    geometry = joined.geometry
+    has = tuple(len(getattr(geometry, name)) > 0 for name in ("uv", "uv1", "color", "tangent"))
+    where = (*map(int, has), *laid.node[1:4], *laid.packet[1:4], *joined.first_triangle[:3], *joined.first_vertex[:3])
+    heads = {
+        "still": (still, laid.kept[0], *where),
+        "bodies": (still, bodies, laid.kept[1], *where),
+        "materials": (stood.packed,),
+        "textures": (stood.packed,),
+        "environment": environment,
+    }
+    return Cuts(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
+
+
+def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dict[str, np.ndarray]:
+    """Of arrays that were checked at another moment, what is new."""
+    if not kept.knows("checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])):
+        return {}
+    node = laid.bvh.node
+    return {
+        "triangle": scene.triangle[stood.joined.first_triangle[2] :],
+        "bvh.node": np.concatenate([node[: laid.node[1]], node[laid.node[3] :]]),
+        "bvh.packet": laid.bvh.packet[laid.packet[3] :],
+    }
 
 
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
@@ -120,17 +176,13 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
-    cameras = [
-        Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
-        for c in description.cameras
-    ]
-    cameras.append(Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up)))
+    cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up))]
     return {
         "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
-            "unique_triangles": len(compiled.triangle),
-            "vertices": len(compiled.position),
+            "unique_triangles": len(compiled.triangle) - _filling(compiled),
+            "vertices": int(np.count_nonzero(compiled.normal.any(axis=1))),
             "spheres": len(compiled.sphere),
             "meshes": len(description.meshes),
             "instances": len(description.instances),
@@ -151,46 +203,52 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     }
 
 
-def _spheres(description: SceneDescription) -> F32:
-    found = np.array([(*s.center, s.radius) for s in description.spheres], np.float64).reshape(-1, 4)
-    if not (np.abs(found) < MAX_COORDINATE).all():
-        raise SceneError(f"{description.name}: a sphere's place or size is beyond what numbers hold; give it a sane one")
-    return found.astype(np.float32)
+def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
+    """The same for another moment of a shot in which nothing but places and shapes moves; before: what was said of one moment.
+
+    The camera named "auto" frames the bounds, and does not look closer.
+    """
+    low, high = compiled.bounds
+    corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
+    cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
+    return {
+        **before,
+        "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
+        "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
+        "warnings": list(description.warnings),
+    }
 
 
-def _with_part(geometry: Geometry) -> I32:
-    """A triangle's vertices and its part side by side: a hit reads one row."""
-    triangle = np.empty((len(geometry.triangle), 4), np.int32)
-    triangle[:, :3] = geometry.triangle
-    triangle[:, 3] = by_triangle(geometry, np.arange(len(geometry.material), dtype=np.int32))
-    return triangle
+def camera_names(description: SceneDescription) -> list[str]:
+    """What `summarise` calls the cameras."""
+    own = [c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)" for c in description.cameras]
+    return [*own, AUTO_CAMERA]
 
 
-def _parts(geometry: Geometry, triangle_light: I32) -> I32:
+def _own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
+    names = camera_names(description)
+    return [Camera(n, _aimed(c.view, compiled.bounds)) for n, c in zip(names, description.cameras, strict=False)]
+
+
+def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
     part = np.zeros((len(geometry.material), PART_COLUMNS), np.int32)
     part[:, PART_MATERIAL] = geometry.material
     part[:, PART_OBJECT] = geometry.object
-    if len(triangle_light):
-        part[:, PART_SHINES] = [(triangle_light[a:b] >= 0).any() for a, b in pairwise(geometry.first)]
+    part[np.unique(np.searchsorted(geometry.first, emitting, "right") - 1), PART_SHINES] = 1
     return part
 
 
-def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32, team: Team) -> F32:
-    corners: list[np.ndarray] = [*bounds_of(geometry, placement, team)]
-    if len(sphere):
-        corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
-    if not corners:
-        raise SceneError(f"{name}: has no triangle with an area and no sphere; export it with its meshes")
-    bounds = np.array([np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)])
-    if not np.abs(bounds).max() < MAX_COORDINATE:
-        raise SceneError(f"{name}: an instance's place is beyond what numbers hold; give it a sane transform")
-    return bounds.astype(np.float32)
+def _filling(compiled: CompiledScene) -> int:
+    """How many triangles are nowhere, and only fill a page."""
+    first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
+    return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NOWHERE].sum())
 
 
 def _visible_points(compiled: CompiledScene) -> np.ndarray:
-    in_world = compiled.part[compiled.triangle[:, 3], PART_OBJECT] >= 0
-    world = compiled.triangle[: np.count_nonzero(in_world), :3]  # the others, of groups, come behind
-    points = [compiled.position[world[:: max(len(world) // 50_000, 1)].reshape(-1)]]
+    first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
+    in_world = [np.arange(first[p], first[p + 1]) for p in np.flatnonzero(compiled.part[:, PART_OBJECT] >= 0)]
+    world = np.concatenate([np.zeros(0, np.int64), *in_world])
+    points = [compiled.position[compiled.triangle[world[:: max(len(world) // 50_000, 1)], :3].reshape(-1)]]
     directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     for x, y, z, radius in compiled.sphere[:2000]:

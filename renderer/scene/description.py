@@ -101,6 +101,7 @@ class Mesh:
     uvs1: F32 | None = None  # (V, 2), the second set
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
     tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
+    deforms: bool = False  # whether its vertices are others at another moment
 
 
 @dataclass
@@ -111,6 +112,7 @@ class Instance:
     transform: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     material: int | None = None
     name: str = ""  # instances of one name are one object in the object id AOV; "": one of its own
+    moves: bool = False  # whether it is elsewhere, or not there, at another moment; or shines then
 
 
 @dataclass
@@ -122,6 +124,7 @@ class Sphere:
     material: int = 0
     name: str = "sphere"
     guide: bool = False  # whether `sampling: mixture` aims at it, as at a light
+    moves: bool = False  # whether it is another at another moment
 
 
 @dataclass
@@ -209,5 +212,8 @@ class SceneDescription:
     clips: list[Clip] = field(default_factory=list)  # what the file animates; which is shown, and when, is asked for
     fps: float = DEFAULT_FPS  # the file's
     moves: bool = False  # whether another moment may show something else
+    # An object that descriptions of several moments share, where they differ in cameras, lights without a body and what is marked
+    # as moving alone: places of instances, and vertices of meshes that deform.
+    still: object | None = None
     variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

@@ -10,7 +10,7 @@ from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene import sky
 from renderer.scene.animation import Moment
-from renderer.scene.description import Environment, Material, SceneDescription
+from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.studio import STUDIO_ALONE, light_studio
@@ -30,6 +30,7 @@ class Shot:
     def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
         self._files = SceneFiles(folder, environment)
         self._main, self._environment, self._variant = main, environment, variant
+        self._finite: dict[int, F32] = {}  # positions that were looked at, by their identity
 
     @property
     def start(self) -> float:
@@ -42,14 +43,25 @@ class Shot:
         main, environment = self._files.at_frame(self._main, moment.frame, "."), self._environment
         description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
         read_file(self._files, main, description, self._variant, moment=moment)
+        if main != self._main:
+            for mesh in description.meshes:
+                mesh.deforms = True
         if environment is not None:
             _light_with(self._files, environment, description)
+        self._check_positions(main, description)
         _check(main, description)
         if description.environment is None and not _emits(description):
             light_studio(description)
             description.warnings.append(STUDIO_ALONE)
         description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
         return description
+
+    def _check_positions(self, main: str, description: SceneDescription) -> None:
+        known, self._finite = self._finite, {}
+        for mesh in description.meshes:
+            if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
+                raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
+            self._finite[id(mesh.positions)] = mesh.positions
 
 
 def read(
@@ -85,9 +97,6 @@ def _light_with(files: SceneFiles, name: str, description: SceneDescription) -> 
 def _check(main: str, description: SceneDescription) -> None:
     if not description.materials:
         description.materials.append(Material())
-    for mesh in description.meshes:
-        if not np.isfinite(mesh.positions).all():
-            raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
     if shown == 0 and description.moves:
         raise SceneError(f"{main}: shows no surface at this frame; a picture needs one, however far away")
