@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import fields, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rayfarm.options import Env, find_camera
@@ -34,11 +35,19 @@ class _Built(NamedTuple):
 class Stage:
     """A scene over time, compiled. What it is at a moment does not depend on the moments asked for before.
 
-    camera: the one that pictures are taken by, as --camera names it.
+    camera: the one that pictures are taken by, as --camera names it. shutter: what is asked for of its settings.
     """
 
-    def __init__(self, shot: Shot, camera: str | None = None, brute: bool = False, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        shot: Shot,
+        camera: str | None = None,
+        brute: bool = False,
+        threads: int | None = None,
+        shutter: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
         self._shot, self._camera, self._brute, self._threads = shot, camera, brute, threads
+        self._shutter = shutter
         self._last: _Built | None = None
         self._auto: dict[str, Any] | None = None
 
@@ -52,7 +61,7 @@ class Stage:
 
         if self._last is None or self._last.read.moves:
             say("reading")
-            read = self._shot.at(moment)
+            read = self._shot.over(moment, self._shutter)
             if self._last is not None and compiles_alike(read, self._last.read):
                 self._last = self._last._replace(described=replace(self._last.described, cameras=read.cameras))
             else:
@@ -92,11 +101,15 @@ def open_stage(
     camera: str | None = None,
     brute: bool = False,
     threads: int | None = None,
+    shutter: Mapping[str, Any] = MappingProxyType({}),
 ) -> Iterator[Stage]:
-    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores."""
+    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores.
+
+    shutter: what is asked for of its settings.
+    """
     from renderer.scene.load import Shot
 
     with opened(scene, environment.image) as (folder, main, inside):
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
-        yield Stage(Shot(folder, main, inside, variant), camera, brute, threads)
+        yield Stage(Shot(folder, main, inside, variant), camera, brute, threads, shutter)

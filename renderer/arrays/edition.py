@@ -18,14 +18,18 @@ _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
 
 
-def edition_of(scene: CompiledScene) -> str:
-    """The name of the first of EDITIONS that has all the parts which the scene needs."""
+def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
+    """The name of the first of EDITIONS that has all the parts which the scene needs.
+
+    camera_moves: while the shutter is open.
+    """
     flags = int(np.bitwise_or.reduce(scene.material_flags))
     needs = {
         "textures": bool(flags & _TEXTURES) or len(scene.color) > 0,
         "lights": len(scene.light_node) > 0 or len(scene.punctual) > 0,
         "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
         "instances": len(scene.to_world) > 0,
+        "motion": camera_moves,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))

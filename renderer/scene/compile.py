@@ -116,17 +116,25 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, variants, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene. up: which way is up. fps: the file's own,
+    cameras: the file's own, then always one named "auto" that frames the scene; `views` of those that move while the shutter
+    is open, as RenderSettings has them. up: which way is up. fps: the file's own,
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
     cameras = [
-        Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
+        Camera(
+            c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)",
+            _aimed(c.view, compiled.bounds),
+            tuple(_aimed(view, compiled.bounds) for view in c.keys),
+        )
         for c in description.cameras
     ]
     cameras.append(Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up)))
     return {
-        "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
+        "cameras": [
+            {"name": c.name, "view": _view_dict(c.view)} | ({"views": [_view_dict(view) for view in c.keys]} if c.keys else {})
+            for c in cameras
+        ],
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
             "unique_triangles": len(compiled.triangle),

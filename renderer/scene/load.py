@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene import sky
-from renderer.scene.animation import Moment
+from renderer.scene.animation import SHUTTER, Moment, Shutter
 from renderer.scene.description import Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.moving import while_open
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
+from renderer.settings import chosen
 
 __all__ = ["Shot", "read"]
 
@@ -50,6 +55,18 @@ class Shot:
             description.warnings.append(STUDIO_ALONE)
         description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
         return description
+
+    def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
+        """The scene while the shutter is open: what moves has keys. asked: the settings of a shutter, as far as they are asked
+        for; of the others, the file's count. Without one, it is the scene at the moment. Raises SceneError.
+        """
+        if asked.get("shutter") == 0:
+            return self.at(moment)
+        first = self.at(moment)
+        shutter = Shutter.of(chosen({name: asked.get(name) for name in SHUTTER}, first.defaults))
+        if shutter.length == 0 or not first.moves:
+            return first
+        return while_open(lambda each: first if each == moment else self.at(each), moment, shutter)
 
 
 def read(

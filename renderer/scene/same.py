@@ -1,4 +1,4 @@
-"""Whether two descriptions compile to the same scene."""
+"""Whether two descriptions, or parts of them, are the same to whoever compiles them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ import numpy as np
 
 from renderer.scene.description import SceneDescription
 
-__all__ = ["compiles_alike"]
+__all__ = ["compiles_alike", "same"]
 
 _ASIDE = {"name", "cameras", "clips", "fps", "moves", "variants", "warnings", "defaults"}  # what no array is made of
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
     """Whether nothing that is seen or shines differs; cameras and what is said of the scene may. None of them compiled yet."""
-    return all(_same(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE)
+    return all(same(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE)
 
 
-def _same(a: Any, b: Any) -> bool:
+def same(a: Any, b: Any) -> bool:
+    """Whether two values of a description are equal in type and bits."""
     if a is b:
         return True
     if type(a) is not type(b):
@@ -27,7 +28,7 @@ def _same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and np.array_equal(a, b)
     if isinstance(a, list | tuple):
-        return len(a) == len(b) and all(map(_same, a, b))
+        return len(a) == len(b) and all(map(same, a, b))
     if is_dataclass(a):
-        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     return bool(a == b)

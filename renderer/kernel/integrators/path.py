@@ -45,11 +45,12 @@ _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
 @template
-def trace_path(scene, stack, o, d, options, stream, log, first):
+def trace_path(scene, stack, o, d, time, options, stream, log, first):
     """The path of one sample of one pixel, from the ray o + t d on, d unit: (radiance, number of rays).
 
     first: (FIRST_HIT_SLOTS,), filled with what `first_hit` of transport.py reads.
-    options: renderer.kernel.options.Options; log: rows for record.py, none in pictures.
+    time: of the shutter, 0 ... 1; None where nothing moves. options: renderer.kernel.options.Options; log: rows for record.py,
+    none in pictures.
     """
     forget_first_hit(first)
     path = camera_path(o, d)

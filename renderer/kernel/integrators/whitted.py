@@ -116,7 +116,7 @@ def _add(path, light):
 
 
 @template
-def trace_whitted(scene, stack, o, d, options, stream, log, first):
+def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
     """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface."""
     forget_first_hit(first)
     path = camera_path(o, d)

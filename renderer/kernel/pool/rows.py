@@ -26,6 +26,7 @@ __all__ = [
     "ROWS",
     "SAMPLE",
     "SHADOW",
+    "TIME",
     "at",
     "few",
     "read",
@@ -37,7 +38,8 @@ ROWS = 128  # paths; 64 to 256 are as fast
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, eta scale: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to
 HIT = np.uintp(16)  # t, u, v, primitive, instance; surfaces passed so far; for the protocol the object's number
-SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y
+SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time
+TIME = np.uintp(29)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
 LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, alone; then what a shadow ray brings 3, by how many segments
