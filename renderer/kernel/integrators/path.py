@@ -63,7 +63,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
         for_bounce = draw4(stream, np.uint32(2 * number + 2))
         for_light = draw4(stream, np.uint32(2 * number + 1))
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -99,7 +99,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
             break
 
         if lit and not is_specular(vertex.material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, time)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
@@ -162,7 +162,7 @@ def _add_emission(scene, surface, path, number, options):
 
 
 @template
-def _add_direct(scene, stack, vertex, path, number, options, stream, numbers):
+def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, time):
     """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
     surface, material = vertex.surface, vertex.material
     s, t, n = vertex.frame
@@ -178,7 +178,7 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers):
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                weight = transmittance(scene, stack, start, light.end, options.transparent) / light.pdf
+                weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
                 if weight > _ZERO:
                     weight *= share_of_light(options, light.pdf, scatter_pdf, light.alone) / np.float32(count)
                     if options.mistake != NO_MISTAKE:

@@ -126,7 +126,7 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
     while True:
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -166,7 +166,7 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
             break
 
         if lit and not _is_mirror(material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, time)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
@@ -185,7 +185,7 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
 
 
 @template
-def _add_direct(scene, stack, vertex, path, number, options, stream):
+def _add_direct(scene, stack, vertex, path, number, options, stream, time):
     """The path with the light that the lights send to its vertex, and the shadow rays that were cast."""
     surface = vertex.surface
     s, t, n = vertex.frame
@@ -200,7 +200,7 @@ def _add_direct(scene, stack, vertex, path, number, options, stream):
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                weight = transmittance(scene, stack, start, light.end, options.transparent)
+                weight = transmittance(scene, stack, start, light.end, options.transparent, time)
                 weight /= light.pdf * np.float32(count)
                 if options.mistake != NO_MISTAKE:
                     weight *= mistaken(options.mistake, surface.point, light.end)

@@ -23,7 +23,7 @@ from renderer.kernel.pool.lists import (
     length,
     row,
 )
-from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at
+from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, time_of
 
 __all__ = ["floats3", "meet", "see_lights"]
 
@@ -51,7 +51,8 @@ def meet(scene, stack, pool, lists):
     triangles = len(scene.triangle)
     for k in range(length(lists, ACTIVE)):
         path = row(lists, ACTIVE, k)
-        hit = closest_hit(scene.bvh, stack, floats3(pool, at(path, RAY)), floats3(pool, at(path, _D)), _INF)
+        time = time_of(scene.has.motion, pool, path)
+        hit = closest_hit(scene.bvh, stack, floats3(pool, at(path, RAY)), floats3(pool, at(path, _D)), _INF, time)
         if hit.primitive == NO_PRIMITIVE:
             append(lists, MISSED, path)
             continue
@@ -79,7 +80,8 @@ def see_lights(scene, stack, pool, lists, options):
             if pool[at(path, _WAITS)] != _ZERO:
                 cast += 1
                 start, end = floats3(pool, at(path, SHADOW)), floats3(pool, at(path, _END))
-                share = transmittance(scene, stack, start, end, options.transparent)
+                time = time_of(scene.has.motion, pool, path)
+                share = transmittance(scene, stack, start, end, options.transparent, time)
                 if share > _ZERO:
                     brought = vec.scale(floats3(pool, at(path, LAMP)), share)
                     brought = limited(brought, pool[at(path, _SEGMENTS)], options.clamp)

@@ -30,6 +30,8 @@ __all__ = [
     "at",
     "few",
     "read",
+    "time_of",
+    "times_of",
     "write",
 ]
 
@@ -59,6 +61,14 @@ def at(row, column):
 
 
 @device
+def time_of(motion, pool, row):
+    """The time of one row's sample; None where nothing moves (motion: of renderer/arrays/has.py)."""
+    if motion is None:
+        return None
+    return pool[at(row, TIME)]
+
+
+@device
 def read(pool, rows, group):
     """The group's eight columns, of eight rows (u32x8): eight f32x8."""
     return gather(pool, rows, ROW, group, 8)
@@ -82,3 +92,11 @@ def few(typingctx, pool, rows, column, count):
 def write(pool, rows, group, columns):
     """The reverse of `read`."""
     scatter(pool, rows, ROW, group, columns)
+
+
+@device
+def times_of(motion, pool, rows):
+    """As `time_of`, of eight rows (u32x8)."""
+    if motion is None:
+        return None
+    return few(pool, rows, TIME, 1)[0]

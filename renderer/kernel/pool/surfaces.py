@@ -36,7 +36,7 @@ from renderer.kernel.pool.lists import (
     row,
 )
 from renderer.kernel.pool.matter import attenuated, keep_matter, passes, surfaces_at
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, at, few, read, write
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, at, few, read, times_of, write
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, sphere_at
@@ -142,7 +142,8 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         o, d, pdf, passed = (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), ray[6], met[5]
         radiance, throughput = (rx, ry, rz), (tx, ty, tz)
-        hit = Hit(met[0], as_ints(met[3]), met[1], met[2], as_ints(met[4]))
+        time = times_of(scene.has.motion, pool, rows)
+        hit = Hit(met[0], as_ints(met[3]), met[1], met[2], as_ints(met[4]), time)
         if which == TRIANGLES:
             surface = surfaces_at(scene, d, hit)
         else:

@@ -12,7 +12,7 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
-from renderer.kernel.surface.carry import normal_to_world, point_to_world, tangent_to_world
+from renderer.kernel.surface.carry import normal_of_hit, point_of_hit, tangent_to_world
 from renderer.kernel.surface.consistent import consistent_normal
 from renderer.kernel.surface.margins import edge_margins
 from renderer.kernel.surface.terminator import lifted
@@ -105,7 +105,7 @@ def _inward(scene, hit, error, curvature):
     u, v = hit.u - _THIRD, hit.v - _THIRD
     inward = vec.add(vec.scale(vec.sub(a, b), u), vec.scale(vec.sub(a, c), v))
     if hit.instance is not None and hit.instance >= 0:
-        inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
+        inward = point_of_hit(scene, hit, inward, _ZERO)
     fraction = min(_INWARD * error * curvature, _QUARTER)
     far = vec.magnitude(inward)
     fraction = where(fraction * far > _FURTHEST * error, _FURTHEST * error / far, fraction)
@@ -192,7 +192,7 @@ def _triangle_surface(scene, wo, hit):
     error = max(error, miss)
     upright = normal
     if hit.instance is not None and hit.instance >= 0:
-        normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
+        normal = normal_of_hit(scene, hit, normal)
     square = vec.dot(normal, normal)
     flat = square == _ZERO  # so small that its area is 0 in float32
     normal = where3(flat, wo, normal)
@@ -215,15 +215,15 @@ def _triangle_surface(scene, wo, hit):
             unit = where3(length2 > _ZERO, vec.scale(shading, _ONE / math.sqrt(length2)), geometric)
             shading = where3(smooth, unit, shading)
     if hit.instance is not None and hit.instance >= 0:
-        point = point_to_world(scene.to_world, hit.instance, point, _ONE)
-        lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
+        point = point_of_hit(scene, hit, point, _ONE)
+        lift = point_of_hit(scene, hit, lift, _ZERO)
         error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)
         curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
-        shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
+        shading = normal_of_hit(scene, hit, shading)
         length2 = vec.dot(shading, shading)
         shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
         if scene.has.textures is not None and len(scene.tangent) > 0:
-            tangent = tangent_to_world(scene, hit.instance, tangent)
+            tangent = tangent_to_world(scene, hit, tangent)
         number = scene.instance_object[hit.instance]
         if scene.instance_material[hit.instance] >= 0:
             material = np.uint32(scene.instance_material[hit.instance])
