@@ -29,7 +29,7 @@ def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "lights": len(scene.light_node) > 0 or len(scene.punctual) > 0,
         "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
         "instances": len(scene.to_world) > 0,
-        "motion": camera_moves,
+        "motion": camera_moves or _moves(scene),
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))
@@ -38,4 +38,13 @@ def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
 def only(scene: CompiledScene, edition: str) -> CompiledScene:
     """The scene as the kernels of that edition are given it."""
     has = EDITIONS[edition]
-    return scene._replace(has=has, bvh=scene.bvh._replace(instances=has.instances))
+    bvh = scene.bvh._replace(instances=has.instances)
+    if has.motion is None:
+        scene = scene._replace(key_position=None, key_normal=None, key_sphere=None, key_punctual=None)
+        bvh = bvh._replace(motion=None, instance_motion=None, keyed=None)
+    return scene._replace(has=has, bvh=bvh)
+
+
+def _moves(scene: CompiledScene) -> bool:
+    moving = scene.bvh.instance_motion, scene.key_position, scene.key_sphere, scene.key_punctual
+    return any(len(array) > 0 for array in moving)

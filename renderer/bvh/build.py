@@ -15,13 +15,14 @@ import numpy.typing as npt
 
 from renderer.bvh.boxes import set_number
 from renderer.bvh.fold import Shapes, fold_all
-from renderer.bvh.instances import Instances, instance_boxes, inverted, relocate
+from renderer.bvh.instances import Instances, instance_boxes, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.top import part_size, split_all
+from renderer.bvh.transforms import inverted
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
-__all__ = ["build"]
+__all__ = ["boundless", "build", "tree_of", "tree_over"]
 
 
 def build(
@@ -31,13 +32,14 @@ def build(
     instances: Instances | None = None,
     brute: bool = False,
     team: Team | None = None,
+    first_sphere: int | None = None,
 ) -> Bvh:
     """The tree over T triangles, S spheres and I instances.
 
     position: (V, 3) f32; triangle: (T, 3) i32 into it; sphere: (S, 4) f32, centre and radius. Any of them may be empty.
     brute: every box is boundless, so that every ray meets every primitive: slow, to see and to test what a tree is good for.
-    team: whose threads build; None for one per core. Degenerate triangles are kept and never hit. The same input gives the
-    same bytes, by however many threads. Runs without the GIL.
+    team: whose threads build; None for one per core. first_sphere: the number of the first sphere, T unless told. Degenerate
+    triangles are kept and never hit. The same input gives the same bytes, by however many threads. Runs without the GIL.
     Raises ValueError where a coordinate is not finite or an index is out of range.
     """
     position = np.ascontiguousarray(position, np.float32).reshape(-1, 3)
@@ -50,23 +52,74 @@ def build(
     for array in (position, triangle, sphere):
         array.flags.writeable = False  # one type for the compiler, whoever calls
     with contextlib.nullcontext(team) if team is not None else Team() as crew:
-        return _sealed(_levels(position, triangle, sphere, instances, crew), brute)
+        first = len(triangle) if first_sphere is None else first_sphere
+        return _sealed(_levels(position, triangle, sphere, first, instances, crew), brute)
+
+
+def tree_of(
+    position: npt.NDArray[Any] = np.zeros((0, 3), np.float32),
+    triangle: npt.NDArray[Any] = np.zeros((0, 3), np.int32),
+    bounds: npt.NDArray[Any] = np.zeros((0, 2, 3)),
+    team: Team | None = None,
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """The nodes and the packets of one tree: over triangles, as `build` takes them, or over boxes of instances, (I, 2, 3) f64.
+
+    As `build` lays them, but writable.
+    """
+    for array in (position, triangle):
+        array.flags.writeable = False
+    sphere = np.zeros((0, 4), np.float32)
+    sphere.flags.writeable = False
+    with contextlib.nullcontext(team) if team is not None else Team() as crew:
+        return _tree(position, triangle, sphere, len(triangle), bounds, crew)
+
+
+def tree_over(
+    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], first_sphere: int, team: Team
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """As `tree_of`, over what is elsewhere at each of K keys: boxes hold all of them, packets the first.
+
+    position: (K, V, 3) f32; sphere: (K, S, 4) f32.
+    """
+    nothing = np.zeros((0, 2, 3))
+    arrays = [(np.ascontiguousarray(p), np.ascontiguousarray(s)) for p, s in zip(position, sphere, strict=True)]
+    for array in (triangle, *(each for pair in arrays for each in pair)):
+        array.flags.writeable = False
+    if len(triangle) + sphere.shape[1] == 0:
+        return _tree(arrays[0][0], triangle, arrays[0][1], first_sphere, nothing, team)
+    box = _boxes(arrays[0][0], triangle, arrays[0][1], nothing, team)
+    for p, s in arrays[1:]:
+        np.maximum(box, _boxes(p, triangle, s, nothing, team), out=box)
+    binary = split_all(box, len(triangle), len(triangle) + sphere.shape[1], team)
+    return fold_all(binary, Shapes(arrays[0][0], triangle, arrays[0][1], first_sphere), team)
+
+
+def boundless(node: npt.NDArray[Any]) -> None:
+    """Makes every box so large that every ray meets everything."""
+    used = node[:, 0] <= node[:, 1]
+    for row in range(6):
+        node[:, row][used] = np.inf if row & 1 else -np.inf
 
 
 def _levels(
-    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], instances: Instances | None, team: Team
+    position: npt.NDArray[Any],
+    triangle: npt.NDArray[Any],
+    sphere: npt.NDArray[Any],
+    first_sphere: int,
+    instances: Instances | None,
+    team: Team,
 ) -> Bvh:
     """The world's tree and, where there are instances, those that they show."""
     nothing = np.zeros((0, 2, 3))
     if instances is None:
-        node, packet = _tree(position, triangle, sphere, len(triangle), nothing, team)
+        node, packet = _tree(position, triangle, sphere, first_sphere, nothing, team)
         return Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4)))
 
     first = [int(f) for f in instances.first]
     trees = [_tree(position, triangle[a:b], sphere[:0], 0, nothing, team) for a, b in pairwise(first)]
     to_world = np.asarray(instances.to_world, np.float64).reshape(-1, 3, 4)
     bounds = instance_boxes(trees, instances.tree, to_world)
-    node, packet = _tree(position, triangle[: first[0]], sphere, len(triangle), bounds, team)
+    node, packet = _tree(position, triangle[: first[0]], sphere, first_sphere, bounds, team)
     nodes, packets, roots = [node], [packet], []
     for (node, packet), primitive in zip(trees, first, strict=False):
         roots.append(sum(map(len, nodes)))
@@ -111,9 +164,7 @@ def _boxes(
 
 def _sealed(bvh: Bvh, brute: bool) -> Bvh:
     if brute:
-        used = bvh.node[:, 0] <= bvh.node[:, 1]
-        for row in range(6):
-            bvh.node[:, row][used] = np.inf if row & 1 else -np.inf
+        boundless(bvh.node)
     for array in (bvh.node, bvh.packet, bvh.instance_root, bvh.to_local):
         array.flags.writeable = False
     return bvh

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.layout import ROW_CHILD, ROW_PRIMITIVE
+from renderer.bvh.transforms import place_boxes
 
-__all__ = ["Instances", "instance_boxes", "inverted", "relocate"]
+__all__ = ["Instances", "instance_boxes", "relocate", "root_boxes"]
 
 _INSTANCE_SLACK = 2.0**-20
 
@@ -22,32 +23,29 @@ class Instances(NamedTuple):
     to_world: npt.NDArray[Any]  # (I, 3, 4) f64, invertible
 
 
-def inverted(transform: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """The inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
-    matrix = np.linalg.inv(transform[:, :, :3])
-    return np.concatenate([matrix, -matrix @ transform[:, :, 3:]], axis=2)
-
-
 def instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     """(I, 2, 3) lower and upper corners in the world: of each tree's topmost eight boxes, which together fit closer than one."""
-    boxes = np.empty((len(shown), 2, 3))
-    for number, (node, _) in enumerate(trees):
-        lanes = node[0, 0] <= node[0, 1]
-        lower, upper = node[0, 0:6:2, lanes].astype(np.float64), node[0, 1:6:2, lanes].astype(np.float64)  # (lanes, 3)
-        which = np.flatnonzero(shown == number)
-        matrix, offset = to_world[which, :, :3], to_world[which, :, 3]
-        if not lanes.any():
-            boxes[which] = offset[:, None]
-            continue
-        center = (lower + upper) / 2 @ matrix.transpose(0, 2, 1) + offset[:, None]
-        extent = (upper - lower) / 2 @ np.abs(matrix).transpose(0, 2, 1)
-        boxes[which, 0] = (center - extent).min(axis=1)
-        boxes[which, 1] = (center + extent).max(axis=1)
-    # A ray is rounded once more on its way into the instance's space.
-    slack = _INSTANCE_SLACK * np.maximum(np.abs(boxes).max(axis=1), (boxes[:, 1] - boxes[:, 0]))
-    boxes[:, 0] -= slack
-    boxes[:, 1] += slack
-    return boxes
+    boxes = [root_boxes(node) for node, _ in trees]
+    first = np.cumsum([0, *map(len, boxes)])
+    placed = np.empty((len(shown), 2, 3))
+    # A ray is rounded once more on its way into the instance's space: hence the slack.
+    place_boxes(
+        np.concatenate([np.zeros((0, 2, 3)), *boxes]),
+        first.astype(np.int64),
+        np.asarray(shown).astype(np.int64),
+        np.ascontiguousarray(to_world, np.float64).reshape(-1, 3, 4),
+        _INSTANCE_SLACK,
+        placed,
+    )
+    return placed
+
+
+def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """(n, 2, 3) f64: the lower and upper corners of a tree's topmost boxes."""
+    if not len(node):
+        return np.zeros((0, 2, 3))
+    lanes = node[0, 0] <= node[0, 1]
+    return np.stack([node[0, 0:6:2, lanes], node[0, 1:6:2, lanes]], axis=1).astype(np.float64)
 
 
 def relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.bvh.layout import KEY_COLUMNS
 from renderer.jit import device
 
 __all__ = ["ANGLE", "INVERSE_SINE", "KEY_COLUMNS", "PLACE", "POINT", "STRETCH", "TURN", "inverse_of", "placed_at", "step_at"]
@@ -22,7 +23,6 @@ TURN = 6  # four: x y z w, its scalar product with the key before not negative
 STRETCH = 10  # six: xx xy xz yy yz zz
 ANGLE = 16  # half the angle to the next key's turn, at most a right angle,
 INVERSE_SINE = 17  # and 1 over its sine; 0 where turns are so near that they are mixed
-KEY_COLUMNS = 18
 
 
 @device

@@ -159,13 +159,11 @@ def _put_between(packet, leaf, keys, time, stack):
 
 
 @device
-def _place_at(bvh, stack, number, leaf, time):
-    """As `_place`, of a leaf of an instance's tree at a time of the shutter; the stack holds one such packet."""
-    if time is not None:
-        keys = bvh.instance_keys[number]
-        if keys > 1:
-            _put_between(bvh.packet, leaf, keys, time, stack)
-            return address(stack, _BETWEEN)
+def _place_at(bvh, leaf, stack, time):
+    """As `_place`, at a time of the shutter; the stack holds one packet that is none of the tree's."""
+    if time is not None and (leaf >> 2) >= bvh.keyed[0]:
+        _put_between(bvh.packet, leaf, bvh.keyed[1], time, stack)
+        return address(stack, _BETWEEN)
     return _place(bvh.packet, leaf)
 
 
@@ -226,10 +224,10 @@ def _pop(stack, top):
 @device
 def _into(bvh, number, o, d, time):
     """`to_local`, of an instance that may move, at a time of the shutter."""
-    if time is not None:
-        first, end = bvh.motion_first[number], bvh.motion_first[number + 1]
-        if end > first:
-            return _to_moving(bvh.motion, first, end - first, time, o, d)
+    if time is not None and len(bvh.instance_motion) > 0:
+        first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]
+        if keys > 0:
+            return _to_moving(bvh.motion, first, keys, time, o, d)
     return to_local(bvh.to_local, number, o, d)
 
 
@@ -306,7 +304,7 @@ def _closest_in_instance(bvh, stack, bottom, number, o, d, best, time):
             base = np.uintp(child) * _NODE
             keys, key = _enter(bvh.node, base, x, y, z, best)
             continue
-        place = _place_at(bvh, stack, number, ~child, time)
+        place = _place(bvh.packet, ~child)
         best, primitive, u, v = _meet(bvh.packet, place, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
 
 
@@ -349,7 +347,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None):
                 instance = np.int32(leaf >> 2)
         else:
             nearer = best
-            place = _place(bvh.packet, leaf)
+            place = _place_at(bvh, leaf, stack, time)
             best, primitive, u, v = _meet(bvh.packet, place, leaf, o, d, axes, shear, permuted, best, primitive, u, v)
             if best < nearer:
                 instance = _WORLD
@@ -376,10 +374,8 @@ def _any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
             if child >= 0:
                 store_int(stack, top, child)
                 top += np.uintp(1)
-            else:
-                place = _place_at(bvh, stack, number, ~child, time)
-                if bits(_met(place, ~child, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
-                    return True
+            elif bits(_met(_place(bvh.packet, ~child), ~child, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+                return True
         if top == bottom:
             return False
         top -= np.uintp(1)
@@ -409,7 +405,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None):
             if bvh.instances is not None and leaf & INSTANCE:
                 if _any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max, time):
                     return True
-            elif bits(_met(_place(bvh.packet, leaf), leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+            elif bits(_met(_place_at(bvh, leaf, stack, time), leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
                 return True
         if top == np.uintp(0):
             return False

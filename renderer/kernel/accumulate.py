@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.absent import where_present
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import (
@@ -70,9 +71,7 @@ def _add3(sums, channel, y, x, value):
 @device
 def _time(motion, options, pixel, sample):
     """Of the shutter, 0 ... 1; None where nothing moves."""
-    if motion is None:
-        return None
-    return draw4(Stream(options.sampler, options.seed, pixel, np.uint32(sample)), _TIME)[0]
+    return where_present(motion, draw4(Stream(options.sampler, options.seed, pixel, np.uint32(sample)), _TIME)[0])
 
 
 @device

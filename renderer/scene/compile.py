@@ -11,18 +11,19 @@ import numpy as np
 
 from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES
 from renderer.arrays.scene import CompiledScene, seal
-from renderer.bvh.build import build
-from renderer.bvh.instances import Instances
 from renderer.errors import SceneError
+from renderer.scene import over_the_shutter
 from renderer.scene.description import F32, I32, Camera, SceneDescription
 from renderer.scene.emitters import emitted_by_triangles
 from renderer.scene.environment import are_accents, choose_environment, search_tables, tabulate_environment
 from renderer.scene.framing import frame
-from renderer.scene.geometry import MAX_COORDINATE, Geometry, Placement, bounds_of, by_triangle, place
+from renderer.scene.geometry import NOWHERE, Geometry, Placement, bounds_of, by_triangle, place
+from renderer.scene.grown import grow
 from renderer.scene.guides import list_guides
 from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
 from renderer.scene.packing import pack
+from renderer.scene.placed import MAX_COORDINATE
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
@@ -51,8 +52,9 @@ def compile_scene(
 def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team) -> CompiledScene:
     say("placing meshes", 0.0)
     geometry, placement = place(description, team)
-    sphere = _spheres(description)
-    sphere_material = np.array([s.material for s in description.spheres], np.int32)
+    spheres = sorted(range(len(description.spheres)), key=lambda n: description.spheres[n].moves)  # those that move last
+    sphere = _spheres(description, spheres)
+    sphere_material = np.array([description.spheres[n].material for n in spheres], np.int32)
     bounds = _bounds(description.name, geometry, placement, sphere, team)
     say("packing textures", 0.25)
     packed = pack(description)
@@ -68,12 +70,14 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     environment = tabulate_environment(description)
     chance = choose_environment(environment, lights.power, bounds)
     say("building the BVH", 0.5)
-    instances = Instances(placement.first, placement.group, placement.to_world) if len(placement.group) else None
-    bvh = build(geometry.position, geometry.triangle, sphere, instances, brute, team)
+    moving_spheres = sum(s.moves for s in description.spheres)
+    sphere_keys = over_the_shutter.sphere_keys(description, spheres[len(sphere) - moving_spheres :])
+    keys = over_the_shutter.instance_keys(description, placement)
+    bvh = grow(geometry, placement, sphere, len(sphere) - moving_spheres, brute, team, keys, sphere_keys)
     scene = CompiledScene(
         bvh=bvh,
         to_world=placement.to_world,
-        instance_stretch=np.linalg.svd(placement.to_world[:, :, :3], compute_uv=False)[:, ::2],
+        instance_stretch=over_the_shutter.stretches_of(description, placement),
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,
@@ -88,7 +92,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         sphere=sphere,
         sphere_material=sphere_material,
         sphere_light=lights.sphere_light,
-        sphere_object=np.array(number_objects(description).sphere, np.int32),
+        sphere_object=np.array(number_objects(description).sphere, np.int32)[spheres],
         material_kind=packed.material_kind,
         material_flags=packed.material_flags,
         material=packed.material,
@@ -100,13 +104,17 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         light_cdf=lights.cdf,
         light_node=lights.node,
         light_area=lights.area,
-        guide=list_guides([s.guide for s in description.spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
+        guide=list_guides([description.spheres[n].guide for n in spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,
         **search_tables(environment.marginal, environment.conditional),
         environment_frame=environment.frame(chance),
         bounds=bounds,
+        key_position=geometry.keys[:, 0].reshape(-1, 3),
+        key_normal=geometry.keys[:, 1].reshape(-1, 3),
+        key_sphere=sphere_keys.reshape(-1, 4),
+        key_punctual=over_the_shutter.punctual_keys(description.lights),
     )
     scene = seal(scene)
     say("done", 1.0)
@@ -137,8 +145,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         ],
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
-            "unique_triangles": len(compiled.triangle),
-            "vertices": len(compiled.position),
+            "unique_triangles": len(compiled.triangle) - _filling(compiled),
+            "vertices": int(np.count_nonzero(compiled.normal.any(axis=1))),
             "spheres": len(compiled.sphere),
             "meshes": len(description.meshes),
             "instances": len(description.instances),
@@ -159,8 +167,9 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     }
 
 
-def _spheres(description: SceneDescription) -> F32:
-    found = np.array([(*s.center, s.radius) for s in description.spheres], np.float64).reshape(-1, 4)
+def _spheres(description: SceneDescription, order: list[int]) -> F32:
+    spheres = [description.spheres[n] for n in order]
+    found = np.array([(*s.center, s.radius) for s in spheres], np.float64).reshape(-1, 4)
     if not (np.abs(found) < MAX_COORDINATE).all():
         raise SceneError(f"{description.name}: a sphere's place or size is beyond what numbers hold; give it a sane one")
     return found.astype(np.float32)
@@ -195,10 +204,17 @@ def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32, te
     return bounds.astype(np.float32)
 
 
+def _filling(compiled: CompiledScene) -> int:
+    """How many triangles are nowhere, and only fill a page."""
+    first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
+    return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NOWHERE].sum())
+
+
 def _visible_points(compiled: CompiledScene) -> np.ndarray:
-    in_world = compiled.part[compiled.triangle[:, 3], PART_OBJECT] >= 0
-    world = compiled.triangle[: np.count_nonzero(in_world), :3]  # the others, of groups, come behind
-    points = [compiled.position[world[:: max(len(world) // 50_000, 1)].reshape(-1)]]
+    first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
+    in_world = [np.arange(first[p], first[p + 1]) for p in np.flatnonzero(compiled.part[:, PART_OBJECT] >= 0)]
+    world = np.concatenate([np.zeros(0, np.int64), *in_world])
+    points = [compiled.position[compiled.triangle[world[:: max(len(world) // 50_000, 1)], :3].reshape(-1)]]
     directions = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     for x, y, z, radius in compiled.sphere[:2000]:

@@ -101,6 +101,7 @@ class Mesh:
     uvs1: F32 | None = None  # (V, 2), the second set
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
     tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
+    deforms: bool = False  # whether its vertices are others at another moment
     keys: tuple[tuple[F32, F32 | None], ...] = ()  # positions and normals, as Instance.keys
 
 
@@ -116,6 +117,7 @@ class Instance:
     transform: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     material: int | None = None
     name: str = ""  # instances of one name are one object in the object id AOV; "": one of its own
+    moves: bool = False  # whether it is elsewhere, or not there, at another moment; or shines then
     keys: tuple[npt.NDArray[np.float64], ...] = ()
 
 
@@ -128,6 +130,7 @@ class Sphere:
     material: int = 0
     name: str = "sphere"
     guide: bool = False  # whether `sampling: mixture` aims at it, as at a light
+    moves: bool = False  # whether it is another at another moment
     keys: tuple[tuple[Vec3, float], ...] = ()  # centres and radii, as Instance.keys
 
 

@@ -1,7 +1,8 @@
 """Which meshes are kept once and shown many times, and which are copied into the world.
 
 A copy in the world is traced faster (its boxes are tight, no ray is transformed), one that is kept once costs nothing:
-so few copies of small meshes are made, and many or large ones are not.
+so few copies of small meshes are made, and many or large ones are not. What moves is always kept once, in a space of its own,
+so that another moment costs its transform alone; but for what deforms or shines, which is placed in the world at each moment.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.transforms import stretches
 from renderer.scene.description import Instance, SceneDescription
 from renderer.scene.objects import number_objects
 
@@ -30,10 +32,12 @@ class Group(NamedTuple):
 
 
 class Sharing(NamedTuple):
-    """How a scene's instances are kept."""
+    """How a scene's instances are kept. What is of the first two is the same at all moments."""
 
     copied: list[int]  # the instances to place in the world one by one
     groups: list[Group]
+    bodies: list[Group]  # what moves and stays in shape
+    loose: list[int]  # what moves and is placed in the world at each moment
 
 
 def share(description: SceneDescription) -> Sharing:
@@ -41,11 +45,31 @@ def share(description: SceneDescription) -> Sharing:
     objects = number_objects(description).instance
     shine = [any(c > 0 for c in material.emission) for material in description.materials]
     sane = _are_invertible(description.instances)
-    placed: dict[int, list[int]] = {}  # a mesh's instances that may be kept once
+    still: list[int] = []
+    bodily: list[int] = []
+    loose: list[int] = []
+    fit: list[int] = []  # of what is still, what may be kept once
     for number, instance in enumerate(description.instances):
-        material = description.meshes[instance.mesh].material if instance.material is None else instance.material
-        if sane[number] and not shine[material]:
-            placed.setdefault(instance.mesh, []).append(number)
+        mesh = description.meshes[instance.mesh]
+        may_be_kept = sane[number] and not shine[mesh.material if instance.material is None else instance.material]
+        if not (instance.moves or instance.keys or mesh.deforms or mesh.keys):
+            still.append(number)
+            fit += [number] if may_be_kept else []
+        elif may_be_kept and not (mesh.deforms or mesh.keys):
+            bodily.append(number)
+        else:
+            loose.append(number)
+    groups = _repeated(description, objects, still, fit)
+    kept = {m for group in groups for m in group.meshes}
+    once = {number for number in fit if description.instances[number].mesh in kept}
+    return Sharing([n for n in still if n not in once], groups, _bodies(description, bodily), loose)
+
+
+def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
+    """The groups worth keeping once."""
+    placed: dict[int, list[int]] = {}
+    for number in fit:
+        placed.setdefault(description.instances[number].mesh, []).append(number)
     together: dict[tuple[object, ...], list[int]] = {}
     for mesh, numbers in placed.items():
         if len(numbers) > 1:
@@ -55,23 +79,35 @@ def share(description: SceneDescription) -> Sharing:
                 for i in (description.instances[n],)
             )
             together.setdefault(key, []).append(mesh)
-    shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances)
+    shown = sum(len(description.meshes[description.instances[n].mesh].triangles) for n in still)
     worth = 0 if shown > _LARGE else _WORTH
     groups = []
-    kept: set[int] = set()
     for meshes in together.values():
         numbers = placed[meshes[0]]
         triangles = sum(len(description.meshes[m].triangles) for m in meshes)
         if triangles > _FEW and triangles * (len(numbers) - 1) > worth:
             groups.append(Group(meshes, numbers))
-            for mesh in meshes:
-                kept.update(placed[mesh])
-    return Sharing([n for n in range(len(description.instances)) if n not in kept], groups)
+    return groups
+
+
+def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
+    """What moves by the meshes that it consists of: those of one name that stand in one place, as a node's primitives do."""
+    parts: dict[tuple[object, ...], list[int]] = {}
+    for number in movers:
+        instance = description.instances[number]
+        place = np.asarray(instance.transform, np.float64).tobytes()
+        way = b"".join(np.asarray(key, np.float64).tobytes() for key in instance.keys)
+        parts.setdefault((instance.name or number, place, way, instance.material), []).append(number)
+    bodies: dict[tuple[int, ...], list[int]] = {}
+    for numbers in parts.values():
+        bodies.setdefault(tuple(description.instances[n].mesh for n in numbers), []).append(numbers[0])
+    return [Group(list(meshes), numbers) for meshes, numbers in bodies.items()]
 
 
 def _are_invertible(instances: list[Instance]) -> npt.NDArray[np.bool_]:
     """(I,) whether rays can be carried into an instance's space."""
-    matrices = np.array([np.asarray(i.transform, np.float64)[:3, :3] for i in instances]).reshape(-1, 3, 3)
-    finite = np.isfinite(matrices).all(axis=(1, 2))
-    singular = np.linalg.svd(np.where(finite[:, None, None], matrices, 0.0), compute_uv=False)
-    return finite & (singular[:, 2] > 0) & (singular[:, 0] < _CONDITION * singular[:, 2])
+    places = [each for i in instances for each in (i.transform, *i.keys)]
+    most, least = stretches(np.array([np.asarray(place, np.float64)[:3] for place in places]).reshape(-1, 3, 4)).T
+    first = np.cumsum([0] + [1 + len(i.keys) for i in instances])[:-1]
+    sane = (least > 0) & (most < _CONDITION * least)
+    return np.logical_and.reduceat(sane, first) if len(instances) else sane

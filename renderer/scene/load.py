@@ -47,6 +47,9 @@ class Shot:
         main, environment = self._files.at_frame(self._main, moment.frame, "."), self._environment
         description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
         read_file(self._files, main, description, self._variant, moment=moment)
+        if main != self._main:
+            for mesh in description.meshes:
+                mesh.deforms = True
         if environment is not None:
             _light_with(self._files, environment, description)
         _check(main, description)

@@ -36,5 +36,5 @@ def merge(part: SceneDescription, whole: SceneDescription, material: int | None 
     for instance in part.instances:
         own = instance.material
         number = None if own is None or material is not None else own + materials
-        shown.append(Instance(instance.mesh + meshes, instance.transform, number, instance.name))
+        shown.append(Instance(instance.mesh + meshes, instance.transform, number, instance.name, instance.moves))
     return shown

@@ -86,7 +86,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        path = _add_emission(scene, surface, path, number, options)
+        path = _add_emission(scene, surface, path, number, options, time)
         vertex, path = vertex_at(scene, surface, path, stream, number, layers)
         if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
@@ -146,14 +146,14 @@ def _add_environment(scene, path, options):
 
 
 @template
-def _add_emission(scene, surface, path, number, options):
+def _add_emission(scene, surface, path, number, options, time):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
     if shines(surface) and path.pdf >= _ZERO:
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
         weight = _ONE
         if path.pdf > _ZERO:
             cosine = vec.dot(surface.geometric, vec.neg(path.d))
-            light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine, True)
+            light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine, True, time)
             weight = heuristic_weight(options.heuristic, path.pdf, light_pdf)
         if options.mistake != NO_MISTAKE and number > 0:
             weight *= mistaken(options.mistake, path.vertex, surface.point)
@@ -171,7 +171,7 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
     for k in range(count):
         if count > 1:
             numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
-        light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]))
+        light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), time)
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(material, vertex.wo, wi)

@@ -84,13 +84,13 @@ def _middle(scene, light):
 
 
 @device
-def _look_at_light(scene, p, normal, middle, choice, u):
+def _look_at_light(scene, p, normal, middle, choice, u, time):
     """As `sample_light`; with `middle`, a light is looked at in its middle, from outside."""
     chance = scene.environment_frame[3]
     if not middle or choice < chance or len(scene.light_primitive) == 0:
-        return sample_light(scene, p, normal, choice, u)
+        return sample_light(scene, p, normal, choice, u, time)
     light, of_light = choose_light(scene, p, normal, (choice - chance) / (_ONE - chance) if chance > _ZERO else choice)
-    sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light))
+    sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light), time)
     pdf = sample.pdf * (_ONE - chance) * of_light
     return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 
@@ -193,7 +193,7 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, time):
     count = options.light_samples
     for k in range(count):
         numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
-        light = _look_at_light(scene, surface.point, vertex.normal, count == 1, numbers[2], (numbers[0], numbers[1]))
+        light = _look_at_light(scene, surface.point, vertex.normal, count == 1, numbers[2], (numbers[0], numbers[1]), time)
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, _ = eval_material(vertex.material, vertex.wo, wi)

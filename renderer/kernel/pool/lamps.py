@@ -7,7 +7,7 @@ import numpy as np
 from renderer.jit import out_of_line, subroutine
 from renderer.kernel.light.lights import sample_light
 from renderer.kernel.pool.lists import LIT, eight, pad
-from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, few, write
+from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, few, times_of, write
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.sampling.sampler import draw4
 from renderer.wide.values import nil, to_int, where
@@ -31,7 +31,7 @@ def choose_lamps(scene, pool, lists, options):
         point, n = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
         if scene.has.textures is not None:
             n = few(pool, rows, MAPPED + np.uintp(3), 3)
-        light = sample_light(scene, point, n, u[2], (u[0], u[1]))
+        light = sample_light(scene, point, n, u[2], (u[0], u[1]), times_of(scene.has.motion, pool, rows))
         none = nil(u[0])
         alone = where(light.alone, nil(none) + _ONE, none)
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))

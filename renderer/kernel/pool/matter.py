@@ -64,9 +64,16 @@ def _one_surface(scene, d, t, primitive, u, v, instance, time):
 
 
 @device
+def _one_by_one(scene, time):
+    if time is not None and len(scene.key_position) > 0:
+        return True
+    return len(scene.to_world) > 0
+
+
+@device
 def surfaces_at(scene, d, hit):
-    """As `triangle_at`, for eight rays, some of which may have met triangles of instances."""
-    if scene.has.instances is not None and len(scene.to_world) > 0:
+    """As `triangle_at`, for eight rays, some of which may have met triangles of instances, or such as move by themselves."""
+    if scene.has.instances is not None and _one_by_one(scene, hit.time):
         every = hit.t == hit.t
         arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance, hit.time
         shape, material, light, number, uv1, color, tangent, smooth, lift = each_lane(_one_surface, every, arguments)

@@ -7,6 +7,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from renderer.absent import where_present
 from renderer.bvh.simd import f32x8
 from renderer.jit import device
 from renderer.wide.rows import gather, gathered, scatter
@@ -63,9 +64,7 @@ def at(row, column):
 @device
 def time_of(motion, pool, row):
     """The time of one row's sample; None where nothing moves (motion: of renderer/arrays/has.py)."""
-    if motion is None:
-        return None
-    return pool[at(row, TIME)]
+    return where_present(motion, pool[at(row, TIME)])
 
 
 @device
@@ -97,6 +96,4 @@ def write(pool, rows, group, columns):
 @device
 def times_of(motion, pool, rows):
     """As `time_of`, of eight rows (u32x8)."""
-    if motion is None:
-        return None
-    return few(pool, rows, TIME, 1)[0]
+    return where_present(motion, few(pool, rows, TIME, 1)[0])

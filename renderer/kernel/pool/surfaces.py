@@ -106,7 +106,7 @@ def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
 
 
 @device
-def _emitted(scene, pool, rows, surface, lit, d, pdf):
+def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
     """What the surfaces themselves send to their paths, weighed against what light sampling finds of it."""
     light = where(lit, surface.light, _FIRST_LIGHT)
     vertex, normal = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
@@ -115,7 +115,7 @@ def _emitted(scene, pool, rows, surface, lit, d, pdf):
     emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
     cosine = vec.dot(surface.geometric, vec.neg(d))
     judged = lit & (pdf > _ZERO)
-    light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged)
+    light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged, time)
     return vec.scale(emitted, _weight(pdf, light_pdf))
 
 
@@ -153,7 +153,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         throughput = attenuated(scene, surface, through, throughput, pool, rows)
         lit = shines(surface) & (pdf >= _ZERO) & not_(through)
         if any_of(lit):
-            emitted = _emitted(scene, pool, rows, surface, lit, d, pdf)
+            emitted = _emitted(scene, pool, rows, surface, lit, d, pdf, time)
             radiance = _added(radiance, throughput, emitted, depth + _ONE, lit, options.clamp)
         base, roughness, n, throughput = keep_matter(scene, pool, rows, surface, through, vec.neg(d), stream, number, throughput)
         kind = u32(lookup(scene.material_kind, surface.material))

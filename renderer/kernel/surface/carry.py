@@ -74,20 +74,20 @@ def _moving_point(motion, first, keys, time, p, w):
 @device
 def normal_of_hit(scene, hit, n):
     """`normal_to_world` of the instance that a Hit is in, at the Hit's time."""
-    if hit.time is not None:
-        first, end = scene.bvh.motion_first[hit.instance], scene.bvh.motion_first[hit.instance + 1]
-        if end > first:
-            return _moving_normal(scene.bvh.motion, first, end - first, hit.time, n)
+    if hit.time is not None and len(scene.bvh.instance_motion) > 0:
+        first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
+        if keys > 0:
+            return _moving_normal(scene.bvh.motion, first, keys, hit.time, n)
     return normal_to_world(scene.bvh.to_local, hit.instance, n)
 
 
 @device
 def point_of_hit(scene, hit, p, w):
     """`point_to_world` of the instance that a Hit is in, at the Hit's time."""
-    if hit.time is not None:
-        first, end = scene.bvh.motion_first[hit.instance], scene.bvh.motion_first[hit.instance + 1]
-        if end > first:
-            return _moving_point(scene.bvh.motion, first, end - first, hit.time, p, w)
+    if hit.time is not None and len(scene.bvh.instance_motion) > 0:
+        first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
+        if keys > 0:
+            return _moving_point(scene.bvh.motion, first, keys, hit.time, p, w)
     return point_to_world(scene.to_world, hit.instance, p, w)
 
 

@@ -36,6 +36,11 @@ class Curve:
     easing: Easing | None = None
     is_rotation: bool = False
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it has one value at all times."""
+        return bool((self.values == self.values[0]).all() and (self.slopes is None or not self.slopes.any()))
+
     def at(self, time: float) -> list[float]:
         """The W values at a time. At a key, exactly that key's; of several at one time, the last's."""
         k = int(np.searchsorted(self.times, time, "right")) - 1

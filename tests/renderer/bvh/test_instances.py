@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from renderer.bvh.build import build
-from renderer.bvh.instances import Instances, inverted
+from renderer.bvh.instances import Instances
 from renderer.bvh.layout import ROW_CHILD
+from renderer.bvh.transforms import inverted
 from tests.renderer.builders import icosphere
 from tests.renderer.bvh.rays import NO_SPHERES, trace, triangles_by_numpy
 

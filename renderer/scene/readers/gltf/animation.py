@@ -46,6 +46,7 @@ class Animations:
         names = [source.text("name", "") or f"animation {i}" for i, source in enumerate(self._sources)]
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
         self.warnings: list[str] = []
+        self.moving: set[Path] = set()  # what has another value at another moment of what is played
 
     def at(self, moment: Moment) -> Json:
         """The file's root with what moves in its place. Raises SceneError where there is no such clip, or it is damaged."""
@@ -60,6 +61,7 @@ class Animations:
                 ("channels", source.file, source.where), functools.partial(self._channels, source)
             )
             self.warnings += [each for each in warnings if each not in self.warnings]
+            self.moving |= {channel.path for channel in channels if not channel.curve.is_constant}
             for path, kind, curve in channels:
                 values = curve.at(moment.seconds())
                 if path[-2] == "weights" and not self._has_weight(changed, path):

@@ -14,6 +14,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import morphed, skinned
 from renderer.scene.readers.gltf.materials import Materials
+from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.gltf.variants import Variants
@@ -36,11 +37,13 @@ class Meshes:
         variants: Variants,
         shelf: TextureShelf,
         meshes: list[Mesh],
+        moving: Moving,
     ) -> None:
         self.sources = root.objects("meshes")
         self._variants = variants
         self._accessors, self._files = accessors, files
-        self._materials, self._shelf, self._meshes = materials, shelf, meshes
+        self._materials, self._shelf, self._meshes, self._moving = materials, shelf, meshes, moving
+        self.restless: set[int] = set()  # the description's meshes that may shine at another moment, or be bent
         self._file, self._vertices = root.file, 0
         self._sources: dict[int, list[tuple[Primitive, int | None]]] = {}
         self._shaped: dict[tuple[int, tuple[float, ...]], list[int]] = {}
@@ -53,11 +56,12 @@ class Meshes:
         """The description's numbers of a mesh's primitives, as a node's morph weights shape them."""
         weights = self._weights(index, node)
         if (index, weights) not in self._shaped:
-            self._shaped[index, weights] = self._add([(self._morphed(p, weights), m) for p, m in self._primitives(index)])
+            shaped = [(self._morphed(p, weights), m) for p, m in self._primitives(index)]
+            self._shaped[index, weights] = self._add(shaped, self._moving.reshapes(index, node))
         return self._shaped[index, weights]
 
-    def skinned(self, index: int, node: Json, matrices: Matrix) -> list[int]:
-        """The same with the joints of a skin in place, in the world; each node has meshes of its own."""
+    def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
+        """The same with a skin's joints in place, in the world; each node has meshes of its own. moves: whether joints do."""
         weights = self._weights(index, node)
         placed = []
         for primitive, material in self._primitives(index):
@@ -67,7 +71,7 @@ class Meshes:
                     raise node.wrong("skin", f"has {len(matrices)} joints where the mesh names {int(bones.joints.max()) + 1}")
                 mesh = skinned(mesh, bones, matrices)
             placed.append((mesh, material))
-        return self._add(placed)
+        return self._add(placed, moves or self._moving.reshapes(index, node))
 
     def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:
         if index not in self._sources:
@@ -90,15 +94,16 @@ class Meshes:
     def _morphed(self, primitive: Primitive, weights: tuple[float, ...]) -> Mesh:
         return morphed(primitive.mesh, primitive.targets, weights, self._accessors)
 
-    def _add(self, primitives: list[tuple[Mesh, int | None]]) -> list[int]:
+    def _add(self, primitives: list[tuple[Mesh, int | None]], deforms: bool) -> list[int]:
         for mesh, material in primitives:
-            mesh.material = self._materials.number(material)
+            mesh.material, mesh.deforms = self._materials.number(material), deforms
         self._refract(primitives)
         self._vertices += sum(len(mesh.positions) for mesh, _ in primitives)
         if self._vertices > MAX_VERTICES:
             raise SceneError(f"{self._file}: its meshes have more than {MAX_VERTICES} vertices, each shape of a skin by itself")
         first = len(self._meshes)
         self._meshes += [mesh for mesh, _ in primitives]
+        self.restless |= {first + i for i, (_, material) in enumerate(primitives) if material in self._moving.surfaces}
         return list(range(first, len(self._meshes)))
 
     def _refract(self, primitives: list[tuple[Mesh, int | None]]) -> None:

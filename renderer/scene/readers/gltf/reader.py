@@ -15,6 +15,7 @@ from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json, parse
 from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.meshes import Meshes
+from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
 
@@ -59,8 +60,9 @@ def read(
     surfaces = materials.Materials(root, textures.Textures(root, accessors, files, shelf), shelf, description.materials)
     chosen = variants.Variants(root, variant)
     description.variants = chosen.names
-    meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes)
-    _Nodes(root, accessors, meshes, shelf, description).walk()
+    restless = Moving(root, moving.moving)
+    meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes, restless)
+    _Nodes(root, accessors, meshes, shelf, description, restless).walk()
 
 
 def _check_extensions(root: Json, shelf: TextureShelf) -> None:
@@ -81,9 +83,15 @@ class _Nodes:
     """Walks the default scene's nodes and places their meshes, lights and cameras in the world."""
 
     def __init__(
-        self, root: Json, accessors: Accessors, meshes: Meshes, shelf: TextureShelf, description: SceneDescription
+        self,
+        root: Json,
+        accessors: Accessors,
+        meshes: Meshes,
+        shelf: TextureShelf,
+        description: SceneDescription,
+        moving: Moving,
     ) -> None:
-        self._root, self._accessors, self._meshes = root, accessors, meshes
+        self._root, self._accessors, self._meshes, self._moving = root, accessors, meshes, moving
         self._shelf, self._description = shelf, description
         self._nodes = root.objects("nodes")
         self._cameras = root.objects("cameras")
@@ -97,11 +105,12 @@ class _Nodes:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
         parents, shown_nodes = self._tree()
+        self._moving.inherit(parents)
         self._worlds = self._in_world(parents)
         for index in parents:
             self._add_camera(self._nodes[index], self._worlds[index])
         for index in shown_nodes:  # when all joints are in their places
-            self._place(self._nodes[index], self._worlds[index])
+            self._place(self._nodes[index], self._worlds[index], index in self._moving.nodes)
 
     def _in_world(self, parents: dict[int, int | None]) -> dict[int, Matrix]:
         """Where the scene's nodes are. All of one depth at once: files have ten thousands of small nodes."""
@@ -155,7 +164,7 @@ class _Nodes:
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
         return [i for i in range(len(self._nodes)) if i not in children]
 
-    def _place(self, node: Json, world: Matrix) -> None:
+    def _place(self, node: Json, world: Matrix, moves: bool) -> None:
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is not None:
             name = self._unique(node.text("name", "") or self._meshes.name(mesh))
@@ -165,23 +174,26 @@ class _Nodes:
                 left = MAX_INSTANCES - len(self._description.instances)
                 places = product(world, instancing.instance_transforms(copies, self._accessors, left))
                 for i, place in enumerate(places):
-                    self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]")
+                    self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
             elif skin is not None:
-                self._show(self._meshes.skinned(mesh, node, self._joints(self._skins[skin])), np.eye(4), name)
+                joints = self._skins[skin].indices("joints", self._nodes)
+                bent = not self._moving.nodes.isdisjoint(joints)
+                found = self._meshes.skinned(mesh, node, self._joints(self._skins[skin], joints), bent)
+                self._show(found, np.eye(4), name, self._moving.appears(node))
             else:
-                self._show(self._meshes.of(mesh, node), world, name)
+                self._show(self._meshes.of(mesh, node), world, name, moves)
         light = node.extension(lights.EXTENSION)
         if light:
             source = self._lights[light.integer("light", high=len(self._lights))]
             name = node.text("name", "") or source.text("name", "") or f"light {len(self._description.lights)}"
             self._description.lights.append(lights.read_light(source, name, world))
 
-    def _show(self, meshes: list[int], place: Matrix, name: str) -> None:
-        self._description.instances += [Instance(m, place, name=name) for m in meshes]
+    def _show(self, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
+        restless = self._meshes.restless
+        self._description.instances += [Instance(m, place, name=name, moves=moves or m in restless) for m in meshes]
 
-    def _joints(self, skin: Json) -> Matrix:
+    def _joints(self, skin: Json, joints: list[int]) -> Matrix:
         """(J, 4, 4): from a mesh's space to the world by each joint of a skin. The node's own place counts for nothing."""
-        joints = skin.indices("joints", self._nodes)
         if not joints or not all(j in self._worlds for j in joints):
             raise skin.wrong("joints", "has none, or one outside of the scene")
         with np.errstate(over="ignore", invalid="ignore"):

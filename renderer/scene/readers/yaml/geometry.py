@@ -20,6 +20,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.readers import shapes
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.yaml import transforms
+from renderer.scene.readers.yaml.keys import Moving
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import vec3
 
@@ -28,6 +29,8 @@ __all__ = ["Shapes"]
 Matrix = transforms.Matrix
 Place = tuple[str, Matrix]  # a name, and where
 
+# What of a shape may move and leaves its mesh as it is.
+_OF_PLACES = {"name", "transform", "instances", "shapes", "material", "center", "radius", "guide"}
 MAX_PLACES = 1_000_000  # of shapes and of mesh files' parts: a few nested groups of many instances could stand for billions
 
 
@@ -35,17 +38,33 @@ class Shapes:
     """Adds shapes to a description. `materials` are the description's numbers by name."""
 
     def __init__(
-        self, document: Yaml, files: SceneFiles, description: SceneDescription, materials: dict[str, int], moment: Moment
+        self,
+        document: Yaml,
+        files: SceneFiles,
+        description: SceneDescription,
+        materials: dict[str, int],
+        moment: Moment,
+        moving: Moving,
     ) -> None:
         self._document, self._files, self._description, self._materials = document, files, description, materials
+        self._moving = moving
+        self._restless = {number for name, number in materials.items() if self._is_restless(name)}
         self._moment = moment
         self._plain: int | None = None
-        self._parts: dict[tuple[str, str | None, str | None, int | None], list[Instance]] = {}  # of mesh files read before
+        self._parts: dict[tuple[str, str | None, str | None, int | None, bool], list[Instance]] = {}  # of mesh files read before
         self._triangles = 0
         self._places = 0
 
-    def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None) -> None:
-        """Adds the shape at a path, once for each of its instances in each place of its parent."""
+    def _is_restless(self, material: str) -> bool:
+        """Whether something may shine, or be bent, at another moment only."""
+        path = ("materials", material)
+        return self._moving.holds(path) or not self._moving.within(path).isdisjoint(("emission", "anisotropy"))
+
+    def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
+        """Adds the shape at a path, once for each of its instances in each place of its parent. moves: whether that does."""
+        whole, fields = self._moving.holds(path), self._moving.within(path)
+        moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))
+        deforms = whole or not fields <= _OF_PLACES
         name = source.get("name", f"{source['type']} {path[-1]}")
         own = transforms.matrix(source.get("transform", []), self._document, (*path, "transform"))
         placed = [(name, own)]
@@ -61,15 +80,17 @@ class Shapes:
             ]
         if source["type"] == "group":
             for i, child in enumerate(source["shapes"]):
-                self.add(child, (*path, "shapes", i), placed)
+                self.add(child, (*path, "shapes", i), placed, moves)
             return
         material = self._material_of(source, path)
         if source["type"] == "sphere":
-            self._spheres(source, material, placed, path)
+            self._spheres(source, material, placed, path, moves)
         elif source["type"] == "mesh":
-            self._mesh_file(source, material, placed, path)
+            self._mesh_file(source, material, placed, path, moves, deforms)
         else:
-            self._mesh(self._made(source, name, path), material, placed, path)
+            mesh = self._made(source, name, path)
+            mesh.deforms = deforms
+            self._mesh(mesh, material, placed, path, moves)
 
     def _count(self, places: int, path: Path) -> None:
         self._places += places
@@ -85,14 +106,15 @@ class Shapes:
             return self._faces(source, name, path)
         return shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
 
-    def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path) -> None:
+    def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path, moves: bool) -> None:
         self._triangles += len(mesh.triangles)
         if self._triangles > MAX_TRIANGLES:
             raise self._document.error(path, f"with it the scene has more than {MAX_TRIANGLES} triangles; use fewer segments")
         mesh.material = self._plain_material() if material is None else material
         self._description.meshes.append(mesh)
         number = len(self._description.meshes) - 1
-        self._description.instances += [Instance(number, place, name=name) for name, place in placed]
+        moves = moves or mesh.material in self._restless
+        self._description.instances += [Instance(number, place, name=name, moves=moves) for name, place in placed]
 
     def _faces(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
         positions = self._table(source["positions"], 3, (*path, "positions"))
@@ -123,7 +145,7 @@ class Shapes:
             raise self._document.error((*path, int(np.argmin(np.isfinite(found).all(axis=1)))), "is beyond what numbers hold")
         return found
 
-    def _spheres(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path) -> None:
+    def _spheres(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path, moves: bool) -> None:
         for name, place in placed:
             scale = transforms.uniform_scale(place)
             if scale is None:
@@ -131,9 +153,11 @@ class Shapes:
             center = product(place, np.array([*source.get("center", (0, 0, 0)), 1.0])[:, None])[:, 0]
             number = self._plain_material() if material is None else material
             radius = float(source.get("radius", 1)) * scale
-            self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False)))
+            self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False), moves))
 
-    def _mesh_file(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path) -> None:
+    def _mesh_file(
+        self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path, moves: bool, deforms: bool
+    ) -> None:
         name = self._files.find(source["file"], self._document.file)
         if name is None:
             raise self._document.error((*path, "file"), f"{source['file'][:120]} is not among the files; add it")
@@ -141,16 +165,25 @@ class Shapes:
             others = ", ".join(format.suffix for format in MESH_FORMATS)
             raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
         variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
-        key = (name, variant, clip, material)
+        key = (name, variant, clip, material, deforms)
         if key not in self._parts:
             part = self._files.recall(("mesh file", name, variant, clip), lambda: self._still(name, variant, clip))
             part = part or self._part(name, variant, clip)
             self._description.moves |= part.moves
+            first = len(self._description.meshes)
             self._parts[key] = merge(part, self._description, material)
+            for mesh in self._description.meshes[first:]:
+                mesh.deforms |= deforms
+        moves = moves or material in self._restless
         self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # one each was counted before
         for called, place in placed:
             self._description.instances += [
-                replace(s, transform=product(place, s.transform), name=f"{called}/{s.name}" if s.name else called)
+                replace(
+                    s,
+                    transform=product(place, s.transform),
+                    name=f"{called}/{s.name}" if s.name else called,
+                    moves=s.moves or moves,
+                )
                 for s in self._parts[key]
             ]
 

@@ -18,7 +18,7 @@ from renderer.scene.readers.changed import Changed
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color
 
-__all__ = ["CURVES", "Keys", "find_keys"]
+__all__ = ["CURVES", "Keys", "Moving", "find_keys"]
 
 CURVES = ("linear", "step", "smooth")  # or the four numbers of a cubic Bezier
 MAX_KEYS = 100_000
@@ -28,6 +28,21 @@ _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 
 Track = Callable[[float], Any]  # a value by its time
 Maker = Callable[[npt.NDArray[np.float64]], Curve]  # the curve through the rows of values, one a key
+
+
+class Moving(NamedTuple):
+    """Which of a file's values are others at another moment."""
+
+    paths: set[Path]
+    below: dict[Path, set[str | int]]
+
+    def within(self, path: Path) -> set[str | int]:
+        """The fields of what stands at a path that move, or in which something does."""
+        return self.below.get(path, set())
+
+    def holds(self, path: Path) -> bool:
+        """Whether what stands there moves as a whole, by itself or with what it stands in."""
+        return any(path[:k] in self.paths for k in range(1, len(path) + 1))
 
 
 class Keys(NamedTuple):
@@ -42,6 +57,15 @@ class Keys(NamedTuple):
     def moves(self) -> bool:
         """Whether anything does."""
         return bool(self.tracks or self.patterns)
+
+    def moving(self) -> Moving:
+        """Where."""
+        paths = {*self.tracks, *self.patterns}
+        below: dict[Path, set[str | int]] = {}
+        for path in paths:
+            for k, step in enumerate(path):
+                below.setdefault(path[:k], set()).add(step)
+        return Moving(paths, below)
 
     def at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
         """The file's data at a time. name_of: a pattern's name there."""

@@ -56,7 +56,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     for name, material in data.get("materials", {}).items():
         materials[name] = len(description.materials)
         description.materials.append(read_material(name, material, textures, document, ("materials", name)))
-    shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps))
+    moving = keys.moving()
+    shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps), moving)
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))
 

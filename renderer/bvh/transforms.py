@@ -1,0 +1,125 @@
+"""Transforms of instances with the same bits on every host: no LAPACK inverts them, whose last ones depend on the processor."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import device, entry
+
+__all__ = ["inverted", "place_boxes", "stretches"]
+
+F64 = npt.NDArray[np.float64]
+
+_SWEEPS = 12  # of Jacobi's rotations: three columns are at right angles to the last bit after five or six
+
+
+def inverted(transform: F64) -> F64:
+    """The inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
+    transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
+    inverse = np.empty_like(transform)
+    _invert(transform, inverse)
+    return inverse
+
+
+def stretches(transform: F64) -> F64:
+    """(I, 2): the most and the least that (I, 3, 4) transforms make of a length of 1; NaN of what is not finite."""
+    transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
+    found = np.empty((len(transform), 2))
+    _stretch(transform, np.empty((3, 3)), found)
+    return found
+
+
+@device
+def _cofactor(m, i, row, column):
+    """That of an element of the transform's matrix."""
+    a, b = (row + 1) % 3, (row + 2) % 3
+    c, d = (column + 1) % 3, (column + 2) % 3
+    return m[i, a, c] * m[i, b, d] - m[i, a, d] * m[i, b, c]
+
+
+@entry
+def _invert(transform, inverse):
+    """Cramer's rule: transforms that squeeze too much are none of an instance (renderer/scene/instances.py)."""
+    for i in range(len(transform)):
+        determinant = 0.0
+        for k in range(3):
+            determinant += transform[i, 0, k] * _cofactor(transform, i, 0, k)
+        for row in range(3):
+            for column in range(3):
+                inverse[i, row, column] = _cofactor(transform, i, column, row) / determinant
+        for row in range(3):
+            offset = 0.0
+            for k in range(3):
+                offset += inverse[i, row, k] * transform[i, k, 3]
+            inverse[i, row, 3] = -offset
+
+
+@entry
+def _stretch(transform, column, found):
+    """The greatest and the least singular value: the lengths of the columns when rotations have made them square.
+
+    One-sided Jacobi: Golub & Van Loan, "Matrix Computations", 8.6.3. column: scratch, (3, 3).
+    """
+    for i in range(len(transform)):
+        largest = 0.0
+        for j in range(3):
+            for k in range(3):
+                size = abs(transform[i, j, k])
+                largest = largest if size <= largest else size  # NaN stays
+        if not largest < np.inf:
+            found[i, 0] = found[i, 1] = np.nan
+            continue
+        if largest == 0.0:
+            found[i, 0] = found[i, 1] = 0.0
+            continue
+        for j in range(3):
+            for k in range(3):
+                column[k, j] = transform[i, j, k] / largest
+        for _ in range(_SWEEPS):
+            for p in range(2):
+                for q in range(p + 1, 3):
+                    pp, qq, pq = 0.0, 0.0, 0.0
+                    for j in range(3):
+                        pp += column[p, j] * column[p, j]
+                        qq += column[q, j] * column[q, j]
+                        pq += column[p, j] * column[q, j]
+                    if pq == 0.0:
+                        continue
+                    ratio = (qq - pp) / (2.0 * pq)
+                    tangent = 1.0 / (abs(ratio) + np.sqrt(1.0 + ratio * ratio))
+                    tangent = tangent if ratio >= 0.0 else -tangent
+                    cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                    sine = cosine * tangent
+                    for j in range(3):
+                        a, b = column[p, j], column[q, j]
+                        column[p, j] = cosine * a - sine * b
+                        column[q, j] = sine * a + cosine * b
+        most, least = 0.0, np.inf
+        for k in range(3):
+            length = np.sqrt(column[k, 0] * column[k, 0] + column[k, 1] * column[k, 1] + column[k, 2] * column[k, 2])
+            most, least = max(most, length), min(least, length)
+        found[i, 0], found[i, 1] = most * largest, least * largest
+
+
+@entry
+def place_boxes(box, first, shown, to_world, slack, placed):
+    """Fills placed (I, 2, 3): the lower and upper corners in the world of what holds all of a tree's boxes.
+
+    box: (B, 2, 3) f64, of all trees, those of tree g from first[g] on; shown: (I,) which tree each instance shows. slack: by how
+    much of its size and place a box is made larger. A tree without a box is a point.
+    """
+    for i in range(len(shown)):
+        tree = shown[i]
+        for k in range(3):
+            low, high = np.inf, -np.inf
+            for b in range(first[tree], first[tree + 1]):
+                center, extent = to_world[i, k, 3], 0.0
+                for j in range(3):
+                    center += to_world[i, k, j] * (0.5 * (box[b, 0, j] + box[b, 1, j]))
+                    extent += abs(to_world[i, k, j]) * (0.5 * (box[b, 1, j] - box[b, 0, j]))
+                low, high = min(low, center - extent), max(high, center + extent)
+            if first[tree] == first[tree + 1]:
+                low = high = to_world[i, k, 3]
+            more = slack * max(abs(low), max(abs(high), high - low))
+            placed[i, 0, k], placed[i, 1, k] = low - more, high + more

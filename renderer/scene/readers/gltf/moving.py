@@ -1,0 +1,59 @@
+"""Which of a glTF file's things are others at another moment, as its channels say: what of a scene can be kept between frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from renderer.scene.readers.changed import Path
+from renderer.scene.readers.gltf.container import Json
+
+__all__ = ["Moving"]
+
+_PLACE = ("translation", "rotation", "scale")
+_SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # what decides how the geometry is kept
+
+
+class Moving:
+    """What moves by a set of paths into the file's JSON. Nodes inherit it from their parents."""
+
+    def __init__(self, root: Json, paths: Iterable[Path]) -> None:
+        self.nodes: set[int] = set()  # that are elsewhere, or not shown
+        self.surfaces: set[int] = set()  # materials by the file's numbers
+        self._appearing: set[int] = set()
+        self._meshes: set[int] = set()
+        self._reshaped: set[int] = set()
+        self._shown: set[str] = set()  # as errors call nodes
+        self._shaped: set[str] = set()
+        self._where = [node.where for node in root.objects("nodes")]
+        for path in paths:
+            family, number = path[0], path[1]
+            if not isinstance(number, int):
+                continue
+            if family == "nodes" and path[2] in _PLACE:
+                self.nodes.add(number)
+            elif family == "nodes" and path[2] == "weights":
+                self._reshaped.add(number)
+            elif family == "nodes":
+                self._appearing.add(number)
+            elif family == "meshes":
+                self._meshes.add(number)
+            elif family == "materials" and path[-1] in _SURFACE:
+                self.surfaces.add(number)
+
+    def inherit(self, parents: Mapping[int, int | None]) -> None:
+        """Told the scene's nodes, each after its parent."""
+        for index, parent in parents.items():
+            if parent in self._appearing:
+                self._appearing.add(index)
+            if parent in self.nodes or index in self._appearing:
+                self.nodes.add(index)
+        self._shown = {self._where[index] for index in self._appearing}
+        self._shaped = {self._where[index] for index in self._reshaped}
+
+    def appears(self, node: Json) -> bool:
+        """Whether a node is shown at some moments only."""
+        return node.where in self._shown
+
+    def reshapes(self, mesh: int, node: Json) -> bool:
+        """Whether a node's mesh has other weights at another moment."""
+        return node.where in self._shaped or ("weights" not in node and mesh in self._meshes)
