@@ -5,6 +5,8 @@ Two editions may differ in the last bit of a sample, where the compiler merges o
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from renderer.arrays import rows
@@ -15,6 +17,7 @@ __all__ = ["edition_of", "only"]
 
 _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
+_NOTHING: Any = None  # in the place of an array that the kernel need not know of
 _LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
 
 
@@ -40,8 +43,8 @@ def only(scene: CompiledScene, edition: str) -> CompiledScene:
     has = EDITIONS[edition]
     bvh = scene.bvh._replace(instances=has.instances)
     if has.motion is None:
-        scene = scene._replace(key_position=None, key_normal=None, key_sphere=None, key_punctual=None)
-        bvh = bvh._replace(motion=None, instance_motion=None, keyed=None)
+        scene = scene._replace(**dict.fromkeys(("key_position", "key_normal", "key_sphere", "key_punctual"), _NOTHING))
+        bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))
     return scene._replace(has=has, bvh=bvh)
 
 

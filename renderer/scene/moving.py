@@ -68,7 +68,8 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
         for light, over in _matched(middle.lights, [each.lights for each in found], lambda light: (light.kind, light.name))
     ]
     moving = replace(middle, instances=instances, meshes=meshes, cameras=cameras, spheres=spheres, lights=lights)
-    if any(thing.keys for thing in (*instances, *meshes, *spheres, *lights, *cameras)):
+    things: tuple[Instance | Mesh | Sphere | Light | Camera, ...] = (*instances, *meshes, *spheres, *lights, *cameras)
+    if any(thing.keys for thing in things):
         moving.keys = len(found)
     still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)] + changed
     if still:
@@ -152,7 +153,8 @@ def _name(thing: Sphere | Light | Camera) -> str:
 
 def _is_fine(moving: SceneDescription) -> bool:
     """Whether nothing turns so far from key to key that it may have turned the other way, or cuts a corner."""
-    free, straight = [], []
+    free: list[list[np.ndarray]] = []
+    straight: list[list[np.ndarray]] = []
     for instance in moving.instances:
         if instance.keys:
             mesh = moving.meshes[instance.mesh]
@@ -164,6 +166,8 @@ def _is_fine(moving: SceneDescription) -> bool:
 
 
 def _turn(places: list[list[np.ndarray]]) -> float:
-    whole = np.array(places, np.float64).reshape(len(places), -1, 3, 4)
+    if not places:
+        return 0.0
+    whole = np.array(places, np.float64)
     sane = np.isfinite(whole).all(axis=(1, 2, 3)) & (np.abs(np.linalg.det(whole[..., :3])) > 0).all(axis=1)
     return turned_by(motion_keys(whole[sane])) if sane.any() else 0.0
