@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from renderer.arrays.scene import CompiledScene
-from renderer.film import digest, mean
+from renderer.film import COLOR, digest, mean
 from renderer.render import render_batch, render_frame, replay
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Camera, Environment, Instance, Light, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.compiled import load, save
+from renderer.scene.description import Camera, Environment, Instance, Light, Material, SceneDescription, Sphere
 from renderer.scene.moving import while_open
-from renderer.settings import RenderSettings, Tile, View
+from renderer.settings import RenderSettings, Tile, View, tiles_of
 from tests.renderer.builders import gray, icosphere, square
 
 FLAT = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), projection="orthographic", height=4.0)
@@ -82,12 +84,10 @@ def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
 
 
 def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
-    """A square of half width w that flies from -d to d is over a point for min(w, ...) / d of the time: a trapezoid."""
+    """A square that flies from -d to d is over a point for as long as its width takes, and shorter at the ends: a trapezoid."""
     w, d = 0.25, 1.0
     dot = square((0, 0, 0), (w, 0, 0), (0, w, 0), UNLIT)
-    flying = over(
-        lambda t: described(meshes=[dot], instances=[Instance(0, turned(0.3, (2 * d * t, 0, 0)) @ turned(-0.3), moves=True)])
-    )
+    flying = over(lambda t: described(meshes=[dot], instances=[Instance(0, turned(0, (2 * d * t, 0, 0)), moves=True)]))
     found = picture(compile_scene(flying), settings_of(), 256)
     x, y = from_the_middle(64, 4.0)
     known = np.clip(np.minimum(x + w, d) - np.maximum(x - w, -d), 0, None) / (2 * d)
@@ -181,6 +181,18 @@ def punctual(t: float) -> SceneDescription:
     )
 
 
+def everything(t: float) -> SceneDescription:
+    """All that moves, in one scene."""
+    first, second = bending(t), lamps(t)
+    shift = len(first.meshes)
+    placed = [*first.instances, *(replace(i, mesh=i.mesh + shift) for i in second.instances)]
+    spheres = [*rolling(t).spheres, *second.spheres]
+    lights = [*first.lights, *punctual(t).lights]
+    spun = replace(spinning_child(t).instances[0], mesh=shift + len(second.meshes))
+    meshes = [*first.meshes, *second.meshes, *spinning_child(t).meshes]
+    return described(meshes=meshes, instances=[*placed, spun], spheres=spheres, lights=lights)
+
+
 def fly_by(t: float) -> SceneDescription:
     """A camera that flies, turns and zooms, past a body that moves the other way."""
     view = View((1.0 * t, 0.3, 5.0), (2.0 * t, 0.0, 0.0), fov=45 + 20 * t)
@@ -208,3 +220,77 @@ def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     assert found.mean() == pytest.approx(known.mean(), rel=0.01)
     assert abs(found - known).mean() < 0.015 * known.mean() + 0.002
     assert abs(found - known).max() < 0.12 * known.max()
+
+
+def test_without_a_shutter_a_frame_is_its_still() -> None:
+    still = compile_scene(growing(0.0))
+    settings = settings_of(size=32)
+    whole = digest(render_frame(still, replace(settings, shutter=0.0), 4))
+    assert digest(render_frame(compile_scene(over(growing, Shutter())), replace(settings, shutter=0.0), 4)) == whole
+    standing = over(lambda _: growing(0.0))
+    assert standing.keys == 0
+    assert digest(render_frame(compile_scene(standing), settings, 4)) == whole, "what stands still has nothing to blur"
+    assert digest(render_frame(compile_scene(over(growing)), settings, 4)) != whole
+
+
+def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
+    made = compile_scene(over(everything))
+    save(made, tmp_path / "scene")
+    kept = load(tmp_path / "scene")
+    settings = settings_of(size=32)
+    whole = render_frame(made, settings, 6, threads=1)
+    assert digest(render_frame(kept, settings, 6, threads=2)) == digest(whole)
+    parts = np.zeros_like(whole)
+    for tile in reversed(tiles_of(32, 32, 12)):
+        for first, count in ((4, 2), (0, 1), (1, 3)):
+            sums = render_batch(kept, settings, tile, first, count).sums
+            parts[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += sums
+    assert digest(parts) == digest(whole)
+
+
+def test_a_replay_follows_the_sample_at_its_time() -> None:
+    made = compile_scene(over(growing))
+    settings = settings_of(size=32)
+    for sample in (0, 5):
+        film = render_batch(made, settings, Tile(0, 0, 32, 32), sample, 1).sums
+        for x, y in ((10, 10), (16, 16), (20, 18)):
+            found = replay(made, settings, x, y, sample)
+            assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
+
+
+def test_a_trailing_shutter_closes_at_the_frame() -> None:
+    """What has flown for the time before the frame, and not after it."""
+    bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
+    flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
+    for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0)):
+        found = picture(compile_scene(over(flight, Shutter(1.0, at))), settings_of(), 64)
+        x, _ = from_the_middle(64, 4.0)
+        seen = x[found > 0.02]
+        assert seen.min() == pytest.approx(low - 0.1, abs=0.07)
+        assert seen.max() == pytest.approx(high + 0.1, abs=0.07)
+
+
+def test_keys_may_be_chosen_and_else_follow_the_turns() -> None:
+    bar = square((0, 0, 0), (1, 0, 0), (0, 0.1, 0), UNLIT)
+
+    def turning(turns: float) -> At:
+        return lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * turns * t), moves=True)])
+
+    assert over(turning(0.1)).keys == 5
+    assert over(turning(3.3)).keys == 33
+    assert over(turning(3.3), Shutter(1.0, keys=7)).keys == 7
+
+
+def test_what_cannot_be_blurred_is_named() -> None:
+    def changing(t: float) -> SceneDescription:
+        scene = growing(t)
+        scene.materials[GRAY] = replace(scene.materials[GRAY], base_color=gray(0.5 + 0.1 * t))
+        scene.environment = Environment(gray(0.1), rotation=10 * t)
+        if t > 0:
+            scene.meshes[1] = replace(scene.meshes[1], triangles=scene.meshes[1].triangles[1:])
+        return scene
+
+    found = over(changing)
+    left = "materials, the environment, the mesh icosphere, whose triangles change"
+    assert found.warnings == [f"Shown as in the middle of the shutter, not blurred: {left}."]
+    assert len(found.instances[1].keys) == 5, "it still goes where it goes"
