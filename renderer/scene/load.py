@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any
@@ -15,7 +16,7 @@ from renderer.scene import sky
 from renderer.scene.animation import SHUTTER, Moment, Shutter
 from renderer.scene.description import Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.moving import while_open
+from renderer.scene.moving import between_files, while_open
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
@@ -69,7 +70,19 @@ class Shot:
         shutter = Shutter.of(chosen({name: asked.get(name) for name in SHUTTER}, first.defaults))
         if shutter.length == 0 or not first.moves:
             return first
-        return while_open(lambda each: first if each == moment else self.at(each), moment, shutter)
+        moving = while_open(lambda each: first if each == moment else self.at(each), moment, shutter)
+        if self._files.is_numbered:
+            between_files(moving, shutter, self._beside(moment, -1.0), self._beside(moment, 1.0))
+        return moving
+
+    def _beside(self, moment: Moment, frames: float) -> SceneDescription | None:
+        """The scene at that moment, but by another frame's numbered files; None where these are not there."""
+        if moment.frame + frames < 0:
+            return None
+        try:
+            return self.at(replace(moment, frame=moment.frame + frames, offset=moment.offset - frames))
+        except SceneError:
+            return None
 
 
 def read(

@@ -20,7 +20,7 @@ from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescr
 from renderer.scene.same import same
 from renderer.settings import MOST_KEYS
 
-__all__ = ["while_open"]
+__all__ = ["between_files", "while_open"]
 
 _FIRST_KEYS = 5
 _MOST_TURN = math.radians(50.0)  # from key to key: that a whole turn is not taken for none
@@ -73,10 +73,50 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
         moving.keys = len(found)
     still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)] + changed
     if still:
-        moving.warnings.append(f"Shown as in the middle of the shutter, not blurred: {', '.join(still)}.")
+        moving.warnings.append(_NOT_BLURRED.format(", ".join(still)))
     return moving
 
 
+def between_files(
+    moving: SceneDescription, shutter: Shutter, before: SceneDescription | None, after: SceneDescription | None
+) -> None:
+    """Gives keys to the meshes of files that are numbered: straight from the file before to the frame's own, to the one after.
+
+    before, after: the scene at the same time by these files; None where there are none: then the frame's own stays.
+    """
+    here = [(instance, moving.meshes[instance.mesh]) for instance in moving.instances]
+    for number, mesh in {instance.mesh: mesh for instance, mesh in here}.items():
+        beside = [_mesh_of(number, moving, other) or mesh for other in (before, after)]
+        if all(same(other.positions, mesh.positions) for other in beside):
+            continue
+        if not all(_is_cut_alike(mesh, other) for other in beside):
+            moving.warnings.append(_NOT_BLURRED.format(_CHANGES.format(mesh.name)))
+            continue
+        moving.keys = moving.keys or shutter.keys or _FIRST_KEYS
+        shares = [i / (moving.keys - 1) for i in range(moving.keys)]
+        offsets = [shutter.moment(Moment(), share).offset for share in shares]
+        keys = [_mixed(mesh, beside[0] if offset < 0 else beside[1], min(abs(offset), 1.0)) for offset in offsets]
+        moving.meshes[number] = replace(mesh, keys=tuple(keys))
+
+
+def _mesh_of(number: int, moving: SceneDescription, other: SceneDescription | None) -> Mesh | None:
+    """The other's mesh in the place of that one; names may be the files'."""
+    if other is None or len(other.instances) != len(moving.instances):
+        return None
+    places = zip(moving.instances, other.instances, strict=True)
+    return next(other.meshes[its.mesh] for instance, its in places if instance.mesh == number)
+
+
+def _mixed(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarray | None]:
+    near, part = np.float32(1.0 - share), np.float32(share)
+    normals = None
+    if mesh.normals is not None and other.normals is not None:
+        normals = near * mesh.normals + part * other.normals
+    return near * mesh.positions + part * other.positions, normals
+
+
+_NOT_BLURRED = "Shown as in the middle of the shutter, not blurred: {}."
+_CHANGES = "the mesh {}, whose triangles change"
 _STILL = {
     "materials": ("materials",),
     "how textures lie": ("textures",),
@@ -103,7 +143,7 @@ def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tupl
                 keys = _keys([(other.positions, other.normals) for other in others], (mesh.positions, mesh.normals))
                 meshes[instance.mesh] = replace(mesh, keys=keys)
             else:
-                changed.append(f"the mesh {mesh.name}, whose triangles change")
+                changed.append(_CHANGES.format(mesh.name))
     return instances, meshes, changed
 
 
