@@ -60,9 +60,11 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     packed = pack(description)
     say("listing lights", 0.4)
     punctual = tabulate_punctual(description.lights, bounds)
+    moving_spheres = sum(s.moves for s in description.spheres)
+    sphere_keys = over_the_shutter.sphere_keys(description, spheres[len(sphere) - moving_spheres :])
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     emitted = emitted_by_triangles(packed, geometry)
-    lights = list_lights(packed.emitted, emitted, double_sided, geometry, sphere, sphere_material, punctual)
+    lights = list_lights(packed.emitted, emitted, double_sided, geometry, sphere, sphere_material, punctual, sphere_keys)
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, bounds):
         light_studio(description)
@@ -70,8 +72,6 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     environment = tabulate_environment(description)
     chance = choose_environment(environment, lights.power, bounds)
     say("building the BVH", 0.5)
-    moving_spheres = sum(s.moves for s in description.spheres)
-    sphere_keys = over_the_shutter.sphere_keys(description, spheres[len(sphere) - moving_spheres :])
     keys = over_the_shutter.instance_keys(description, placement)
     bvh = grow(geometry, placement, sphere, len(sphere) - moving_spheres, brute, team, keys, sphere_keys)
     scene = CompiledScene(

@@ -160,6 +160,18 @@ def lamps(t: float) -> SceneDescription:
     )
 
 
+def turning_lamps(t: float) -> SceneDescription:
+    """Lamps that shine to one side and turn away: in the middle none of them faces the wall, or all of them do."""
+    scene = lamps(t)
+    scene.materials[LAMP] = replace(scene.materials[LAMP], double_sided=False)
+    for number, (angle, x) in enumerate(((3.0 * t, -1.0), (3.0 * t + math.pi, 1.0), (2.0 * t + math.pi, 0.0)), 1):
+        tilt = np.eye(4)
+        tilt[1:3, 1:3] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+        tilt[0, 3] = x
+        scene.instances[number:] = [Instance(1, tilt, moves=True)]
+    return replace(scene, spheres=[])
+
+
 def one_lamp(t: float) -> SceneDescription:
     """Two triangles, between which no tree chooses, whose area changes."""
     scene = lamps(t)
@@ -201,7 +213,7 @@ def fly_by(t: float) -> SceneDescription:
     return scene
 
 
-SCENES = [spinning_child, growing, bending, rolling, lamps, one_lamp, punctual, fly_by]
+SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by]
 
 
 @pytest.mark.parametrize("at", SCENES, ids=lambda at: at.__name__)
