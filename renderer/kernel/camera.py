@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.layout import KEY_COLUMNS
 from renderer.bvh.motion import placed_at, step_at
 from renderer.bvh.rigid import motion_keys
 from renderer.jit import device, subroutine
@@ -62,7 +64,6 @@ def camera_frame(settings: RenderSettings) -> Camera:
     flat = view.projection == "orthographic"
     pixel, aperture, focus, near = _lens(view, settings.height)
     corner = up * (pixel * settings.height / 2.0) - right * (pixel * settings.width / 2.0)
-    places = np.array([np.stack(axes_of(each), -1) for each in settings.views]).reshape(1, -1, 3, 4)
     return Camera(
         kind=np.int32(PROJECTIONS.index(view.projection)),
         eye=vector(eye),
@@ -77,9 +78,17 @@ def camera_frame(settings: RenderSettings) -> Camera:
         near=np.float32(near),
         middle=(np.float32(settings.width / 2), np.float32(settings.height / 2)),
         turns=(np.float32(1 / settings.width), np.float32(0.5 / settings.height)),
-        motion=motion_keys(places)[0],
+        motion=_motion(settings.views),
         lens=np.array([_lens(each, settings.height) for each in settings.views]).reshape(-1, 4),
     )
+
+
+@functools.lru_cache(16)
+def _motion(views: tuple[View, ...]) -> npt.NDArray[np.float64]:
+    """Kept, as every batch of a frame asks for it."""
+    if not views:
+        return np.zeros((0, KEY_COLUMNS))
+    return np.ascontiguousarray(motion_keys(np.array([[np.stack(axes_of(each), -1) for each in views]]))[0])
 
 
 def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
