@@ -17,6 +17,7 @@ from renderer.scene.animation import Moment
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
     from renderer.scene.description import SceneDescription
+    from renderer.scene.kept import Kept
     from renderer.scene.load import Shot
 
 __all__ = ["Stage", "open_stage"]
@@ -25,11 +26,12 @@ Say = Callable[[str], None]
 
 
 class _Built(NamedTuple):
-    """A scene at a moment: its description before and after it was compiled, and what came of it."""
+    """A scene at a moment: its description before and after it was compiled, what came of it, and what is said of that."""
 
     read: SceneDescription
     described: SceneDescription
     compiled: CompiledScene
+    summary: dict[str, Any]
 
 
 class Stage:
@@ -49,45 +51,65 @@ class Stage:
         self._shot, self._camera, self._brute, self._threads = shot, camera, brute, threads
         self._shutter = shutter
         self._last: _Built | None = None
+        self._kept: Kept | None = None
         self._auto: dict[str, Any] | None = None
 
     def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
         """The compiled scene at a moment, and its summary. say: told what begins now. Raises SceneError.
 
-        The camera that frames a scene without one frames it as it is at its beginning, and then stands still.
+        The scene is good until the next one is asked for: what changes in it is changed in place. The camera that frames a scene
+        without one frames it as it is at its beginning, and then stands still.
         """
-        from renderer.scene.compile import summarise
+        from renderer.scene.compile import summarise_again
         from renderer.scene.same import compiles_alike
 
-        if self._last is None or self._last.read.moves:
-            say("reading")
+        if self._last is not None and not self._last.read.moves:
+            return self._last.compiled, self._last.summary
+        say("reading")
+        read = self._shot.over(moment, self._shutter)
+        frames_itself = read.moves and self._is_auto(read)
+        if frames_itself and self._auto is None and moment.frame != self._shot.start:
+            say("framing")
+            self._last = self._built(self._shot.at(replace(moment, frame=self._shot.start)))
+            self._auto = self._last.summary["cameras"][-1]
             read = self._shot.over(moment, self._shutter)
-            if self._last is not None and compiles_alike(read, self._last.read):
-                self._last = self._last._replace(described=replace(self._last.described, cameras=read.cameras))
-            else:
-                self._last = None  # two of them need not fit into memory
-                say("building")
-                untouched = _untouched(read)
-                self._last = _Built(untouched, read, self._built(read))
-        summary = summarise(self._last.described, self._last.compiled)
-        if self._last.read.moves and moment.frame != self._shot.start and self._is_auto(summary["cameras"]):
-            if self._auto is None:
-                start = self._shot.at(replace(moment, frame=self._shot.start))
-                self._auto = summarise(start, self._built(start))["cameras"][-1]
-            summary["cameras"][-1] = self._auto
-        return self._last.compiled, summary
+        if self._last is not None and compiles_alike(read, self._last.read):
+            described = replace(self._last.described, cameras=read.cameras)
+            self._last = self._last._replace(read=read, described=described)
+        else:
+            say("building")
+            self._last = self._built(read)
+        if frames_itself and self._auto is None:
+            self._auto = self._last.summary["cameras"][-1]
+        if read.moves:
+            summary = summarise_again(self._last.described, self._last.compiled, self._last.summary)
+            if frames_itself:
+                summary["cameras"][-1] = self._auto
+            self._last = self._last._replace(summary=summary)
+        return self._last.compiled, self._last.summary
 
-    def _built(self, description: SceneDescription) -> CompiledScene:
-        from renderer.scene.compile import compile_scene
+    def _built(self, read: SceneDescription) -> _Built:
+        from renderer.scene.compile import compile_scene, summarise
+        from renderer.scene.kept import Kept
 
-        return compile_scene(description, brute=self._brute, threads=self._threads)
+        self._kept = self._kept or Kept()
+        before, self._last = self._last, None
+        described = _copied(read)
+        compiled = compile_scene(described, brute=self._brute, threads=self._threads, kept=self._kept)
+        if before is not None and read.still is not None and read.still is before.read.still:
+            return _Built(read, described, compiled, before.summary)
+        return _Built(read, described, compiled, summarise(described, compiled))
 
-    def _is_auto(self, cameras: list[dict[str, Any]]) -> bool:
-        return find_camera(cameras, self._camera) == len(cameras) - 1
+    def _is_auto(self, description: SceneDescription) -> bool:
+        """Whether pictures are taken by the camera that frames the scene."""
+        from renderer.scene.compile import camera_names
+
+        names = [{"name": name} for name in camera_names(description)]
+        return find_camera(names, self._camera) == len(names) - 1
 
 
-def _untouched(description: SceneDescription) -> SceneDescription:
-    """A copy that compiling the description leaves as it is: that may add to its lists, and changes nothing in them."""
+def _copied(description: SceneDescription) -> SceneDescription:
+    """A copy to be compiled, which adds to its lists and changes nothing in them."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)

@@ -18,6 +18,7 @@ import numpy as np
 from renderer.bvh.top import LEAST_PART
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
+from renderer.scene.readers.gltf.deform import Bones, skinned
 from renderer.sources import ROOT
 from renderer.threads import cores
 
@@ -26,11 +27,15 @@ __all__ = ["prepare", "preparing_beside"]
 
 @functools.cache
 def prepare() -> None:
-    """Compiles the kernels that prepare scenes, or loads them: those for a mesh that is large enough to need every one."""
+    """Compiles the kernels that prepare scenes, or loads them: those for a mesh that is large enough to need every one, and for
+    one that moves."""
     count = 2 * LEAST_PART
     corner = np.random.default_rng(0).random((3 * count, 3), np.float32)
     mesh = Mesh("soup", corner, np.arange(3 * count, dtype=np.int32).reshape(-1, 3), corner)
-    compile_scene(SceneDescription(meshes=[mesh], instances=[Instance(0)], materials=[Material()], environment=Environment()))
+    small = Mesh("corner", corner[:3], np.arange(3, dtype=np.int32).reshape(1, 3), corner[:3])
+    skinned(small, Bones(np.zeros((3, 4), np.int64), np.zeros((3, 4), np.float32)), np.eye(4)[None])
+    instances = [Instance(0), Instance(1, moves=True)]
+    compile_scene(SceneDescription(meshes=[mesh, small], instances=instances, materials=[Material()], environment=Environment()))
 
 
 @contextlib.contextmanager

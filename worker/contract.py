@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from typing import Any, Literal
 
 import lz4.block
@@ -126,11 +126,15 @@ def celery_config(redis_url: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class BlobRef:
-    """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size."""
+    """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size.
+
+    parts: the hashes and sizes of the blobs that it needs beside itself, where it is the manifest of a compiled scene.
+    """
 
     path: str
     sha256: str
     size: int
+    parts: tuple[tuple[str, int], ...] = ()
 
     @classmethod
     def from_json(cls, data: Any) -> BlobRef:
@@ -138,7 +142,7 @@ class BlobRef:
         ref = cls(**_fields(cls, data))
         if not (isinstance(ref.path, str) and isinstance(ref.sha256, str) and isinstance(ref.size, int)):
             raise ValueError(f"{data!r} refers to no blob")
-        return ref
+        return replace(ref, parts=tuple((str(sha256), int(size)) for sha256, size in ref.parts))
 
 
 @dataclass(frozen=True)

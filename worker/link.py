@@ -128,6 +128,14 @@ class Link:
                 self._body(response)
         return BlobRef(path="", sha256=sha256, size=size)
 
+    def has(self, sha256: str) -> bool:
+        """Whether the service has a blob; then it keeps it until it must have been told what for, as one that is stored."""
+        try:
+            with self._stream("POST", f"/api/farm/blobs/{sha256}/keep"):
+                return True
+        except RefusedError:
+            return False
+
     def kernels(self, name: str, out: BinaryIO) -> bool:
         """Write the kernels of this name (renderer.artefact) to `out`; False where the farm has none."""
         try:

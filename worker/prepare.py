@@ -17,19 +17,20 @@ from renderer.render import render_frame
 from renderer.scene import compiled as compiled_file
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
+from renderer.scene.kept import Kept
 from renderer.scene.load import read
+from renderer.scene.parts import Saver
 from renderer.scene.readers import gltf, obj, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
 from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, Manifest, SceneInfo
 from worker.errors import MachineError, WorkError, is_of_machine
-from worker.patience import patiently
+from worker.scenes import store, store_scene
 
 __all__ = ["memory_budget", "prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
-STORE_PATIENCE_S = 60.0
 MAX_NAMES = 10_000
 THUMBNAIL_WIDTH = 256
 THUMBNAIL_SPP = 32
@@ -91,17 +92,11 @@ def _prepared(
         subject=manifest.main,
     )
     progress("storing", 0.95)
-    compiled = _stored(worker, out / "compiled.safetensors")
-    worker.cache.adopt(out / "compiled.safetensors", compiled.sha256)
+    compiled = store_scene(worker, out / summary["compiled"])
     thumbnail: BlobRef | None = None
     if (out / "thumbnail.png").is_file():
-        thumbnail = _stored(worker, out / "thumbnail.png")
+        thumbnail = store(worker, out / "thumbnail.png")
     return summary, compiled, thumbnail
-
-
-def _stored(worker: WorkerContext, path: Path) -> BlobRef:
-    """Stored with patience: what came of minutes of work is not thrown away because the service starts anew."""
-    return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
 def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, Any]:
@@ -112,9 +107,14 @@ def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, 
 
     progress("reading", 0.05)
     description = read(folder, manifest.main, manifest.environment, manifest.variant)
-    compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction))
+    kept = Kept()
+    compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
     summary = summarise(description, compiled)
-    compiled_file.save(compiled, out / "compiled.safetensors")
+    if description.moves and kept.cuts is not None:  # other moments will share most of it
+        summary["compiled"] = Saver(out).save(compiled, kept.cuts).name
+    else:
+        summary["compiled"] = "compiled.safetensors"
+        compiled_file.save(compiled, out / summary["compiled"])
     progress("thumbnail", 0.85)
     _thumbnail(compiled, summary, out / "thumbnail.png")
     return summary

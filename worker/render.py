@@ -7,15 +7,16 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
-from renderer.errors import RayfarmError, SceneError
+from renderer.errors import RayfarmError
 from renderer.render import edition_for, is_warm, render_batch
-from renderer.scene.compiled import CompiledScene, load
+from renderer.scene.compiled import CompiledScene
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result, pack_sums
-from worker.errors import MachineError, RefusedError, Trouble, is_of_machine
+from worker.errors import RefusedError, Trouble
 from worker.patience import patiently
 from worker.ready import get_ready
 from worker.reproduce import batch_command
+from worker.scenes import open_scene
 
 __all__ = ["batch_event", "failure", "not_understood", "render", "returned"]
 
@@ -94,25 +95,9 @@ def _scene(worker: WorkerContext, sha256: str) -> CompiledScene:
     """The compiled scene, mapped once per slot."""
     scene = _open.get(sha256)
     if scene is None:
-        scene = _loaded(worker, sha256)
+        scene = open_scene(worker.cache, sha256)
         _open[sha256] = scene
         if len(_open) > OPEN_SCENES:
             _open.popitem(last=False)
     _open.move_to_end(sha256)
     return scene
-
-
-def _loaded(worker: WorkerContext, sha256: str) -> CompiledScene:
-    """The compiled scene from the cache; where the cache's file has suffered, it is fetched anew once."""
-    try:
-        return load(worker.cache.path(sha256))
-    except SceneError:
-        if not worker.cache.discard_damaged(sha256):
-            raise
-    except FileNotFoundError:
-        pass  # another slot made room in between
-    except OSError as error:
-        if not is_of_machine(error):
-            raise
-        raise MachineError(f"the cached scene cannot be read ({error.strerror})") from error
-    return load(worker.cache.path(sha256))

@@ -19,6 +19,7 @@ from worker.errors import RefusedError, Trouble, WorkError
 from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
+from worker.scenes import discard_damaged
 
 __all__ = ["register"]
 
@@ -53,7 +54,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
             return
         if deaths:
             with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
-                worker.cache.discard_damaged(work.compiled)
+                discard_damaged(worker.cache, work.compiled)
         result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
         worker.results.send(result)
         speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)

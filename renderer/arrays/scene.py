@@ -166,20 +166,22 @@ def _read_only(array: Array) -> Array:
     return array
 
 
-def seal(scene: CompiledScene) -> CompiledScene:
+def seal(scene: CompiledScene, unchecked: dict[str, Array] | None = None) -> CompiledScene:
     """The scene with every array C-contiguous, of its exact type and read-only, and checked. Copies only what is not so yet.
+
+    unchecked: of arrays by name, the rows of which it is not known that they are in order; of others, all.
 
     Raises SceneError where the arrays do not fit together, since the kernel checks no index.
     """
     arrays = {}
     for name, array in flat(scene).items():
         arrays[name] = _read_only(np.ascontiguousarray(array, LAYOUT[name][0]).view())
-    check(arrays)
+    check(arrays, unchecked)
     return nested(arrays)
 
 
-def check(arrays: dict[str, Array]) -> None:
-    """Raises SceneError where shapes disagree or an index points outside."""
+def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -> None:
+    """Raises SceneError where shapes disagree or an index points outside. unchecked: see `seal`."""
     lengths: dict[str, int] = {}
     for name, (_, shape) in LAYOUT.items():
         actual = arrays[name].shape
@@ -194,6 +196,7 @@ def check(arrays: dict[str, Array]) -> None:
                     raise SceneError(f"{name} has the shape {actual}, which does not fit the other arrays")
             elif length != expected:
                 raise SceneError(f"{name} has the shape {actual}; {expected} belongs where {length} stands")
+    arrays = arrays | (unchecked or {})
     primitives = lengths["T"] + lengths["S"]
     for name, lower, upper in (
         ("sphere_material", 0, lengths["M"]),
@@ -235,7 +238,7 @@ def check(arrays: dict[str, Array]) -> None:
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
     beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["C"])
-    if int(children.max()) >= lengths["N"] or not (leaves >> 2 < beyond).all():
+    if int(children.max(initial=0)) >= lengths["N"] or not (leaves >> 2 < beyond).all():
         raise SceneError("the BVH points outside its nodes")
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
@@ -248,7 +251,9 @@ def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
     if not ((count == 0) | ((count >= 2) & (first >= 0) & (first + count <= lengths["R"]))).all():
         raise SceneError("an instance has fewer keys than it says")
     start, keys = (int(number) for number in arrays["bvh.keyed"])
-    if start < lengths["C"] and not 2 <= keys <= lengths["C"] - start:
+    leaf = ~arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
+    number = leaf[(leaf >= 0) & (leaf & INSTANCE == 0)] >> 2
+    if start < lengths["C"] and not (keys >= 2 and int(number.max(initial=0)) + keys <= lengths["C"]):
         raise SceneError("a packet has fewer keys than it says")
     moving = lengths["D"] + lengths["Z"]
     if moving and (start < 0 or keys < 2 or lengths["D"] % keys or lengths["Z"] % keys):

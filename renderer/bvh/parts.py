@@ -8,7 +8,7 @@ part begins at a multiple of a page: files of parts can be mapped one behind the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,12 +27,17 @@ PAGE = 4096  # bytes
 
 Array = npt.NDArray[Any]
 Tree = tuple[Array, Array]  # nodes and packets, as `renderer.bvh.build.tree_of` gives them
+Room = Callable[[str, int, tuple[int, ...], Any, tuple[object, ...]], tuple[Array, bool]]  # Kept.room of renderer/scene/kept.py
 
 
 def padded(count: int, row_bytes: int) -> int:
     """So many rows, or as many more as end at a page's end."""
     whole = PAGE // math.gcd(PAGE, row_bytes)
     return -(-count // whole) * whole
+
+
+def _new_room(name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
+    return np.zeros((length, *shape), dtype), False
 
 
 _NODE_BYTES, _PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
@@ -44,6 +49,7 @@ class Laid(NamedTuple):
     bvh: Bvh
     node: tuple[int, ...]
     packet: tuple[int, ...]
+    kept: tuple[object, object]  # the trees of what stands still and of the bodies, as they were given
 
 
 def lay(
@@ -56,6 +62,7 @@ def lay(
     to_world: Array,
     team: Team,
     brute: bool = False,
+    room: Room = _new_room,
     keys: Sequence[Array] = (),
     loose_keys: int = 1,
 ) -> Laid:
@@ -63,38 +70,45 @@ def lay(
 
     first_triangle: at which number the triangles of each body begin, and first_loose: those of what is loose, both numbered from
     0 in their trees. shown: (J,) which body each further instance shows; to_world: (I, 3, 4) of all, the J of the bodies last.
-    keys: of each of the J, (K, KEY_COLUMNS), none of one that stands still while the shutter is open; or nothing where all do.
-    loose_keys: how often each packet of `loose` is there.
+    room: gives arrays, perhaps those of another moment with what is kept in them.
+    While the shutter is open: keys of each of the J, (K, KEY_COLUMNS), none of one that stands still, or nothing where all do;
+    loose_keys: how often a packet of `loose` is there.
     """
     moving = to_world[len(to_world) - len(shown) :]
     boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
     top, _ = tree_of(bounds=boxes, team=team)
-    room = padded(max(len(boxes), len(top)), _NODE_BYTES)
-    nodes = _starts([room, len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])], _NODE_BYTES)
+    nodes = _starts(
+        [padded(max(len(boxes), len(top)), _NODE_BYTES), len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])],
+        _NODE_BYTES,
+    )
     packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], _PACKET_BYTES)
-    node = np.zeros((nodes[-1], NODE_ROWS, WIDTH), np.float32)
-    packet = np.zeros((packets[-1], PACKET_ROWS, WIDTH), np.float32)
-    _put((still.node, still.packet), node, packet, nodes[1], packets[1], 0)
+    # Of what is kept lies there what was put there, where it would be put again.
+    heads = (still.node, *(array for body in bodies for array in body), *nodes[1:4], *packets[1:4], *first_triangle)
+    node, has_nodes = room("node", nodes[-1], (NODE_ROWS, WIDTH), np.float32, heads)
+    packet, has_packets = room("packet", packets[-1], (PACKET_ROWS, WIDTH), np.float32, heads)
+    if not (has_nodes and has_packets):
+        _put((still.node, still.packet), node, packet, nodes[1], packets[1], 0)
     roots = []
     at, packed = nodes[2], packets[2]
     for body, primitive in zip(bodies, first_triangle, strict=True):
         roots.append(at)
-        _put(body, node, packet, at, packed, primitive)
+        if not (has_nodes and has_packets):
+            _put(body, node, packet, at, packed, primitive)
         at, packed = at + len(body[0]), packed + len(body[1])
     _put(loose, node, packet, nodes[3], packets[3], first_loose)
     root = np.concatenate([still.instance_root + np.int32(nodes[1]), np.array(roots, np.int32)[shown]])
     number = np.concatenate([[nodes[1], nodes[3]], ~(4 * (len(still.instance_root) + np.arange(len(shown))) + INSTANCE)])
-    _put_top(top, number[children], node)
+    _put_top(top, number[children], node, nodes[1])
     if brute:
         boundless(node)
     bvh = Bvh(node, packet, root.astype(np.int32), inverted(to_world))
     if any(map(len, keys)):
         count = np.array([0] * len(still.instance_root) + [len(each) for each in keys], np.int32)
-        first = np.where(count > 0, np.cumsum(count) - count, 0).astype(np.int32)
-        bvh = bvh._replace(motion=np.concatenate(keys), instance_motion=np.stack([first, count], axis=1))
+        begin = np.where(count > 0, np.cumsum(count) - count, 0).astype(np.int32)
+        bvh = bvh._replace(motion=np.concatenate(keys), instance_motion=np.stack([begin, count], axis=1))
     if loose_keys > 1:
         bvh = bvh._replace(keyed=np.array([packets[3], loose_keys], np.int32))
-    return Laid(bvh, nodes, packets)
+    return Laid(bvh, nodes, packets, (still, bodies))
 
 
 def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
@@ -129,9 +143,10 @@ def _below_top(
     return np.concatenate(boxes), np.concatenate(children)
 
 
-def _put_top(top: Array, number: Array, node: Array) -> None:
-    """Puts the top in its place; number: the child that stands for each of what hangs below it."""
+def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
+    """Puts the top in its place, of so much room; number: the child that stands for each of what hangs below it."""
     node[: len(top)] = top
+    node[len(top) : room] = 0
     child = node[: len(top), ROW_CHILD].view(np.int32)
     leaves = (child < 0) & (top[:, 0] <= top[:, 1])
     child[leaves] = number[~child[leaves] >> 2]

@@ -4,32 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES
 from renderer.arrays.scene import CompiledScene, seal
-from renderer.errors import SceneError
+from renderer.bvh.parts import Laid
 from renderer.scene import over_the_shutter
-from renderer.scene.description import F32, I32, Camera, SceneDescription
-from renderer.scene.emitters import emitted_by_triangles
-from renderer.scene.environment import are_accents, choose_environment, search_tables, tabulate_environment
+from renderer.scene.description import I32, Camera, SceneDescription
+from renderer.scene.emitters import emitting_triangles
+from renderer.scene.environment import (
+    EnvironmentTables,
+    are_accents,
+    choose_environment,
+    search_tables,
+    tabulate_environment,
+)
 from renderer.scene.framing import frame
-from renderer.scene.geometry import NOWHERE, Geometry, Placement, bounds_of, by_triangle, place
+from renderer.scene.geometry import NOWHERE, Geometry
 from renderer.scene.grown import grow
 from renderer.scene.guides import list_guides
+from renderer.scene.kept import Cuts, Kept
 from renderer.scene.lights import list_lights
 from renderer.scene.objects import number_objects
-from renderer.scene.packing import pack
-from renderer.scene.placed import MAX_COORDINATE
 from renderer.scene.punctual import tabulate_punctual
+from renderer.scene.stood import Stood, stand
 from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
 from renderer.threads import Team
 
-__all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
+__all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "summarise", "summarise_again"]
 
 AUTO_CAMERA = "auto"
 
@@ -37,62 +42,71 @@ Progress = Callable[[str, float], None]
 
 
 def compile_scene(
-    description: SceneDescription, progress: Progress | None = None, brute: bool = False, threads: int | None = None
+    description: SceneDescription,
+    progress: Progress | None = None,
+    brute: bool = False,
+    threads: int | None = None,
+    kept: Kept | None = None,
 ) -> CompiledScene:
     """The compiled scene, every array C-contiguous and read-only.
 
     progress: told each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
-    threads: None for one per core; the scene does not depend on it.
+    threads: None for one per core; the scene does not depend on it. kept: of the same shot at another moment, whose compiled
+    scene is not read any more; the scene does not depend on it either.
     Raises SceneError where there is nothing to see or too much to hold.
     """
     with Team(threads) as team:
-        return _compiled(description, progress or (lambda step, fraction: None), brute, team)
+        kept = Kept() if kept is None or brute else kept
+        kept.begin()
+        return _compiled(description, progress or (lambda step, fraction: None), brute, team, kept)
 
 
-def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team) -> CompiledScene:
+def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: Kept) -> CompiledScene:
     say("placing meshes", 0.0)
-    geometry, placement = place(description, team)
-    spheres = sorted(range(len(description.spheres)), key=lambda n: description.spheres[n].moves)  # those that move last
-    sphere = _spheres(description, spheres)
-    sphere_material = np.array([description.spheres[n].material for n in spheres], np.int32)
-    bounds = _bounds(description.name, geometry, placement, sphere, team)
+    stood = stand(description, team, kept)
+    sphere, joined, placement = stood.sphere, stood.joined, stood.placement
+    geometry = joined.geometry
     say("packing textures", 0.25)
-    packed = pack(description)
+    packed = stood.packed
     say("listing lights", 0.4)
-    punctual = tabulate_punctual(description.lights, bounds)
-    moving_spheres = sum(s.moves for s in description.spheres)
-    sphere_keys = over_the_shutter.sphere_keys(description, spheres[len(sphere) - moving_spheres :])
+    punctual = tabulate_punctual(description.lights, stood.bounds)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
-    emitted = emitted_by_triangles(packed, geometry)
-    lights = list_lights(packed.emitted, emitted, double_sided, geometry, sphere, sphere_material, punctual, sphere_keys)
+    emitters = emitting_triangles(packed, geometry)
+    sphere_keys = over_the_shutter.sphere_keys(description, stood.spheres[stood.still_spheres :])
+    lights = list_lights(packed.emitted, emitters, double_sided, geometry, sphere, stood.sphere_material, punctual, sphere_keys)
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
-    if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, bounds):
+    if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(description)
         description.warnings.append(STUDIO_TOO)
-    environment = tabulate_environment(description)
-    chance = choose_environment(environment, lights.power, bounds)
+    environment, search = kept.recall(
+        "environment",
+        lambda: (description.environment, _image_of(description)),
+        lambda: _environment(description),
+    )
+    chance = choose_environment(environment, lights.power, stood.bounds)
     say("building the BVH", 0.5)
     keys = over_the_shutter.instance_keys(description, placement)
-    bvh = grow(geometry, placement, sphere, len(sphere) - moving_spheres, brute, team, keys, sphere_keys)
-    scene = CompiledScene(
-        bvh=bvh,
+    still_spheres = stood.still_spheres
+    laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)
+    arrays = CompiledScene(
+        bvh=laid.bvh,
         to_world=placement.to_world,
         instance_stretch=over_the_shutter.stretches_of(description, placement),
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,
         normal=geometry.normal,
-        uv=geometry.uv if len(packed.texture) else geometry.uv[:0],
+        uv=geometry.uv,
         uv1=geometry.uv1 if any(t.uv_set == 1 for t in description.textures) else geometry.uv1[:0],
         color=geometry.color,
         tangent=geometry.tangent,
-        triangle=_with_part(geometry),
-        part=_parts(geometry, lights.triangle_light),
+        triangle=joined.triangle,
+        part=_parts(geometry, emitters.triangle),
         triangle_light=lights.triangle_light,
         sphere=sphere,
-        sphere_material=sphere_material,
+        sphere_material=stood.sphere_material,
         sphere_light=lights.sphere_light,
-        sphere_object=np.array(number_objects(description).sphere, np.int32)[spheres],
+        sphere_object=stood.sphere_object,
         material_kind=packed.material_kind,
         material_flags=packed.material_flags,
         material=packed.material,
@@ -104,45 +118,75 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         light_cdf=lights.cdf,
         light_node=lights.node,
         light_area=lights.area,
-        guide=list_guides([description.spheres[n].guide for n in spheres], lights.primitive, lights.cdf, len(geometry.triangle)),
+        guide=list_guides(
+            [description.spheres[n].guide for n in stood.spheres], lights.primitive, lights.cdf, len(geometry.triangle)
+        ),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,
-        **search_tables(environment.marginal, environment.conditional),
+        **search,
         environment_frame=environment.frame(chance),
-        bounds=bounds,
+        bounds=stood.bounds,
         key_position=geometry.keys[:, 0].reshape(-1, 3),
         key_normal=geometry.keys[:, 1].reshape(-1, 3),
         key_sphere=sphere_keys.reshape(-1, 4),
         key_punctual=over_the_shutter.punctual_keys(description.lights),
     )
-    scene = seal(scene)
+    kept.cuts = _cuts(stood, laid, (environment, search))
+    scene = seal(arrays, _to_check(stood, laid, arrays, kept))
     say("done", 1.0)
     return scene
+
+
+def _environment(description: SceneDescription) -> tuple[EnvironmentTables, dict[str, Any]]:
+    tables = tabulate_environment(description)
+    return tables, search_tables(tables.marginal, tables.conditional)
+
+
+def _image_of(description: SceneDescription) -> np.ndarray | None:
+    source = description.environment
+    return None if source is None or source.image is None else description.images[source.image].pixels
+
+
+def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...]) -> Cuts:
+    still, bodies, _ = stood.sections
+    joined = stood.joined
+    geometry = joined.geometry
+    has = tuple(len(getattr(geometry, name)) > 0 for name in ("uv", "uv1", "color", "tangent"))
+    where = (*map(int, has), *laid.node[1:4], *laid.packet[1:4], *joined.first_triangle[:3], *joined.first_vertex[:3])
+    heads = {
+        "still": (still, laid.kept[0], *where),
+        "bodies": (still, bodies, laid.kept[1], *where),
+        "materials": (stood.packed,),
+        "textures": (stood.packed,),
+        "environment": environment,
+    }
+    return Cuts(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
+
+
+def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dict[str, np.ndarray]:
+    """Of arrays that were checked at another moment, what is new."""
+    if not kept.knows("checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])):
+        return {}
+    node = laid.bvh.node
+    return {
+        "triangle": scene.triangle[stood.joined.first_triangle[2] :],
+        "bvh.node": np.concatenate([node[: laid.node[1]], node[laid.node[3] :]]),
+        "bvh.packet": laid.bvh.packet[laid.packet[3] :],
+    }
 
 
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, variants, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene; `views` of those that move while the shutter
-    is open, as RenderSettings has them. up: which way is up. fps: the file's own,
+    cameras: the file's own, then always one named "auto" that frames the scene; `views` of those that move while
+    the shutter is open, as RenderSettings has them. up: which way is up. fps: the file's own,
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
-    cameras = [
-        Camera(
-            c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)",
-            _aimed(c.view, compiled.bounds),
-            tuple(_aimed(view, compiled.bounds) for view in c.keys),
-        )
-        for c in description.cameras
-    ]
-    cameras.append(Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up)))
+    cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up))]
     return {
-        "cameras": [
-            {"name": c.name, "view": _view_dict(c.view)} | ({"views": [_view_dict(view) for view in c.keys]} if c.keys else {})
-            for c in cameras
-        ],
+        "cameras": [_camera_dict(c) for c in cameras],
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
             "unique_triangles": len(compiled.triangle) - _filling(compiled),
@@ -167,41 +211,49 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     }
 
 
-def _spheres(description: SceneDescription, order: list[int]) -> F32:
-    spheres = [description.spheres[n] for n in order]
-    found = np.array([(*s.center, s.radius) for s in spheres], np.float64).reshape(-1, 4)
-    if not (np.abs(found) < MAX_COORDINATE).all():
-        raise SceneError(f"{description.name}: a sphere's place or size is beyond what numbers hold; give it a sane one")
-    return found.astype(np.float32)
+def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
+    """The same for another moment of a shot in which nothing but places and shapes moves; before: what was said of one moment.
+
+    The camera named "auto" frames the bounds, and does not look closer.
+    """
+    low, high = compiled.bounds
+    corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
+    cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
+    return {
+        **before,
+        "cameras": [_camera_dict(c) for c in cameras],
+        "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
+        "warnings": list(description.warnings),
+    }
 
 
-def _with_part(geometry: Geometry) -> I32:
-    """A triangle's vertices and its part side by side: a hit reads one row."""
-    triangle = np.empty((len(geometry.triangle), 4), np.int32)
-    triangle[:, :3] = geometry.triangle
-    triangle[:, 3] = by_triangle(geometry, np.arange(len(geometry.material), dtype=np.int32))
-    return triangle
+def camera_names(description: SceneDescription) -> list[str]:
+    """What `summarise` calls the cameras."""
+    own = [c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)" for c in description.cameras]
+    return [*own, AUTO_CAMERA]
 
 
-def _parts(geometry: Geometry, triangle_light: I32) -> I32:
+def _own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
+    names = camera_names(description)
+    bounds = compiled.bounds
+    return [
+        Camera(name, _aimed(c.view, bounds), tuple(_aimed(view, bounds) for view in c.keys))
+        for name, c in zip(names, description.cameras, strict=False)
+    ]
+
+
+def _camera_dict(camera: Camera) -> dict[str, Any]:
+    """views: of one that moves while the shutter is open, as RenderSettings has them."""
+    still = {"name": camera.name, "view": _view_dict(camera.view)}
+    return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
+
+
+def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
     part = np.zeros((len(geometry.material), PART_COLUMNS), np.int32)
     part[:, PART_MATERIAL] = geometry.material
     part[:, PART_OBJECT] = geometry.object
-    if len(triangle_light):
-        part[:, PART_SHINES] = [(triangle_light[a:b] >= 0).any() for a, b in pairwise(geometry.first)]
+    part[np.unique(np.searchsorted(geometry.first, emitting, "right") - 1), PART_SHINES] = 1
     return part
-
-
-def _bounds(name: str, geometry: Geometry, placement: Placement, sphere: F32, team: Team) -> F32:
-    corners: list[np.ndarray] = [*bounds_of(geometry, placement, team)]
-    if len(sphere):
-        corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
-    if not corners:
-        raise SceneError(f"{name}: has no triangle with an area and no sphere; export it with its meshes")
-    bounds = np.array([np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)])
-    if not np.abs(bounds).max() < MAX_COORDINATE:
-        raise SceneError(f"{name}: an instance's place is beyond what numbers hold; give it a sane transform")
-    return bounds.astype(np.float32)
 
 
 def _filling(compiled: CompiledScene) -> int:

@@ -1,4 +1,5 @@
-"""Keeps a compiled scene in one safetensors file, and maps it into memory again without copying.
+"""Keeps a compiled scene in one safetensors file, and maps it into memory again without copying. One that moves is kept in
+parts (parts.py).
 
 The safetensors format: u64 length of the header, the header (JSON: name -> dtype, shape, offsets), the arrays. The header is
 padded so that the arrays start at a multiple of 64 bytes, and read back as views of the mapping: all processes of a machine
@@ -18,6 +19,7 @@ import numpy as np
 
 from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested, seal
 from renderer.errors import SceneError
+from renderer.scene.parts import MANIFEST_STARTS, Find, load_parts
 
 __all__ = ["CompiledScene", "load", "save", "seal"]
 
@@ -52,19 +54,31 @@ def save(scene: CompiledScene, path: Path) -> None:
         raise
 
 
-def load(path: Path) -> CompiledScene:
-    """The scene that `save` wrote, as read-only views of the file.
+def load(path: Path, find: Find | None = None) -> CompiledScene:
+    """The scene that `save` wrote, or renderer.scene.parts.Saver, as read-only views of the files.
+
+    find: where a manifest's parts lie; None for beside it.
 
     Raises SceneError where the file is damaged, cut short, or not a compiled scene; OSError where it cannot be opened.
     """
     path = Path(path)
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
+        if file.read(1) == MANIFEST_STARTS:
+            file.seek(0)
+            return _of_parts(path, file.read(), find)
         if size < 8:
             raise SceneError(f"{path.name} is no compiled scene: it has only {size} bytes")
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     try:
         return nested(_views(mapped, size))
+    except SceneError as error:
+        raise SceneError(f"{path.name} is damaged or no compiled scene: {error}. Prepare the scene again") from error
+
+
+def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
+    try:
+        return load_parts(manifest, find or (lambda sha256, size: path.parent / sha256))
     except SceneError as error:
         raise SceneError(f"{path.name} is damaged or no compiled scene: {error}. Prepare the scene again") from error
 

@@ -222,5 +222,8 @@ class SceneDescription:
     fps: float = DEFAULT_FPS  # the file's
     moves: bool = False  # whether another moment may show something else
     keys: int = 0  # of what moves while the shutter is open; 0: nothing does
+    # An object that descriptions of several moments share, where they differ in cameras, lights without a body and what is marked
+    # as moving alone: places of instances, and vertices of meshes that deform.
+    still: object | None = None
     variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
     warnings: list[str] = field(default_factory=list)  # sentences a person can act on

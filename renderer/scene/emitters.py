@@ -6,20 +6,21 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.kernel.light.mean_emission import mean_texels
-from renderer.scene.geometry import Geometry, by_triangle
-from renderer.scene.lights import luminance
+from renderer.scene.geometry import NOWHERE, Geometry
+from renderer.scene.lights import Emitters, luminance
 from renderer.scene.packing import Packed
 
-__all__ = ["emitted_by_triangles"]
+__all__ = ["emitting_triangles"]
 
 _SPREAD = 0.05  # of a mesh's light is taken to leave all its triangles alike: a mean over few points may miss a bright texel
 
 
-def emitted_by_triangles(packed: Packed, geometry: Geometry) -> np.ndarray:
-    """The mean luminance that each triangle emits, (T,) float64, of both sides where both shine."""
-    if not len(geometry.triangle):
-        return np.zeros(0)
-    material_of = by_triangle(geometry, geometry.material)
+def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
+    """What emits in a geometry, textures included."""
+    bright = np.flatnonzero((packed.emitted[geometry.material] > 0) & (geometry.object != NOWHERE))
+    ranges = [np.arange(geometry.first[p], geometry.first[p + 1]) for p in bright]
+    triangle = np.concatenate([np.zeros(0, np.int64), *ranges])
+    material_of = np.repeat(geometry.material[bright], [len(r) for r in ranges])
     emitted = packed.emitted[material_of]
     for material in np.flatnonzero((packed.emitted > 0) & (packed.material_texture[:, rows.EMISSION_TEXTURE] >= 0)):
         number = packed.material_texture[material, rows.EMISSION_TEXTURE]
@@ -27,8 +28,9 @@ def emitted_by_triangles(packed: Packed, geometry: Geometry) -> np.ndarray:
         mean = np.zeros((len(of_it), 3), np.float32)
         uv1 = geometry.uv1 if len(geometry.uv1) else geometry.uv
         table = packed.texture, packed.texture_transform, packed.texel
-        mean_texels(*table, number, geometry.uv, uv1, geometry.triangle[of_it], mean)
+        mean_texels(*table, number, geometry.uv, uv1, geometry.triangle[triangle[of_it]], mean)
         factor = packed.material[material, rows.EMISSION : rows.EMISSION + 3].astype(np.float64)
         sides = 2.0 if packed.material[material, rows.DOUBLE_SIDED] else 1.0
         emitted[of_it] = (1 - _SPREAD) * sides * luminance(mean * factor) + _SPREAD * packed.emitted[material]
-    return emitted
+    shines = emitted > 0
+    return Emitters(triangle[shines], material_of[shines], emitted[shines])

@@ -61,6 +61,17 @@ class SceneFiles:
         found: Made = self._made[key]
         return found
 
+    def keep(self, key: Hashable, made: Any) -> None:
+        """Keeps something for `known`."""
+        self._used.add(key)
+        self._made[key] = made
+
+    def known(self, key: Hashable) -> Any:
+        """What was kept at the last moment; None where nothing was. What it was made of stays too."""
+        if key in self._made:
+            self._used = set(self._made)
+        return self._made.get(key)
+
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
         path = self._inside(name)

@@ -4,28 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.parts import padded
 from renderer.errors import SceneError
 from renderer.kernel.mesh.faces import find_corners
 from renderer.scene.description import F32, I32, SceneDescription
-from renderer.scene.instances import Group, Sharing, share
+from renderer.scene.instances import Group, Sharing
 from renderer.scene.objects import number_objects
 from renderer.scene.placed import Placed, placed, with_keys
 from renderer.scene.readable import read_only
 from renderer.threads import PART, Team, parts_of
 
-__all__ = ["MAX_TRIANGLES", "NOWHERE", "Geometry", "Placement", "bounds_of", "by_triangle", "flatten", "keys_step", "place"]
+__all__ = [
+    "MAX_TRIANGLES",
+    "NOWHERE",
+    "Geometry",
+    "Placement",
+    "Section",
+    "by_triangle",
+    "check_size",
+    "flatten",
+    "keys_step",
+    "make_bodies",
+    "make_loose",
+    "make_still",
+    "moving_corners",
+    "placement_of",
+    "still_corners",
+]
 
 MAX_TRIANGLES = 20_000_000
 NOWHERE = -2
 _FEW_KEYS = 5
 _MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
-_ROW_BYTES = 4  # of the narrowest array of vertices or triangles: what ends at a page's end there does so in all
+
+F64 = npt.NDArray[np.float64]
 
 
 class Geometry(NamedTuple):
@@ -54,21 +71,14 @@ def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
 
 
 class Placement(NamedTuple):
-    """Where the groups stand, those that move last."""
+    """Where the groups stand: first those that stand still."""
 
-    tree: I32  # (G, 2) the triangles of each group: the first, and that behind the last
-    still: int  # how many of them stand still
     group: I32  # (I,) of each instance
-    to_world: npt.NDArray[np.float64]  # (I, 3, 4)
+    still: int  # instances that stand still
+    to_world: F64  # (I, 3, 4)
     material: I32  # (I,) or -1: the triangles' own
     object: I32  # (I,)
     number: list[int]  # (I,) the description's instance that each is
-    world: tuple[int, int]  # the triangles of the world are those before the first number, and those from the second on
-
-    @property
-    def still_instances(self) -> int:
-        """How many instances show groups that stand still: the first."""
-        return int(np.count_nonzero(self.group < self.still))
 
 
 class _Part(NamedTuple):
@@ -79,54 +89,77 @@ class _Part(NamedTuple):
     object: int
 
 
-def place(description: SceneDescription, team: Team) -> tuple[Geometry, Placement]:
-    """Copies meshes into the world, or keeps them once, as renderer/scene/instances.py decides.
+class Section(NamedTuple):
+    """Triangles that are made together, numbered by themselves: the world's, then those of trees."""
 
-    Raises SceneError where more than MAX_TRIANGLES are left, or a place is beyond the range of float32.
-    """
-    sharing = share(description)
-    _check_size(description, sharing)
-    objects = number_objects(description).instance
+    geometry: Geometry
+    world: int  # how many are the world's
+    trees: tuple[tuple[int, int], ...]  # the triangles of each tree
+    corners: tuple[F64, ...]  # (n, 3): points whose box holds the world's, then those for each tree: its own, in its space
+
+
+def make_still(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
+    """What stands still. Raises SceneError where a place is beyond the range of float32."""
+    world = [_copy(description, n, objects[n], team) for n in sharing.copied]
+    return _section(world, [_group(description, group, team) for group in sharing.groups], team)
+
+
+def make_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> Section:
+    """What moves and stays in shape."""
+    return _section([], [_group(description, group, team) for group in sharing.bodies], team)
+
+
+def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
+    """What moves and is of the world; with its keys, if any of it moves while the shutter is open."""
+    parts = [_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
+    parts = _over_the_shutter(description, sharing.loose, parts, team)
+    section = _section(parts, [], team)
+    if parts and len(parts[0].placed.keys):
+        keys = np.concatenate([part.placed.keys for part in parts], axis=2)
+        section = section._replace(geometry=section.geometry._replace(keys=keys))
+    return section
+
+
+def _section(world: list[_Part], trees: list[list[_Part]], team: Team) -> Section:
+    geometry = _together(world + [part for tree in trees for part in tree])
+    ends = np.cumsum([_count(world), *(map(_count, trees))]).tolist()
+    position, triangle = read_only(geometry.position), read_only(geometry.triangle)
+    corners = [_corners_of(position, triangle, a, b, team) for a, b in pairwise([0, *ends])]
+    return Section(geometry, ends[0], tuple(pairwise(ends)), tuple(corners))
+
+
+def _corners_of(position: F32, triangle: I32, first: int, end: int, team: Team) -> F64:
+    """(2 or 0, 3) the least and the greatest coordinates of triangles."""
+    parts = parts_of(first, end, PART)
+    corner = np.empty((len(parts), 2, 3), np.float32)
+    team.each(lambda job: find_corners(position, triangle, *job[0], job[1]), zip(parts, corner, strict=True))
+    return np.array([corner[:, 0].min(axis=0), corner[:, 1].max(axis=0)], np.float64) if parts else np.zeros((0, 3))
+
+
+def placement_of(description: SceneDescription, sharing: Sharing, objects: Sequence[int]) -> Placement:
+    """Where the groups stand."""
     groups = sharing.groups + sharing.bodies
-    still = [_copy(description, n, objects[n], team) for n in sharing.copied]
-    kept = [_group(description, group, team) for group in groups]
-    loose = [_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
-    loose = _over_the_shutter(description, sharing.loose, loose, team)
-    of_still = [part for group in kept[: len(sharing.groups)] for part in group]
-    of_bodies = [part for group in kept[len(sharing.groups) :] for part in group]
-    geometry, starts = _joined([still + of_still, of_bodies, loose])
-    if loose and len(loose[0].placed.keys):
-        geometry = geometry._replace(keys=np.concatenate([part.placed.keys for part in loose], axis=2))
-    lengths = [sum(len(part.placed.triangle) for part in group) for group in kept]
-    tree = []
-    at = _count(still)
-    for g, length in enumerate(lengths):
-        at = starts[1] if g == len(sharing.groups) else at
-        tree.append((at, at + length))
-        at += length
     which = [(g, n) for g, group in enumerate(groups) for n in group.instances]
     shown = [description.instances[n] for _, n in which]
-    placement = Placement(
-        np.array(tree, np.int32).reshape(-1, 2),
-        len(sharing.groups),
+    return Placement(
         np.array([g for g, _ in which], np.int32),
+        sum(len(group.instances) for group in sharing.groups),
         np.array([np.asarray(i.transform, np.float64)[:3] for i in shown]).reshape(-1, 3, 4),
         np.array([-1 if i.material is None else i.material for i in shown], np.int32),
         np.array([objects[n] for _, n in which], np.int32),
         [n for _, n in which],
-        (_count(still), starts[2]),
     )
-    return geometry, placement
 
 
 def flatten(description: SceneDescription) -> Geometry:
     """Copies every instance into the world."""
     objects = number_objects(description).instance
     team = Team(1)
-    return _joined([[_copy(description, n, number, team) for n, number in enumerate(objects)]])[0]
+    return _together([_copy(description, n, number, team) for n, number in enumerate(objects)])
 
 
-def _check_size(description: SceneDescription, sharing: Sharing) -> None:
+def check_size(description: SceneDescription, sharing: Sharing) -> None:
+    """Raises SceneError where there are more than MAX_TRIANGLES."""
     meshes = [description.meshes[description.instances[n].mesh] for n in sharing.copied + sharing.loose]
     meshes += [description.meshes[m] for group in sharing.groups + sharing.bodies for m in group.meshes]
     for total, limit, what in (
@@ -190,87 +223,81 @@ def _count(parts: Sequence[_Part]) -> int:
     return sum(len(part.placed.triangle) for part in parts)
 
 
-def _joined(sections: Sequence[Sequence[_Part]]) -> tuple[Geometry, list[int]]:
-    """The parts as one, and the first triangle of each section; sections begin at a page.
-
-    What only some parts have the others get neutral values for; for the second UVs, the first.
-    """
-    parts = [part for section in sections for part in section]
-    triangles, vertices, starts = [0], [0], []
-    material, object = [], []
-    first: list[tuple[int, int]] = []
-    for i, section in enumerate(sections):
-        starts.append(triangles[-1])
-        for part in section:
-            first.append((vertices[-1], triangles[-1]))
-            vertices.append(vertices[-1] + len(part.placed.position))
-            triangles.append(triangles[-1] + len(part.placed.triangle))
-            material.append(part.material)
-            object.append(part.object)
-        ends = padded(triangles[-1], _ROW_BYTES), padded(vertices[-1], _ROW_BYTES)
-        if any(sections[i + 1 :]) and ends != (triangles[-1], vertices[-1]):
-            triangles.append(ends[0])
-            vertices.append(ends[1])
-            material.append(0)
-            object.append(NOWHERE)
-    if len(parts) == 1 and len(material) == 1:
+def _together(parts: Sequence[_Part]) -> Geometry:
+    """The parts as one. What only some of them have the others get neutral values for; for the second UVs, the first."""
+    count = [_count([part]) for part in parts]
+    parting = (
+        np.cumsum([0, *count], dtype=np.int32),
+        np.array([part.material for part in parts], np.int32),
+        np.array([part.object for part in parts], np.int32),
+    )
+    if len(parts) == 1:
         only = parts[0].placed
-        arrays = (*only[:6], only.triangle)
-    else:
-        uv = _together([p.placed.uv for p in parts], first, vertices[-1], 2, 0.0)
-        uv1 = _together([p.placed.uv1 for p in parts], first, vertices[-1], 2, 0.0)
-        for (at, _), part in zip(first, parts, strict=True):
-            if len(uv1) and not len(part.placed.uv1):
-                uv1[at : at + len(part.placed.uv)] = part.placed.uv
-        triangle = np.zeros((triangles[-1], 3), np.int32)
-        for (vertex, at), part in zip(first, parts, strict=True):
-            np.add(part.placed.triangle, np.int32(vertex), out=triangle[at : at + len(part.placed.triangle)])
-        arrays = (
-            _together([p.placed.position for p in parts], first, vertices[-1], 3, 0.0),
-            _together([p.placed.normal for p in parts], first, vertices[-1], 3, 0.0),
-            uv,
-            uv1,
-            _together([p.placed.color for p in parts], first, vertices[-1], 4, 1.0),
-            _together([p.placed.tangent for p in parts], first, vertices[-1], 4, 0.0),
-            triangle,
-        )
-    whole = Geometry(*arrays, np.array(triangles, np.int32), np.array(material, np.int32), np.array(object, np.int32))
-    return whole, starts
+        return Geometry(*only[:6], only.triangle, *parting)
+    first = np.cumsum([0] + [len(part.placed.position) for part in parts])
+
+    def together(name: str, width: int, neutral: float) -> F32:
+        arrays = [getattr(part.placed, name) for part in parts]
+        if not any(len(a) for a in arrays):
+            return np.zeros((0, width), np.float32)
+        whole = np.full((int(first[-1]), width), neutral, np.float32)
+        for at, array in zip(first, arrays, strict=False):
+            whole[at : at + len(array)] = array
+        return whole
+
+    uv, uv1 = together("uv", 2, 0.0), together("uv1", 2, 0.0)
+    for at, part in zip(first, parts, strict=False):
+        if len(uv1) and not len(part.placed.uv1):
+            uv1[at : at + len(part.placed.uv)] = part.placed.uv
+    triangles = [np.zeros((0, 3), np.int32)]
+    triangles += [part.placed.triangle + np.int32(at) for part, at in zip(parts, first, strict=False)]
+    return Geometry(
+        together("position", 3, 0.0),
+        together("normal", 3, 0.0),
+        uv,
+        uv1,
+        together("color", 4, 1.0),
+        together("tangent", 4, 0.0),
+        np.concatenate(triangles),
+        *parting,
+    )
 
 
-def _together(arrays: Sequence[F32], first: Sequence[tuple[int, int]], count: int, width: int, neutral: float) -> F32:
-    if not any(len(a) for a in arrays):
-        return np.zeros((0, width), np.float32)
-    whole = np.full((count, width), neutral, np.float32)
-    for (at, _), array in zip(first, arrays, strict=True):
-        whole[at : at + len(array)] = array
-    return whole
+def still_corners(still: Section, placement: Placement) -> list[F64]:
+    """(n, 3) points in the world whose box holds what stands still: tight, but for many instances of large groups."""
+    points = [still.corners[0]]
+    for g, (a, b) in enumerate(still.trees):
+        shown = placement.to_world[: placement.still][placement.group[: placement.still] == g]
+        shape = still.geometry.position[np.unique(still.geometry.triangle[a:b])].astype(np.float64)
+        points += _carried(_box(still.corners[1 + g]) if len(shape) * len(shown) > _MOST_POINTS else shape, shown)
+    return [p for p in points if len(p)]
 
 
-def bounds_of(geometry: Geometry, placement: Placement, team: Team) -> list[npt.NDArray[np.float64]]:
-    """(n, 3) points in the world whose box holds all triangles: tight, but for what moves, and many instances of large groups."""
-    position, triangle = read_only(geometry.position), read_only(geometry.triangle)
-    end, again = placement.world
-    parts = parts_of(0, end, PART) + parts_of(again, len(triangle), PART)
-    points: list[npt.NDArray[np.float64]] = []
-    if parts:
-        corner = np.empty((len(parts), 2, 3), np.float32)
-        team.each(lambda job: find_corners(position, triangle, *job[0], job[1]), zip(parts, corner, strict=True))
-        points.append(_corners(corner.reshape(-1, 3)))
-    for g, (a, b) in enumerate(placement.tree):
-        if a == b:
-            continue
-        shape = geometry.position[np.unique(geometry.triangle[a:b])].astype(np.float64)
-        shown = placement.to_world[placement.group == g]
-        if g >= placement.still or len(shape) * len(shown) > _MOST_POINTS:
-            low, high = _corners(shape)
-            shape = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)])
-        x, y, z = shape.T
-        for m in shown:  # not by a BLAS, whose last bits depend on the processor
-            along = [m[k, 0] * x + m[k, 1] * y + m[k, 2] * z + m[k, 3] for k in range(3)]
-            points.append(np.array([[a.min() for a in along], [a.max() for a in along]]))
-    return points
+def moving_corners(still: Section, bodies: Section, loose: Section, placement: Placement) -> list[F64]:
+    """The same for what moves; a body is taken for its box."""
+    points = [loose.corners[0]]
+    for g in range(len(bodies.trees)):
+        shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
+        points += _carried(_box(bodies.corners[1 + g]), shown)
+    return [p for p in points if len(p)]
 
 
-def _corners(points: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
+def _box(corners: F64) -> F64:
+    """(8 or 0, 3): all corners of the box between two."""
+    return np.array([np.where(which, corners[1], corners[0]) for which in np.ndindex(2, 2, 2)]) if len(corners) else corners
+
+
+def _carried(shape: F64, shown: F64) -> list[F64]:
+    """The least and the greatest coordinates of points where they are shown.
+
+    Not by a BLAS, whose last bits depend on the processor.
+    """
+    if not len(shape) or not len(shown):
+        return []
+    low, high = [], []
+    for k in range(3):
+        m = shown[:, k, :, None]
+        along = m[:, 0] * shape[:, 0] + m[:, 1] * shape[:, 1] + m[:, 2] * shape[:, 2] + m[:, 3]
+        low.append(along.min())
+        high.append(along.max())
+    return [np.array([low, high])]

@@ -12,68 +12,78 @@ from renderer.bvh.build import build, tree_of
 from renderer.bvh.instances import Instances
 from renderer.bvh.keyed import keyed_tree
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
-from renderer.bvh.parts import Tree, lay
+from renderer.bvh.parts import Laid, Tree, lay
 from renderer.scene.description import F32
-from renderer.scene.geometry import Geometry, Placement
-from renderer.scene.readable import read_only
+from renderer.scene.geometry import Placement, Section
+from renderer.scene.kept import Kept
 from renderer.threads import Team
 
 __all__ = ["grow"]
 
 Array = npt.NDArray[Any]
 
-_NO_NODES = np.zeros((0, NODE_ROWS, WIDTH), np.float32)
-_NO_PACKETS = np.zeros((0, PACKET_ROWS, WIDTH), np.float32)
+_NO_TREE: Tree = np.zeros((0, NODE_ROWS, WIDTH), np.float32), np.zeros((0, PACKET_ROWS, WIDTH), np.float32)
 
 
 def grow(
-    geometry: Geometry,
+    sections: tuple[Section, Section, Section],
+    first_triangle: tuple[int, ...],
     placement: Placement,
     sphere: F32,
     still_spheres: int,
     brute: bool,
     team: Team,
+    kept: Kept,
     keys: Sequence[Array] = (),
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
-) -> Bvh:
-    """The tree. sphere: (S, 4), the first of them stand still.
+) -> Laid:
+    """The tree. sections: what stands still, the bodies, what is loose, whose triangles begin at these numbers.
 
-    While the shutter is open: keys of the instances of what moves, as `lay` takes them; sphere_keys: (K or 0, Z, 4) of the last
-    spheres.
+    sphere: (S, 4), the first of them stand still. While the shutter is open: keys of the instances of what moves, as `lay` takes
+    them; sphere_keys: (K or 0, Z, 4) of the last spheres.
     """
-    end, again = placement.world
-    triangles = len(geometry.triangle)
-    shown = placement.group - placement.still
-    moves = placement.still < len(placement.tree) or again < triangles or still_spheres < len(sphere)
-    instances = _still_instances(placement)
+    still, bodies, loose = sections
+    _, first_body, first_loose, triangles = first_triangle
+    moves = bool(bodies.trees) or len(loose.geometry.triangle) > 0 or still_spheres < len(sphere)
+
+    def build_still() -> Bvh:
+        places = placement.to_world[: placement.still]
+        instances = None
+        if placement.still:
+            ends = [still.world, *(end for _, end in still.trees)]
+            instances = Instances(np.array(ends), placement.group[: placement.still], places)
+        geometry = still.geometry
+        if moves and not (len(geometry.triangle) or still_spheres):
+            return Bvh(*_NO_TREE, np.zeros(0, np.int32), np.zeros((0, 3, 4)))
+        whole = brute and not moves
+        return build(geometry.position, geometry.triangle, sphere[:still_spheres], instances, whole, team, triangles)
+
+    spheres = sphere[:still_spheres]
+    shown = placement.to_world[: placement.still]
+    first_sphere = triangles if still_spheres else None
+    base = kept.recall(
+        "still tree", lambda: (still, placement.group[: placement.still], shown, spheres, first_sphere), build_still
+    )
     if not moves:
-        return build(geometry.position, geometry.triangle, sphere, instances, brute, team)
-    position = read_only(geometry.position)
-    still = Bvh(_NO_NODES, _NO_PACKETS, np.zeros(0, np.int32), np.zeros((0, 3, 4)))
-    last = end if instances is None else int(instances.first[-1])
-    if last or still_spheres:
-        still = build(position, geometry.triangle[:last], sphere[:still_spheres], instances, False, team, triangles)
-    bodies = [tree_of(position, geometry.triangle[a:b], team=team) for a, b in placement.tree[placement.still :]]
-    loose: Tree = (_NO_NODES, _NO_PACKETS)
-    loose_keys = max(len(geometry.keys), len(sphere_keys), 1)
-    if again < triangles or still_spheres < len(sphere):
-        moving = sphere[still_spheres:]
-        first_sphere = triangles + still_spheres - again
+        return Laid(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
+    trees = kept.recall("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
+    lax = _NO_TREE
+    loose_keys = max(len(loose.geometry.keys), len(sphere_keys), 1)
+    if len(loose.geometry.triangle) or still_spheres < len(sphere):
+        first = triangles + still_spheres - first_loose
         if loose_keys > 1:
-            shapes = geometry.keys[:, 0] if len(geometry.keys) else np.zeros((loose_keys, 0, 3), np.float32)
-            own = geometry.triangle[again:] - np.int32(len(geometry.position) - shapes.shape[1])
-            balls = sphere_keys if len(sphere_keys) else np.zeros((loose_keys, 0, 4), np.float32)
-            loose = keyed_tree(shapes, own, balls, first_sphere, team)
+            shapes, balls = loose.geometry.keys[:, 0], sphere_keys
+            shapes = shapes if len(shapes) else np.zeros((loose_keys, 0, 3), np.float32)
+            balls = balls if len(balls) else np.zeros((loose_keys, 0, 4), np.float32)
+            lax = keyed_tree(shapes, loose.geometry.triangle, balls, first, team)
         else:
-            found = build(position, geometry.triangle[again:], moving, None, False, team, first_sphere)
-            loose = found.node, found.packet
-    first = [int(a) for a, _ in placement.tree[placement.still :]]
-    return lay(still, bodies, first, loose, again, shown[shown >= 0], placement.to_world, team, brute, keys, loose_keys).bvh
+            found = build(loose.geometry.position, loose.geometry.triangle, sphere[still_spheres:], None, False, team, first)
+            lax = found.node, found.packet
+    begins = [first_body + a for a, _ in bodies.trees]
+    which = placement.group[placement.still :] - len(still.trees)
+    places = placement.to_world
+    return lay(base, trees, begins, lax, first_loose, which, places, team, brute, kept.room, keys, loose_keys)
 
 
-def _still_instances(placement: Placement) -> Instances | None:
-    tree = placement.tree[: placement.still]
-    count = placement.still_instances
-    if not count:
-        return None
-    return Instances(np.append(tree[:, 0], tree[-1:, 1]), placement.group[:count], placement.to_world[:count])
+def _body_trees(bodies: Section, team: Team) -> list[Tree]:
+    return [tree_of(bodies.geometry.position, bodies.geometry.triangle[a:b], team=team) for a, b in bodies.trees]

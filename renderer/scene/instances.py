@@ -16,7 +16,7 @@ from renderer.bvh.transforms import stretches
 from renderer.scene.description import Instance, SceneDescription
 from renderer.scene.objects import number_objects
 
-__all__ = ["Group", "Sharing", "share"]
+__all__ = ["Group", "Sharing", "Standing", "share", "share_movers", "share_still"]
 
 _FEW = 8  # triangles that are not worth a tree of their own
 _WORTH = 30_000  # triangles that copying would add: then a mesh is kept once
@@ -40,29 +40,51 @@ class Sharing(NamedTuple):
     loose: list[int]  # what moves and is placed in the world at each moment
 
 
+class Standing(NamedTuple):
+    """How that is kept which stands still, and which instances do not."""
+
+    copied: list[int]
+    groups: list[Group]
+    movers: list[int]
+
+
 def share(description: SceneDescription) -> Sharing:
     """Decides for every instance. What emits light is always copied, for light sampling thinks in the world's space."""
-    objects = number_objects(description).instance
-    shine = [any(c > 0 for c in material.emission) for material in description.materials]
-    sane = _are_invertible(description.instances)
-    still: list[int] = []
-    bodily: list[int] = []
-    loose: list[int] = []
-    fit: list[int] = []  # of what is still, what may be kept once
-    for number, instance in enumerate(description.instances):
-        mesh = description.meshes[instance.mesh]
-        may_be_kept = sane[number] and not shine[mesh.material if instance.material is None else instance.material]
-        if not (instance.moves or instance.keys or mesh.deforms or mesh.keys):
-            still.append(number)
-            fit += [number] if may_be_kept else []
-        elif may_be_kept and not (mesh.deforms or mesh.keys):
-            bodily.append(number)
-        else:
-            loose.append(number)
-    groups = _repeated(description, objects, still, fit)
+    standing = share_still(description)
+    return Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
+
+
+def share_still(description: SceneDescription) -> Standing:
+    """Decides for what stands still; it does not matter where the others are."""
+    instances, meshes = description.instances, description.meshes
+    movers = [n for n, instance in enumerate(instances) if instance.moves or meshes[instance.mesh].deforms]
+    moving = set(movers)
+    still = [n for n in range(len(instances)) if n not in moving]
+    sane = _are_invertible([instances[n] for n in still])
+    fit = [n for n, is_sane in zip(still, sane, strict=True) if is_sane and not _shines(description, n)]
+    groups = _repeated(description, number_objects(description).instance, still, fit)
     kept = {m for group in groups for m in group.meshes}
-    once = {number for number in fit if description.instances[number].mesh in kept}
-    return Sharing([n for n in still if n not in once], groups, _bodies(description, bodily), loose)
+    once = {n for n in fit if instances[n].mesh in kept}
+    return Standing([n for n in still if n not in once], groups, movers)
+
+
+def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
+    """The bodies among what moves, and what is loose."""
+    instances = description.instances
+    sane = _are_invertible([instances[n] for n in movers])
+    bodily = [
+        n
+        for n, is_sane in zip(movers, sane, strict=True)
+        if is_sane and not description.meshes[instances[n].mesh].deforms and not _shines(description, n)
+    ]
+    bodies = set(bodily)
+    return _bodies(description, bodily), [n for n in movers if n not in bodies]
+
+
+def _shines(description: SceneDescription, number: int) -> bool:
+    instance = description.instances[number]
+    material = description.meshes[instance.mesh].material if instance.material is None else instance.material
+    return max(description.materials[material].emission) > 0
 
 
 def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import F32, I32
-from renderer.scene.geometry import Geometry, by_triangle
+from renderer.scene.geometry import Geometry
 from renderer.scene.light_tree import LightBounds, build_light_tree
 from renderer.scene.punctual import Punctual
 
-__all__ = ["TREE_FROM", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
+__all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
 
 TREE_FROM = 3  # lights; of the two triangles that most lamps are, the walk costs more than it saves (docs/performance.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
@@ -23,6 +24,14 @@ _SPREAD = 0.01  # of the choices by power fall on all lights evenly
 def luminance(rgb: np.ndarray) -> np.ndarray:
     """Rec.709 luminance of (..., 3)."""
     return rgb @ np.array([0.2126, 0.7152, 0.0722])
+
+
+class Emitters(NamedTuple):
+    """The triangles that emit."""
+
+    triangle: npt.NDArray[np.int64]  # (n,) ascending
+    material: I32  # (n,)
+    emitted: np.ndarray  # (n,) mean luminance, float64, of both sides where both shine
 
 
 class LightList(NamedTuple):
@@ -39,7 +48,7 @@ class LightList(NamedTuple):
 
 def list_lights(
     emitted: np.ndarray,
-    emitted_by_triangle: np.ndarray,
+    emitters: Emitters,
     double_sided: np.ndarray,
     geometry: Geometry,
     sphere: F32,
@@ -49,15 +58,16 @@ def list_lights(
 ) -> LightList:
     """The primitives whose material emits, and the punctual lights, numbered in the order of the tree if there is one.
 
-    emitted: (M,) mean luminance of all sides of each material, and (T,) of each triangle; double_sided: (M,) bool. By power,
-    the chance of choosing a light is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in
-    a hundred: else float32 would never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres
-    while the shutter is open; of what moves meanwhile, powers and bounds are the greatest.
+    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool. By power, the chance of choosing a light
+    is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in a hundred: else float32 would
+    never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; of
+    what moves meanwhile, powers and bounds are the greatest.
     """
-    triangles = np.flatnonzero(emitted_by_triangle > 0)
+    emitters = _with_area(emitters, geometry)
+    triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
     corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
-    radiance = np.concatenate([emitted_by_triangle[triangles], emitted[sphere_material[spheres]]])
+    radiance = np.concatenate([brightness, emitted[sphere_material[spheres]]])
     triangle_area = 0.5 * np.linalg.norm(_crossed(corners), axis=1)
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
     over = _over_the_shutter(geometry, triangles, corners)
@@ -72,7 +82,7 @@ def list_lights(
     area = np.concatenate([area, np.zeros(len(rest))])
     node = np.zeros((0, LIGHT_ROWS, LIGHT_WIDTH), np.float32)
     if len(primitive) >= TREE_FROM or (len(primitive) == 2 and len(triangles) < 2):
-        both = double_sided[by_triangle(geometry, geometry.material)[triangles]]
+        both = double_sided[emitters.material]
         bounds = (
             _triangle_bounds(over, most_of_triangles * radiance[: len(triangles)], both),
             _sphere_bounds(balls, most_of_spheres / 4 * radiance[len(triangles) :]),
@@ -81,17 +91,25 @@ def list_lights(
         order, node = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))
         primitive, area, power = primitive[order], area[order], power[order]
     chance = (1 - _SPREAD) * power / max(power.sum(), 1e-300) + _SPREAD / max(len(power), 1)
-    light = np.full(len(geometry.triangle) + len(sphere) + len(rest), -1, np.int32)
-    light[primitive] = np.arange(len(primitive))
+    bodies = len(geometry.triangle) if len(triangles) else 0  # where none emits, none is asked
+    light = np.full(bodies + len(sphere) + len(rest), -1, np.int32)
+    light[primitive - (len(geometry.triangle) - bodies)] = np.arange(len(primitive))
     return LightList(
         primitive.astype(np.int32),
         cumulative(chance),
         area.astype(np.float32),
-        light[: len(geometry.triangle)] if len(triangles) else light[:0],
-        light[len(geometry.triangle) : len(geometry.triangle) + len(sphere)],
+        light[:bodies],
+        light[bodies : bodies + len(sphere)],
         node,
         float(power.sum()),
     )
+
+
+def _with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
+    """Without triangles that have no area, as those of what deforms may have at a moment."""
+    a, b, c = (geometry.position[geometry.triangle[emitters.triangle, k]].astype(np.float64) for k in range(3))
+    solid = np.cross(b - a, c - a).any(axis=1)
+    return emitters if solid.all() else Emitters(emitters.triangle[solid], emitters.material[solid], emitters.emitted[solid])
 
 
 def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:

@@ -14,7 +14,7 @@ from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene import sky
 from renderer.scene.animation import SHUTTER, Moment, Shutter
-from renderer.scene.description import Environment, Material, SceneDescription
+from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.moving import between_files, while_open
 from renderer.scene.readers.by_format import read_file
@@ -36,6 +36,7 @@ class Shot:
     def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
         self._files = SceneFiles(folder, environment)
         self._main, self._environment, self._variant = main, environment, variant
+        self._finite: dict[int, F32] = {}  # positions that were looked at, by their identity
 
     @property
     def start(self) -> float:
@@ -53,12 +54,20 @@ class Shot:
                 mesh.deforms = True
         if environment is not None:
             _light_with(self._files, environment, description)
+        self._check_positions(main, description)
         _check(main, description)
         if description.environment is None and not _emits(description):
             light_studio(description)
             description.warnings.append(STUDIO_ALONE)
         description.studio_for_accents = any(main.lower().endswith(f.suffix) for f in MESH_FORMATS)
         return description
+
+    def _check_positions(self, main: str, description: SceneDescription) -> None:
+        known, self._finite = self._finite, {}
+        for mesh in description.meshes:
+            if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
+                raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
+            self._finite[id(mesh.positions)] = mesh.positions
 
     def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
         """The scene while the shutter is open: what moves has keys. asked: the settings of a shutter, as far as they are asked
@@ -118,9 +127,6 @@ def _light_with(files: SceneFiles, name: str, description: SceneDescription) -> 
 def _check(main: str, description: SceneDescription) -> None:
     if not description.materials:
         description.materials.append(Material())
-    for mesh in description.meshes:
-        if not np.isfinite(mesh.positions).all():
-            raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
     if shown == 0 and description.moves:
         raise SceneError(f"{main}: shows no surface at this frame; a picture needs one, however far away")

@@ -134,14 +134,15 @@ def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tupl
     instances, meshes, changed = [], list(middle.meshes), []
     seen: set[int] = set()
     for instance, over in _matched(middle.instances, [each.instances for each in found], lambda i: i.name):
-        instances.append(replace(instance, keys=_keys([i.transform for i in over], instance.transform)))
+        keys = _keys([i.transform for i in over], instance.transform)
+        instances.append(replace(instance, keys=keys, moves=instance.moves or len(keys) > 0))
         if over and instance.mesh not in seen:
             seen.add(instance.mesh)
             mesh = meshes[instance.mesh]
             others = [each.meshes[i.mesh] for each, i in zip(found, over, strict=True)]
             if all(_is_cut_alike(mesh, other) for other in others):
-                keys = _keys([(other.positions, other.normals) for other in others], (mesh.positions, mesh.normals))
-                meshes[instance.mesh] = replace(mesh, keys=keys)
+                shapes = _keys([(other.positions, other.normals) for other in others], (mesh.positions, mesh.normals))
+                meshes[instance.mesh] = replace(mesh, keys=shapes, deforms=mesh.deforms or len(shapes) > 0)
             else:
                 changed.append(_CHANGES.format(mesh.name))
     return instances, meshes, changed

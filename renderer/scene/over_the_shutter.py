@@ -24,7 +24,7 @@ _STANDS_STILL = np.zeros((0, KEY_COLUMNS))
 
 def instance_keys(description: SceneDescription, placement: Placement) -> list[F64]:
     """Of each instance of what may move, its (K, KEY_COLUMNS) keys; none of one that stands still. Nothing where all do."""
-    shown = [description.instances[n] for n in placement.number[placement.still_instances :]]
+    shown = [description.instances[n] for n in placement.number[placement.still :]]
     moving = [i for i, instance in enumerate(shown) if instance.keys]
     if not moving:
         return []

@@ -1,4 +1,4 @@
-"""Whether two descriptions, or parts of them, are the same to whoever compiles them."""
+"""Whether two descriptions compile to the same scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,18 @@ from renderer.scene.description import SceneDescription
 
 __all__ = ["compiles_alike", "same"]
 
-_ASIDE = {"name", "cameras", "clips", "fps", "moves", "variants", "warnings", "defaults"}  # what no array is made of
+_ASIDE = {
+    "name",
+    "cameras",
+    "clips",
+    "fps",
+    "keys",
+    "moves",
+    "still",
+    "variants",
+    "warnings",
+    "defaults",
+}  # what no array is made of
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
@@ -20,7 +31,7 @@ def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values of a description are equal in type and bits."""
+    """Whether two values of one of the types that descriptions hold are equal, arrays and what they consist of among them."""
     if a is b:
         return True
     if type(a) is not type(b):

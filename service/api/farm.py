@@ -60,6 +60,17 @@ def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
     return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers={"Content-Length": str(blob.size)})
 
 
+@router.post("/blobs/{sha256}/keep", status_code=204)
+def keep_blob(sha256: str, farm: FarmDependency) -> Response:
+    """Keep a file for as long as one that was stored just now; 404 where it is not here and is to be sent."""
+    if not is_sha256(sha256):
+        raise no_blob()
+    farm.garbage.promise(sha256)
+    if not farm.blobs.exists(sha256):
+        raise no_blob()
+    return Response(status_code=204)
+
+
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
 def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
     """A frame's means for a denoiser: worker.contract.DenoiseFrame says how they are laid out."""

@@ -137,8 +137,9 @@ class PrepareDone(_Prepare):
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
         for blob in (info.compiled, info.thumbnail):
-            if blob is not None and not is_sha256(blob.sha256):
-                raise ValueError(f"{blob.sha256[:80]!r} is no hash")
+            for sha256 in () if blob is None else (blob.sha256, *(part for part, _ in blob.parts)):
+                if not is_sha256(sha256):
+                    raise ValueError(f"{sha256[:80]!r} is no hash")
         if not all(math.isfinite(value) for corner in info.bounds for value in corner):
             raise ValueError("bounds are no numbers")
         return info

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, Integer, String, Text
@@ -15,6 +16,16 @@ FINAL = ("finished", "failed", "cancelled")
 
 class Base(DeclarativeBase):
     """The tables of this service."""
+
+
+def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
+    """The hashes of the blobs that worker.contract.BlobRefs refer to, and of their parts; those that can be made out."""
+    found = {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
+    for ref in refs:
+        parts = ref.get("parts") or ()
+        if isinstance(parts, list | tuple):
+            found |= {part[0] for part in parts if isinstance(part, list | tuple) and part and isinstance(part[0], str)}
+    return found
 
 
 class Scene(Base):
@@ -46,7 +57,7 @@ class Scene(Base):
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         info = self.info if isinstance(self.info, dict) else {}
         refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail")) if isinstance(ref, dict)]
-        return {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
+        return blobs_of(refs)
 
 
 class Job(Base):

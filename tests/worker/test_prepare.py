@@ -23,7 +23,8 @@ SCENE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 SHA256 = hashlib.sha256(SCENE).hexdigest()
 MANIFEST = Manifest("scene", "scene.obj", [BlobRef("scene.obj", SHA256, len(SCENE))])
 SUMMARY: dict[str, Any] = {
-    "cameras": [], "counts": {}, "bounds": [], "animations": [], "variants": [], "warnings": [], "defaults": {}
+    "cameras": [], "counts": {}, "bounds": [], "animations": [], "variants": [], "warnings": [], "defaults": {},
+    "compiled": "compiled.safetensors",
 }  # fmt: skip
 
 

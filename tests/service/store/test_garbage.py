@@ -136,6 +136,35 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
     assert not blobs.exists(sha256)
 
 
+def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
+    """It will not send again what is there, and says later what for."""
+    content = b"what stands still"
+    url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    assert service.http.post(f"{url}/keep", headers=headers).status_code == 404
+    assert service.http.put(url, content=content, headers=headers).status_code == 204
+    service.farm.garbage._promised.clear()
+    assert service.http.post(f"{url}/keep", headers=headers).status_code == 204
+    service.farm.garbage.collect(lambda session: {url[-64:]})
+    assert service.http.get(url, headers=headers).content == content
+    assert service.http.post(f"{url}/keep").status_code == 401
+
+
+def test_the_parts_of_a_compiled_scene_stay_with_it(garbage: tuple[Garbage, BlobFolder]) -> None:
+    collector, blobs = garbage
+    manifest, part, other = (put(blobs, content) for content in (b"manifest", b"part", b"other"))
+
+    def write(session: Session) -> set[str]:
+        ref = {"path": "", "sha256": manifest, "size": 8, "parts": [[part, 4], 7]}
+        rest = {"files": [], "bytes": 1, "notes": [], "compiled": {"kind": ref}}
+        session.add(Scene(id="scene", name="", status="ready", created=0.0, main="", **rest))
+        return set()
+
+    collector.collect(write)
+    collector.collect(lambda session: {manifest, part, other})
+    assert (blobs.exists(manifest), blobs.exists(part), blobs.exists(other)) == (True, True, False)
+
+
 def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
     """A store that does not answer makes no deletion fail that was written down."""
     collector, blobs = garbage

@@ -39,16 +39,21 @@ class Accessors:
         self.accessors = root.objects("accessors")
         self._loaded: dict[int, memoryview] = {}
         self._values_given = 0
+        self._floats: dict[int, npt.NDArray[np.float32]] = {}
 
     def floats(self, index: int, *widths: int) -> npt.NDArray[np.float32]:
         """(count, width) float32 of one of the widths; integers become 0..1 or -1..1 where the accessor says `normalized`.
 
-        Raises SceneError for another width and for values that are not finite.
+        Made once; whoever gets it leaves it as it is. Raises SceneError for another width and for values that are not finite.
         """
+        known = self._floats.get(index)
+        if known is not None and known.shape[1] in widths:
+            return known
         accessor = self.accessors[index]
         values = as_floats(self._values(index, widths), accessor.value.get("normalized") is True)
         if not np.isfinite(values).all():
             raise SceneError(f"{self._file}: {accessor.where} holds values that are not finite numbers; export the file again")
+        self._floats[index] = values
         return values
 
     def integers(self, index: int) -> npt.NDArray[np.integer]:

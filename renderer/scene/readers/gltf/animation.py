@@ -57,11 +57,11 @@ class Animations:
             played = self._sources if together else [self._sources[number_of("clip", names, moment.clip, self._root.file)]]
         changed = Changed(self._root.value)
         for source in played:
-            channels, warnings = self._files.recall(
+            channels, moving, warnings = self._files.recall(
                 ("channels", source.file, source.where), functools.partial(self._channels, source)
             )
             self.warnings += [each for each in warnings if each not in self.warnings]
-            self.moving |= {channel.path for channel in channels if not channel.curve.is_constant}
+            self.moving |= moving
             for path, kind, curve in channels:
                 values = curve.at(moment.seconds())
                 if path[-2] == "weights" and not self._has_weight(changed, path):
@@ -98,7 +98,8 @@ class Animations:
             self._times[at] = times
         return self._times[at]
 
-    def _channels(self, source: Json) -> tuple[list[Channel], list[str]]:
+    def _channels(self, source: Json) -> tuple[list[Channel], set[Path], list[str]]:
+        """The channels, what they move, and what is to be said of those that are not here."""
         samplers = source.objects("samplers")
         found: list[Channel] = []
         left_out: list[str] = []
@@ -114,11 +115,12 @@ class Animations:
                 continue
             sampler = samplers[channel.integer("sampler", high=len(samplers))]
             found.append(Channel(path, kind, self._curve(sampler, kind)))
+        moving = {channel.path for channel in found if not channel.curve.is_constant}
         if not left_out:
-            return found, []
+            return found, moving, []
         more = ", ..." if len(left_out) > _NAMED else ""
         named = ", ".join(dict.fromkeys(left_out[:_NAMED]))
-        return found, [f"What is animated but not read here, or not there, stands still: {named}{more}."]
+        return found, moving, [f"What is animated but not read here, or not there, stands still: {named}{more}."]
 
     def _is_fixed(self, path: Path) -> bool:
         """Whether a node has a matrix in place of what would move: the specification forbids that (3.11)."""

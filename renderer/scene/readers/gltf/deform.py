@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernel.mesh.skin import carry
 from renderer.scene.description import F32, Mesh
+from renderer.scene.readable import read_only
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix
@@ -63,31 +65,24 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
 
 def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
     """The mesh in the world: each vertex moved by the mean of its joints' (J, 4, 4) matrices, by weight."""
-    weights = bones.weights.astype(np.float64)
-    total = np.zeros((len(weights), 1))
-    for k in range(weights.shape[1]):
-        total[:, 0] += weights[:, k]
-    weights = np.divide(weights, total, out=np.zeros(weights.shape), where=total > 0)
-    blend = np.zeros((len(mesh.positions), 3, 4))
-    for k in range(weights.shape[1]):
-        used = np.flatnonzero(weights[:, k])
-        blend[used] += weights[used, k, None, None] * matrices[bones.joints[used, k], :3]
-    loose = np.flatnonzero(total[:, 0] <= 0)
-    blend[loose] = np.eye(4)[:3]
-    linear = blend[:, :, :3]
-    positions = _carried(linear, mesh.positions) + blend[:, :, 3]
-    result = replace(mesh, positions=positions.astype(np.float32))
-    if mesh.normals is not None:
-        x, y, z = linear[:, :, 0], linear[:, :, 1], linear[:, :, 2]
-        cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=2)
-        result.normals = _carried(cofactors, mesh.normals).astype(np.float32)
+    count, none = len(mesh.positions), np.zeros((0, 3), np.float32)
+    normals = none if mesh.normals is None else mesh.normals
+    tangents = none if mesh.tangents is None else mesh.tangents
+    placed, turned, bent = np.empty((count, 3), np.float32), np.empty(normals.shape, np.float32), none
     if mesh.tangents is not None:
-        tangents = _carried(linear, mesh.tangents[:, :3])
-        result.tangents = np.column_stack([tangents, mesh.tangents[:, 3]]).astype(np.float32)
+        bent = mesh.tangents.astype(np.float32)  # whose last column stays
+    carry(
+        read_only(matrices),
+        read_only(bones.joints),
+        read_only(bones.weights),
+        *(read_only(array) for array in (mesh.positions, normals, tangents)),
+        placed,
+        turned,
+        bent,
+    )
+    result = replace(mesh, positions=placed)
+    if mesh.normals is not None:
+        result.normals = turned
+    if mesh.tangents is not None:
+        result.tangents = bent
     return result
-
-
-def _carried(matrices: Matrix, vectors: F32) -> Matrix:
-    """(V, 3): each vector through its (3, 3) matrix. Not by einsum, whose sums are rounded as the processor likes it."""
-    x, y, z = (vectors[:, k, None].astype(np.float64) for k in range(3))
-    return (matrices[:, :, 0] * x + matrices[:, :, 1] * y) + matrices[:, :, 2] * z

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class Meshes:
         self.restless: set[int] = set()  # the description's meshes that may shine at another moment, or be bent
         self._file, self._vertices = root.file, 0
         self._sources: dict[int, list[tuple[Primitive, int | None]]] = {}
-        self._shaped: dict[tuple[int, tuple[float, ...]], list[int]] = {}
+        self._shaped: dict[tuple[int, tuple[float, ...], str | None], list[int]] = {}
 
     def name(self, index: int) -> str:
         """What the file calls a mesh."""
@@ -54,24 +55,38 @@ class Meshes:
 
     def of(self, index: int, node: Json) -> list[int]:
         """The description's numbers of a mesh's primitives, as a node's morph weights shape them."""
-        weights = self._weights(index, node)
-        if (index, weights) not in self._shaped:
-            shaped = [(self._morphed(p, weights), m) for p, m in self._primitives(index)]
-            self._shaped[index, weights] = self._add(shaped, self._moving.reshapes(index, node))
-        return self._shaped[index, weights]
+        weights, alone = self._weights(index, node), self._moving.own_shape(node)
+        if (index, weights, alone) not in self._shaped:
+            shaped = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node), self._primitives(index), strict=True)]
+            self._shaped[index, weights, alone] = self._add(shaped, self._moving.reshapes(index, node))
+        return self._shaped[index, weights, alone]
 
-    def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
-        """The same with a skin's joints in place, in the world; each node has meshes of its own. moves: whether joints do."""
+    def shapes(self, index: int, node: Json, matrices: Matrix | None = None) -> list[Mesh]:
+        """A mesh's primitives as a node's morph weights shape them, and a skin's joints; without their materials."""
         weights = self._weights(index, node)
-        placed = []
-        for primitive, material in self._primitives(index):
-            mesh, bones = self._morphed(primitive, weights), primitive.bones
-            if bones is not None:
+        found = []
+        for primitive, _ in self._primitives(index):
+            mesh, bones = morphed(primitive.mesh, primitive.targets, weights, self._accessors), primitive.bones
+            if matrices is not None and bones is not None:
                 if bones.joints.max(initial=0) >= len(matrices):
                     raise node.wrong("skin", f"has {len(matrices)} joints where the mesh names {int(bones.joints.max()) + 1}")
                 mesh = skinned(mesh, bones, matrices)
-            placed.append((mesh, material))
+            found.append(mesh)
+        return found
+
+    def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
+        """The same with a skin's joints in place, in the world; each node has meshes of its own. moves: whether joints do."""
+        placed = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node, matrices), self._primitives(index), strict=True)]
         return self._add(placed, moves or self._moving.reshapes(index, node))
+
+    def look_again(self, root: Json, meshes: Iterable[int]) -> None:
+        """The file's JSON is another: of some meshes, the weights are."""
+        for index in meshes:
+            self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index])
+
+    def refracts(self, index: int) -> bool:
+        """Whether light goes through some of a mesh, so that it matters if its shape is closed."""
+        return any(m is not None and self._materials.depends_on_mesh(m) for _, m in self._primitives(index))
 
     def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:
         if index not in self._sources:
@@ -90,9 +105,6 @@ class Meshes:
 
     def _weights(self, index: int, node: Json) -> tuple[float, ...]:
         return (node if "weights" in node else self.sources[index]).numbers("weights")
-
-    def _morphed(self, primitive: Primitive, weights: tuple[float, ...]) -> Mesh:
-        return morphed(primitive.mesh, primitive.targets, weights, self._accessors)
 
     def _add(self, primitives: list[tuple[Mesh, int | None]], deforms: bool) -> list[int]:
         for mesh, material in primitives:

@@ -20,23 +20,25 @@ class Moving:
         self.nodes: set[int] = set()  # that are elsewhere, or not shown
         self.surfaces: set[int] = set()  # materials by the file's numbers
         self._appearing: set[int] = set()
-        self._meshes: set[int] = set()
-        self._reshaped: set[int] = set()
+        self.meshes: set[int] = set()  # whose own weights move
+        self.reshaped: set[int] = set()  # nodes whose weights do
         self._shown: set[str] = set()  # as errors call nodes
         self._shaped: set[str] = set()
         self._where = [node.where for node in root.objects("nodes")]
+        self._is_of_places = True
         for path in paths:
             family, number = path[0], path[1]
+            self._is_of_places &= path[2] == "weights" or (family == "nodes" and path[2] in _PLACE)
             if not isinstance(number, int):
                 continue
             if family == "nodes" and path[2] in _PLACE:
                 self.nodes.add(number)
             elif family == "nodes" and path[2] == "weights":
-                self._reshaped.add(number)
+                self.reshaped.add(number)
             elif family == "nodes":
                 self._appearing.add(number)
             elif family == "meshes":
-                self._meshes.add(number)
+                self.meshes.add(number)
             elif family == "materials" and path[-1] in _SURFACE:
                 self.surfaces.add(number)
 
@@ -48,12 +50,21 @@ class Moving:
             if parent in self.nodes or index in self._appearing:
                 self.nodes.add(index)
         self._shown = {self._where[index] for index in self._appearing}
-        self._shaped = {self._where[index] for index in self._reshaped}
+        self._shaped = {self._where[index] for index in self.reshaped}
 
     def appears(self, node: Json) -> bool:
         """Whether a node is shown at some moments only."""
         return node.where in self._shown
 
+    def own_shape(self, node: Json) -> str | None:
+        """A name for a node whose mesh has weights of its own that move: it shares its shape with no other."""
+        return node.where if node.where in self._shaped else None
+
+    @property
+    def is_of_places(self) -> bool:
+        """Whether nothing but places and shapes move."""
+        return self._is_of_places
+
     def reshapes(self, mesh: int, node: Json) -> bool:
         """Whether a node's mesh has other weights at another moment."""
-        return node.where in self._shaped or ("weights" not in node and mesh in self._meshes)
+        return node.where in self._shaped or ("weights" not in node and mesh in self.meshes)

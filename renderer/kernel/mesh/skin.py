@@ -1,0 +1,59 @@
+"""A mesh's vertices where the joints of its skin carry them: in the kernels' own code, so that every host has the same bits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device, entry
+
+__all__ = ["carry"]
+
+
+@entry
+def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
+    """Fills placed (V, 3), turned and bent (V, 3) with points, normals and tangents, float32, moved by the mean of their joints.
+
+    matrix: (J, 4, 4) f64, of each joint; joint, weight: (V, K), which joints move a vertex and by how much, in any scale: where
+    all weights are 0, none does. normal, turned and tangent, bent may have no rows. Normals are left as long as they come out.
+    """
+    for i in range(len(point)):
+        total = 0.0
+        for k in range(weight.shape[1]):
+            total += np.float64(weight[i, k])
+        x, y, z, t = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)  # the mean's columns
+        if total > 0.0:
+            x = y = z = (0.0, 0.0, 0.0)
+            for k in range(weight.shape[1]):
+                share = np.float64(weight[i, k]) / total
+                if share != 0.0:
+                    x = _added(x, share, matrix, joint[i, k], 0)
+                    y = _added(y, share, matrix, joint[i, k], 1)
+                    z = _added(z, share, matrix, joint[i, k], 2)
+                    t = _added(t, share, matrix, joint[i, k], 3)
+        px, py, pz = np.float64(point[i, 0]), np.float64(point[i, 1]), np.float64(point[i, 2])
+        for k in range(3):
+            placed[i, k] = x[k] * px + y[k] * py + z[k] * pz + t[k]
+        if len(normal) > 0:
+            nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
+            a, b, c = _cross(y, z), _cross(z, x), _cross(x, y)
+            for k in range(3):
+                turned[i, k] = a[k] * nx + b[k] * ny + c[k] * nz
+        if len(tangent) > 0:
+            tx, ty, tz = np.float64(tangent[i, 0]), np.float64(tangent[i, 1]), np.float64(tangent[i, 2])
+            for k in range(3):
+                bent[i, k] = x[k] * tx + y[k] * ty + z[k] * tz
+
+
+@device
+def _added(column, share, matrix, joint, k):
+    """A column of the mean with one joint's part in it."""
+    return (
+        column[0] + share * matrix[joint, 0, k],
+        column[1] + share * matrix[joint, 1, k],
+        column[2] + share * matrix[joint, 2, k],
+    )
+
+
+@device
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,267 @@
+"""A glTF file's hierarchy of nodes: what hangs on them, in its place in the world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.errors import SceneError, SettingsError
+from renderer.scene.description import Camera, Instance, SceneDescription
+from renderer.scene.matrices import product
+from renderer.scene.readers.gltf import instancing, lights
+from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.cameras import read_camera
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.deform import bind_matrices
+from renderer.scene.readers.gltf.meshes import Meshes
+from renderer.scene.readers.gltf.moving import Moving
+from renderer.scene.readers.gltf.transforms import Matrix, local
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["VISIBILITY", "Nodes"]
+
+MAX_NODES = 200_000
+MAX_INSTANCES = 500_000
+VISIBILITY = "KHR_node_visibility"
+
+
+class Nodes:
+    """Walks the default scene's nodes and places their meshes, lights and cameras in the world."""
+
+    def __init__(
+        self,
+        root: Json,
+        accessors: Accessors,
+        meshes: Meshes,
+        shelf: TextureShelf,
+        description: SceneDescription,
+        moving: Moving,
+    ) -> None:
+        self._root, self._accessors, self._meshes, self._moving = root, accessors, meshes, moving
+        self._shelf, self._description = shelf, description
+        self._nodes = root.objects("nodes")
+        self._cameras = root.objects("cameras")
+        punctual = root.extension(lights.EXTENSION)
+        self._lights = punctual.objects("lights") if punctual else []
+        self._skins = root.objects("skins")
+        self._names: dict[str, int] = {}
+        self._worlds: dict[int, Matrix] = {}  # of the scene's nodes
+        self._parents: dict[int, int | None] = {}
+        self._instances: dict[int, tuple[int, int]] = {}  # the description's first one, and that behind the last, of each node
+        self._views: dict[int, int] = {}  # the description's camera
+        self._shining: dict[int, int] = {}  # the description's light
+        self._lacks_view = False
+        self._bent: list[int] = []
+
+    def walk(self) -> None:
+        """Adds them all."""
+        if len(self._nodes) > MAX_NODES:
+            raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
+        self._parents, shown_nodes = self._tree()
+        self._moving.inherit(self._parents)
+        self._worlds = self._in_world(list(self._parents), {})
+        for index in self._parents:
+            self._add_camera(index)
+        for index in shown_nodes:  # when all joints are in their places
+            before, shining = len(self._description.instances), len(self._description.lights)
+            self._place(self._nodes[index], self._worlds[index], index in self._moving.nodes)
+            self._instances[index] = before, len(self._description.instances)
+            if len(self._description.lights) > shining:
+                self._shining[index] = shining
+        self._bent = [index for index in shown_nodes if self._is_bent(index)]
+
+    def deforming(self) -> set[int]:
+        """The file's meshes whose vertices are others at another moment."""
+        return {self._nodes[index].integer("mesh") for index in self._bent}
+
+    def walk_again(self, root: Json, description: SceneDescription) -> bool:
+        """Puts what moves where the file has it at another moment; the description is a copy of that of the walk.
+
+        False where that cannot be said without walking all of it, and the description is spoilt.
+        """
+        if self._lacks_view:
+            return False
+        nodes = root.value["nodes"]
+        moved = [index for index in self._parents if index in self._moving.nodes]
+        for index in {*moved, *self._moving.reshaped}:
+            self._nodes[index] = Json(root.file, self._nodes[index].where, nodes[index])
+        self._meshes.look_again(root, self._moving.meshes)
+        self._worlds |= self._in_world(moved, self._worlds)
+        for index in moved:
+            world = self._worlds[index]
+            if index in self._views:
+                camera = self._views[index]
+                try:
+                    view = read_camera(self._cameras[self._nodes[index].integer("camera")], world)
+                except SettingsError:
+                    return False
+                description.cameras[camera] = replace(description.cameras[camera], view=view)
+            if index in self._shining:
+                number = self._shining[index]
+                light = self._nodes[index].extension(lights.EXTENSION)
+                if light:
+                    name = description.lights[number].name
+                    description.lights[number] = lights.read_light(self._light_of(light), name, world)
+            first, end = self._instances.get(index, (0, 0))
+            if first < end and not self._is_skinned(index):
+                places = self._places(self._nodes[index], world, end - first)
+                meshes = (end - first) // len(places)
+                for i in range(first, end):
+                    known = description.instances[i]
+                    description.instances[i] = Instance(known.mesh, places[(i - first) // meshes], None, known.name, known.moves)
+        for index in self._bent:
+            self._bend(index, description, *self._instances[index])
+        return True
+
+    def _bend(self, index: int, description: SceneDescription, first: int, end: int) -> None:
+        """Gives a node's meshes the shapes that they have now."""
+        node = self._nodes[index]
+        matrices = None
+        if self._is_skinned(index):
+            skin = self._skins[node.integer("skin")]
+            matrices = self._joints(skin, skin.indices("joints", self._nodes))
+        shapes = self._meshes.shapes(node.integer("mesh"), node, matrices)
+        numbers = [i.mesh for i in description.instances[first:end]]
+        for number, shape in zip(numbers, shapes, strict=False):
+            known = description.meshes[number]
+            description.meshes[number] = replace(shape, material=known.material, deforms=known.deforms)
+
+    def _is_skinned(self, index: int) -> bool:
+        node = self._nodes[index]
+        return "skin" in node and not node.extension(instancing.EXTENSION)
+
+    def _is_bent(self, index: int) -> bool:
+        """Whether a node's mesh has other vertices at another moment."""
+        node = self._nodes[index]
+        if "mesh" not in node:
+            return False
+        if self._moving.reshapes(node.integer("mesh"), node):
+            return True
+        if not self._is_skinned(index):
+            return False
+        return not self._moving.nodes.isdisjoint(self._skins[node.integer("skin")].indices("joints", self._nodes))
+
+    def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
+        """Where a node shows its mesh; raises SceneError where it does so more often than `most` times."""
+        copies = node.extension(instancing.EXTENSION)
+        return product(world, instancing.instance_transforms(copies, self._accessors, most)) if copies else [world]
+
+    def _in_world(self, order: list[int], known: dict[int, Matrix]) -> dict[int, Matrix]:
+        """Where nodes are, each after its parent or with that known. All of one depth at once: files have ten thousands."""
+        own = dict(zip(order, local([self._nodes[index] for index in order]), strict=True))
+        below = {index: parent for index in order if (parent := self._parents[index]) is not None}
+        depth: dict[int, int] = {}
+        levels: list[list[int]] = []
+        for index in order:
+            depth[index] = depth.get(below[index], 0) + 1 if index in below else 0
+            while depth[index] > len(levels):
+                levels.append([])
+            if depth[index] == len(levels):
+                levels.append([])
+            levels[depth[index]].append(index)
+        worlds: dict[int, Matrix] = {}
+        for level in filter(None, levels):
+            places = np.stack([own[index] for index in level])
+            if depth[level[0]]:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    outer = [worlds[below[i]] if below[i] in worlds else known[below[i]] for i in level]
+                    places = product(np.stack(outer), places)
+            bad = ~np.isfinite(places).all(axis=(1, 2))
+            if bad.any():
+                where = self._nodes[level[int(np.argmax(bad))]].where
+                raise SceneError(f"{self._root.file}: {where} has a transform that is not finite; export the file again")
+            worlds.update(zip(level, places, strict=True))
+        return worlds
+
+    def _tree(self) -> tuple[dict[int, int | None], list[int]]:
+        """The scene's nodes with their parents, each after its parent; and those of them that are shown."""
+        parents: dict[int, int | None] = {}
+        shown_nodes: list[int] = []
+        stack: list[tuple[int, int | None, bool]] = [(i, None, True) for i in reversed(self._top())]
+        while stack:
+            index, parent, shown = stack.pop()
+            node = self._nodes[index]
+            if index in parents:
+                raise SceneError(
+                    f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
+                )
+            parents[index] = parent
+            visibility = node.extension(VISIBILITY)
+            shown = shown and (visibility is None or visibility.value.get("visible") is not False)
+            shown_nodes += [index] if shown else []
+            stack += [(child, index, shown) for child in reversed(node.indices("children", self._nodes))]
+        return parents, shown_nodes
+
+    def _top(self) -> list[int]:
+        scenes = self._root.objects("scenes")
+        if scenes:
+            scene = scenes[self._root.integer("scene", 0, high=len(scenes))]
+            self._description.name = scene.text("name", "") or self._description.name
+            return scene.indices("nodes", self._nodes)
+        children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
+        return [i for i in range(len(self._nodes)) if i not in children]
+
+    def _place(self, node: Json, world: Matrix, moves: bool) -> None:
+        mesh = node.index("mesh", self._meshes.sources)
+        if mesh is not None:
+            name = self._unique(node.text("name", "") or self._meshes.name(mesh))
+            copies = node.extension(instancing.EXTENSION)
+            skin = node.index("skin", self._skins)
+            if copies:
+                left = MAX_INSTANCES - len(self._description.instances)
+                places = product(world, instancing.instance_transforms(copies, self._accessors, left))
+                for i, place in enumerate(places):
+                    self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
+            elif skin is not None:
+                joints = self._skins[skin].indices("joints", self._nodes)
+                bent = not self._moving.nodes.isdisjoint(joints)
+                found = self._meshes.skinned(mesh, node, self._joints(self._skins[skin], joints), bent)
+                self._show(found, np.eye(4), name, self._moving.appears(node))
+            else:
+                self._show(self._meshes.of(mesh, node), world, name, moves)
+        light = node.extension(lights.EXTENSION)
+        if light:
+            source = self._light_of(light)
+            name = node.text("name", "") or source.text("name", "") or f"light {len(self._description.lights)}"
+            self._description.lights.append(lights.read_light(source, name, world))
+
+    def _light_of(self, light: Json) -> Json:
+        return self._lights[light.integer("light", high=len(self._lights))]
+
+    def _show(self, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
+        restless = self._meshes.restless
+        self._description.instances += [Instance(m, place, name=name, moves=moves or m in restless) for m in meshes]
+
+    def _joints(self, skin: Json, joints: list[int]) -> Matrix:
+        """(J, 4, 4): from a mesh's space to the world by each joint of a skin. The node's own place counts for nothing."""
+        if not joints or not all(j in self._worlds for j in joints):
+            raise skin.wrong("joints", "has none, or one outside of the scene")
+        with np.errstate(over="ignore", invalid="ignore"):
+            bind = bind_matrices(skin, len(joints), self._accessors)
+            matrices = product(np.stack([self._worlds[j] for j in joints]), bind)
+        if not np.isfinite(matrices).all():
+            raise skin.wrong("inverseBindMatrices", "and the joints' places give no finite numbers")
+        return matrices
+
+    def _unique(self, name: str) -> str:
+        """The name, numbered where an earlier node has it: names tell objects apart."""
+        self._names[name] = self._names.get(name, 0) + 1
+        return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
+
+    def _add_camera(self, index: int) -> None:
+        node, world = self._nodes[index], self._worlds[index]
+        camera = node.index("camera", self._cameras)
+        if camera is None:
+            return
+        source = self._cameras[camera]
+        name = node.text("name", "") or source.text("name", "") or f"camera {camera}"
+        try:
+            view = read_camera(source, world)
+        except SettingsError as error:
+            self._shelf.warn(f"Camera {name}: {error}; it is left out.")
+            self._lacks_view = True
+            return
+        self._views[index] = len(self._description.cameras)
+        taken = {c.name for c in self._description.cameras}
+        self._description.cameras.append(Camera(name if name not in taken else f"{name} ({len(taken) + 1})", view))

@@ -1,0 +1,208 @@
+"""What a frame of a shot costs beyond rendering it: seconds of one core, and bytes that are stored and sent.
+
+    python -m tests.benchmarks.bench_frames [STATIC TRIANGLES] [FRAMES]
+
+A camera that moves, 100 rigid bodies, a skinned figure of 50,000 vertices, and a morph of a million triangles, each in a set of
+five million triangles that stands still. The scenes are made by formula. Time is the processor's, with one thread; the first
+frame, which makes the set, is told apart.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rayfarm.stage import Stage
+from renderer.scene.animation import Moment
+from renderer.scene.compiled import load
+from renderer.scene.load import Shot
+from renderer.scene.parts import Saver, parts_of
+from tests.renderer.scene.builders import Gltf, clip
+
+SET = 5_000_000
+PIECES = 500  # that the set consists of
+FRAMES = 24
+
+
+def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A rolling square of so many triangles: positions, normals and corners."""
+    n = int((triangles / 2) ** 0.5) + 1
+    v, u = np.mgrid[0:n, 0:n] / (n - 1)
+    height = 0.05 * np.sin(9 * u + seed) * np.cos(7 * v - seed)
+    slope_u, slope_v = 0.45 * np.cos(9 * u + seed) * np.cos(7 * v - seed), -0.35 * np.sin(9 * u + seed) * np.sin(7 * v - seed)
+    position = np.stack([size * u, size * height, size * v], -1).reshape(-1, 3).astype(np.float32)
+    normal = np.stack([-slope_u, np.ones_like(u), -slope_v], -1).reshape(-1, 3)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).reshape(-1)
+    lower, upper = np.stack([corner, corner + n, corner + 1], -1), np.stack([corner + 1, corner + n, corner + n + 1], -1)
+    return position, normal.astype(np.float32), np.stack([lower, upper], 1).reshape(-1).astype(np.uint32)
+
+
+def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A closed band around the y axis, 4 high."""
+    around = 100
+    rows = vertices // around
+    turn = 2 * np.pi * np.arange(around) / around
+    ring = np.stack([np.cos(turn), np.zeros(around), np.sin(turn)], -1)
+    rise = np.linspace(0, 4, rows)[:, None, None] * np.array([0, 1, 0])
+    position = (0.5 * ring + rise).reshape(-1, 3).astype(np.float32)
+    a = np.arange(rows - 1)[:, None] * around + np.arange(around)
+    b = np.arange(rows - 1)[:, None] * around + (np.arange(around) + 1) % around
+    faces = np.stack([a, a + around, b, b, a + around, b + around], -1)
+    return position, np.tile(ring, (rows, 1)).astype(np.float32), faces.reshape(-1).astype(np.uint32)
+
+
+def still_set(triangles: int) -> Gltf:
+    """The set: pieces of ground, each a mesh and a node of its own, under a sky of its own colour; and a camera."""
+    g = Gltf()
+    side = int(np.ceil(PIECES**0.5))
+    for i in range(PIECES):
+        position, normal, index = relief(triangles // PIECES, i)
+        g.mesh(position, index, NORMAL=normal)
+        g.root["nodes"][-1] |= {"translation": [float(i % side), 0.0, float(i // side)], "name": f"ground {i}"}
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+    g.node(camera=0, translation=[10, 3, 30], name="camera")
+    return g
+
+
+def turns(count: int, offset: float = 0.0) -> np.ndarray:
+    """Rotations about y, x y z w, one a key."""
+    half = np.linspace(0, np.pi, count) + offset
+    return np.stack([0 * half, np.sin(half), 0 * half, np.cos(half)], -1)
+
+
+def camera_move(g: Gltf) -> Gltf:
+    """(a)"""
+    return clip(g, "fly", (len(g.root["nodes"]) - 1, "translation", [0, 1], [(10, 3, 30), (12, 4, 20)], "LINEAR"))
+
+
+def rigid_bodies(g: Gltf) -> Gltf:
+    """(b) 100 bodies of ten meshes with 2,000 triangles each, every other one on an arm that turns too."""
+    channels = []
+    for i in range(100):
+        if i < 10:
+            position, normal, index = relief(2000, i)
+            g.mesh(position, index, NORMAL=normal)
+        mesh = PIECES + i % 10
+        if i < 10:
+            g.root["nodes"].pop()
+            g.root["scenes"][0]["nodes"].pop()
+        number = len(g.root["nodes"])
+        g.node(children=[number + 1], translation=[float(i % 10) * 2, 1.0, float(i // 10) * 2])
+        g.node(top=False, mesh=mesh, translation=[0.5, 0, 0], name=f"body {i}")
+        channels.append((number, "rotation", [0, 1, 2], turns(3, i), "LINEAR"))
+        if i % 2:
+            channels.append((number + 1, "rotation", [0, 1, 2], turns(3, 2 * i), "LINEAR"))
+    return clip(g, "dance", *channels)
+
+
+def figure(g: Gltf) -> Gltf:
+    """(c) 50,000 vertices, each on two of 60 joints, all of which turn."""
+    position, normal, index = tube(50_000)
+    along = position[:, 1] / 4 * 58.999
+    joint = np.stack([along, along + 1, 0 * along, 0 * along], -1).astype(np.uint8)
+    share = (along % 1).astype(np.float32)
+    weight = np.stack([1 - share, share, 0 * share, 0 * share], -1).astype(np.float32)
+    g.mesh(position, index, NORMAL=normal, JOINTS_0=joint, WEIGHTS_0=weight)
+    g.root["nodes"][-1] |= {"skin": 0, "name": "figure"}
+    first = len(g.root["nodes"])
+    bind = []
+    for k in range(60):
+        below = {"children": [first + k + 1]} if k < 59 else {}
+        g.node(top=k == 0, translation=[10.0 if k == 0 else 0.0, 4 / 60 if k else 1.0, 10.0 if k == 0 else 0.0], **below)
+        bind.append(np.array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -k * 4 / 60, 0, 1], np.float32))
+    g.root["skins"] = [{"joints": list(range(first, first + 60)), "inverseBindMatrices": g.array(np.stack(bind))}]
+    wave = [[(np.sin(a), 0, 0, np.cos(a)) for a in (0.0, 0.02 * np.sin(k), 0.0)] for k in range(60)]
+    return clip(g, "walk", *((first + k, "rotation", [0, 1, 2], wave[k], "LINEAR") for k in range(60)))
+
+
+def morph(g: Gltf) -> Gltf:
+    """(d) A million triangles towards one target."""
+    position, normal, index = relief(1_000_000, 3.0, 10.0)
+    other, bent, _ = relief(1_000_000, 5.0, 10.0)
+    g.mesh(position + np.float32([5, 1, 5]), index, NORMAL=normal)
+    target = {"POSITION": g.array(other - position), "NORMAL": g.array(bent - normal)}
+    g.root["meshes"][-1]["primitives"][0]["targets"] = [target]
+    return clip(g, "wave", (len(g.root["nodes"]) - 1, "weights", [0, 1, 2], [0, 1, 0], "LINEAR"))
+
+
+SHOTS: dict[str, tuple[Callable[[Gltf], Gltf], float, str]] = {
+    "camera": (camera_move, 0.005, "a camera moves"),
+    "bodies": (rigid_bodies, 0.015, "100 rigid bodies"),
+    "figure": (figure, 0.060, "a skinned figure of 50 k vertices"),
+    "morph": (morph, 1.0, "a morph of 1 M triangles"),
+}
+
+
+class Cost(NamedTuple):
+    """Of a frame: seconds until it is compiled, until its parts are written, until a slot has mapped them; bytes of new parts."""
+
+    compiled: float
+    written: float
+    mapped: float
+    bytes: int
+
+
+def costs(folder: Path, frames: int) -> list[Cost]:
+    """Of each frame of folder/shot.glb."""
+    stage, out = Stage(Shot(folder, "shot.glb"), threads=1), folder / "parts"
+    out.mkdir()
+    saver, shown, known = Saver(out), None, set[str]()
+    found = []
+    for frame in range(frames + 1):
+        begun = time.process_time()
+        compiled, _ = stage.at(Moment(frame))
+        is_compiled = time.process_time()
+        is_written = is_mapped = is_compiled
+        size = 0
+        if compiled is not shown:
+            assert stage._kept is not None
+            assert stage._kept.cuts is not None
+            manifest = saver.save(compiled, stage._kept.cuts)
+            is_written = time.process_time()
+            load(manifest)
+            is_mapped = time.process_time()
+            new = [part for part in parts_of(manifest) if part.sha256 not in known]
+            size = sum(part.size for part in new) + manifest.stat().st_size
+            known |= {part.sha256 for part in new}
+            if frame:
+                for part in new:  # as if sent: only what stays is kept on the disk
+                    (out / part.sha256).unlink()
+        shown = compiled
+        found.append(Cost(is_compiled - begun, is_written - is_compiled, is_mapped - is_written, size))
+    return found
+
+
+def measure(name: str, triangles: int, frames: int) -> str:
+    """A row of the table."""
+    make, asked, words = SHOTS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "shot.glb").write_bytes(make(still_set(triangles)).glb())
+        first, *rest = costs(Path(folder), frames)
+    median = Cost(*(float(np.median([getattr(cost, column) for cost in rest])) for column in Cost._fields))
+    whole = [sum(cost[:3]) for cost in rest]
+    columns = [f"{1000 * seconds:6.1f}" for seconds in median[:3]]
+    asked_ms, found_ms, most_ms = (f"{1000 * seconds:6.1f}" for seconds in (asked, float(np.median(whole)), max(whole)))
+    sizes = f"{median.bytes / 1e6:7.2f} MB  {first.bytes / 1e6:6.0f} MB"
+    return f"| {words:33} | {' | '.join(columns)} | {found_ms} | {most_ms} | {asked_ms} | {sizes.replace('  ', ' | ')} |"
+
+
+def main() -> None:
+    """Prints the table."""
+    triangles = int(sys.argv[1]) if len(sys.argv) > 1 else SET
+    frames = int(sys.argv[2]) if len(sys.argv) > 2 else FRAMES
+    columns = ("ms a frame, one core", "compile", "write", "map", "in all", "most", "asked", "bytes a frame", "bytes once")
+    print("| " + " | ".join(columns) + " |")
+    print("|" + "---|" * len(columns), flush=True)
+    for name in sys.argv[3:] or SHOTS:
+        print(measure(name, triangles, frames), flush=True)
+
+
+if __name__ == "__main__":
+    main()

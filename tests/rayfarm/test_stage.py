@@ -1,0 +1,139 @@
+"""A scene open over time: at each moment what compiling it from scratch gives, to the bit, whichever were asked for before."""
+
+import numpy as np
+import pytest
+
+from rayfarm.stage import Stage
+from renderer.arrays.scene import flat
+from renderer.scene import compile as compiling
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import Shot, read
+from tests.renderer.builders import icosphere
+from tests.renderer.scene.builders import Gltf, clip
+
+ENDS = [0, 1]
+TURN = [(0, 0, 0, 1), (0, 0.6, 0, 0.8)]
+
+
+def ball(g, levels=2, offset=(0, 0, 0), **more):
+    mesh = icosphere(levels)
+    return g.mesh(mesh.positions + np.float32(offset), mesh.triangles.reshape(-1).astype(np.uint32), **more)
+
+
+def everything(shines=False, shows=False):
+    """A still ball, a turning arm with a ball and a light on it, a morphing ball, a skinned one, a camera that goes along.
+
+    shines: the ball on the arm is a lamp; shows: another one is there at some moments only.
+    """
+    g = Gltf()
+    g.material()
+    g.material(emissiveFactor=[1, 0.5, 0.25])
+    ball(g, 3, (0, -3, 0), NORMAL=icosphere(3).positions)
+    g.node(children=[2, 3], translation=[2, 0, 0])
+    ball(g, 2, (1, 0, 0), material=int(shines))
+    g.node(top=False, extensions={"KHR_lights_punctual": {"light": 0}})
+    g.root["scenes"][0]["nodes"].remove(2)
+    g.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 100}]}}
+    ball(g, 2, (-3, 0, 0))
+    g.root["meshes"][-1]["primitives"][0]["targets"] = [{"POSITION": g.array(icosphere(2).positions)}]
+    count = len(icosphere(2).positions)
+    more = {
+        "JOINTS_0": g.array(np.zeros((count, 4), np.uint8)),
+        "WEIGHTS_0": g.array(np.tile(np.float32([1, 0, 0, 0]), (count, 1))),
+    }
+    ball(g, 2, (0, 3, 0))
+    g.root["meshes"][-1]["primitives"][0]["attributes"] |= more
+    g.root["nodes"][-1]["skin"] = 0
+    g.node(translation=[0.5, 0, 0])
+    g.root["skins"] = [{"joints": [6]}]
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+    g.node(camera=0, translation=[0, 0, 9])
+    ball(g, 1, (0, 0, 3))
+    channels = [
+        (1, "rotation", ENDS, TURN, "LINEAR"),
+        (4, "weights", ENDS, [0, 1], "LINEAR"),
+        (6, "rotation", ENDS, TURN, "LINEAR"),
+        (7, "translation", ENDS, [(0, 0, 9), (3, 0, 9)], "LINEAR"),
+    ]
+    if shows:
+        visible = "/nodes/8/extensions/KHR_node_visibility/visible"
+        channels.append((visible, "pointer", [0, 0.25, 0.5], np.uint8([1, 0, 1]), "STEP"))
+    return clip(g, "all", *channels).glb()
+
+
+YAML = b"""
+lights: [{type: point, position: [0, 5, 0], intensity: {keys: [[0, 5], [1, 9]]}}]
+environment: {color: [0.1, 0.2, 0.3]}
+shapes:
+  - {type: quad, transform: [{scale: 9}]}
+  - {type: mesh, file: all.glb, transform: [{translate: [0, 4, 0]}]}
+  - {type: group, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 90]]}}}],
+     shapes: [{type: cube}, {type: sphere, center: [3, 1, 0]}]}
+  - {type: sphere, center: [0, 2, -4]}
+"""
+
+SHOTS = {
+    "all.glb": everything(),
+    "lamp.glb": everything(shines=True),
+    "blink.glb": everything(shows=True),
+    "all.yaml": YAML,
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, data in SHOTS.items():
+        (tmp_path / name).write_bytes(data)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", SHOTS)
+def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
+    stage = Stage(Shot(folder, name), threads=1)
+    seen = set()
+    for frame in (5, 0, 9, 17, 9, 24, 0.5):
+        compiled, summary = stage.at(Moment(frame))
+        alone = compile_scene(read(folder, name, moment=Moment(frame)), threads=1)
+        for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
+            np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
+        np.testing.assert_allclose(summary["bounds"], alone.bounds)
+        seen.add(flat(compiled)["bvh.node"].tobytes())
+    assert len(seen) == 6
+
+
+def test_what_stands_still_is_made_once(folder, monkeypatch):
+    made = []
+    for name in ("make_still", "make_bodies", "pack"):
+        known = getattr(__import__("renderer.scene.stood", fromlist=[name]), name)
+        monkeypatch.setattr(
+            f"renderer.scene.stood.{name}", lambda *args, name=name, known=known: made.append(name) or known(*args)
+        )
+    for name in ("all.glb", "all.yaml"):
+        made.clear()
+        stage = Stage(Shot(folder, name), threads=1)
+        for frame in range(5):
+            stage.at(Moment(frame))
+        assert sorted(made) == ["make_bodies", "make_still", "pack"], name
+
+
+def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
+    g = Gltf()
+    ball(g)
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+    g.node(camera=0, translation=[0, 0, 9])
+    (tmp_path / "fly.glb").write_bytes(clip(g, "fly", (1, "translation", ENDS, [(0, 0, 9), (3, 0, 9)], "LINEAR")).glb())
+    calls = []
+    known = compiling.compile_scene
+    monkeypatch.setattr(compiling, "compile_scene", lambda *args, **more: calls.append(1) or known(*args, **more))
+    stage = Stage(Shot(tmp_path, "fly.glb"), threads=1)
+    eyes = [stage.at(Moment(frame))[1]["cameras"][0]["view"]["eye"][0] for frame in (0, 8, 16)]
+    np.testing.assert_allclose(eyes, [0, 1, 2], atol=1e-6)
+    assert len(calls) == 1
+
+
+def test_the_camera_that_frames_a_scene_does_so_at_its_beginning(folder):
+    late, soon = Stage(Shot(folder, "all.yaml"), threads=1), Stage(Shot(folder, "all.yaml"), threads=1)
+    first = soon.at(Moment(0))[1]["cameras"][-1]
+    assert late.at(Moment(20))[1]["cameras"][-1] == first
+    assert soon.at(Moment(20))[1]["cameras"][-1] == first
