@@ -25,19 +25,26 @@ def store(worker: WorkerContext, path: Path) -> BlobRef:
 
 
 def store_scene(worker: WorkerContext, path: Path) -> BlobRef:
-    """Stores what `renderer.scene.compiled.save` or a Saver wrote: of the parts beside it, those that the service lacks."""
+    """Stores what `renderer.scene.compiled.save` or a Saver wrote: of the parts beside it, those that the service lacks.
+
+    Its files are gone afterwards. What a Saver wrote for an earlier moment may be gone already.
+    """
     parts = parts_of(path)
     for part in parts:
         _store_part(worker, path.parent / part.sha256, part)
     ref = store(worker, path)
     worker.cache.adopt(path, ref.sha256)
+    path.unlink()
     return BlobRef(ref.path, ref.sha256, ref.size, tuple(parts))
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
+    is_new = path.is_file()
     if not patiently(lambda: worker.link.has(part.sha256), STORE_PATIENCE_S):
-        store(worker, path)
-    worker.cache.adopt(path, part.sha256)
+        store(worker, path if is_new else worker.cache.path(part.sha256, part.size))
+    if is_new:
+        worker.cache.adopt(path, part.sha256)
+        path.unlink()
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:

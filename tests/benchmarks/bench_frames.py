@@ -189,8 +189,8 @@ def measure(name: str, triangles: int, frames: int) -> str:
     whole = [sum(cost[:3]) for cost in rest]
     columns = [f"{1000 * seconds:6.1f}" for seconds in median[:3]]
     asked_ms, found_ms, most_ms = (f"{1000 * seconds:6.1f}" for seconds in (asked, float(np.median(whole)), max(whole)))
-    sizes = f"{median.bytes / 1e6:7.2f} MB  {first.bytes / 1e6:6.0f} MB"
-    return f"| {words:33} | {' | '.join(columns)} | {found_ms} | {most_ms} | {asked_ms} | {sizes.replace('  ', ' | ')} |"
+    sizes = f"{median.bytes / 1e6:6.2f} MB | {first.bytes / 1e6:4.0f} MB"
+    return f"| {words:33} | {' | '.join(columns)} | {found_ms} | {most_ms} | {asked_ms} | {sizes} |"
 
 
 def main() -> None:

@@ -79,6 +79,26 @@ def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[B
     assert sum(map(len, service.blobs.values())) < 0.6 * of_all
 
 
+def test_nothing_is_left_of_what_was_stored(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path) -> None:
+    service, kept = Service(), Kept()
+    out = tmp_path / "out"
+    out.mkdir()
+    saver, one = Saver(out), worker(service, tmp_path / "one")
+    for angle in (0.0, 20.0):
+        compiled = compile_scene(zoo(angle), kept=kept)
+        assert kept.cuts is not None
+        ref = store_scene(one, saver.save(compiled, kept.cuts))
+        sha256, _ = max(ref.parts, key=lambda part: part[1])
+        if angle == 0.0:
+            del service.blobs[sha256]  # with the only scene that was said to need it
+    assert sha256 in service.blobs
+    assert service.sent.count(sha256) == 2
+
+
 def test_who_stored_it_need_not_fetch_it(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
     service, refs = moments
     open_scene(worker(service, tmp_path / "one").cache, refs[1].sha256)

@@ -23,9 +23,13 @@ import redis
 from celery import Celery
 
 from renderer.denoise import denoise, is_available
+from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
+from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
 from worker.contract import (
     DENOISE,
@@ -90,6 +94,9 @@ class FakeService(BaseHTTPRequestHandler):
         data = self.rfile.read(int(self.headers["Content-Length"]))
         self.blobs[self.path.rpartition("/")[2]] = data
         self._answer(201, b"{}")
+
+    def do_POST(self) -> None:
+        self._answer(204 if self.path.split("/")[4] in self.blobs else 404, b"")
 
     def _answer(self, status: int, body: bytes, headers: dict[str, str] | None = None) -> None:
         self.send_response(status)
@@ -234,6 +241,24 @@ def test_batches_add_up_to_the_whole_to_the_bit(bench: Bench, info: SceneInfo) -
     sums = dict(parts)
     assert np.array_equal(sums["a"] + sums["b"], sums["whole"])
     assert sums["whole"].any()
+
+
+def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
+    data = everything()
+    (tmp_path / "moves.glb").write_bytes(data)
+    here = compile_scene(read(tmp_path, "moves.glb"))
+    settings = RenderSettings(24, 24, View((0, 0, 9), (0, 0, 0)))
+    alone = render_batch(here, settings, Tile(0, 0, 24, 24), 0, 2)  # and its kernel is compiled, before anybody waits for it
+    bench.upload("moves", {"moves.glb": data}, "moves.glb")
+    event = bench.prepare("moves").event
+    assert event["type"] == "prepared", event
+    info = SceneInfo.from_json(event["info"])
+    assert len(info.compiled.parts) >= 5
+    assert {sha256 for sha256, _ in info.compiled.parts} <= bench.service.blobs.keys()
+    bench.render(RenderBatch("m", "job", 0, info.compiled.sha256, Tile(0, 0, 24, 24), 0, 2, settings))
+    result = bench.next("batch", "batch-failed")
+    assert result.sums is not None, result.event
+    np.testing.assert_array_equal(unpack_sums(result.sums, Tile(0, 0, 24, 24)), alone.sums)
 
 
 @pytest.mark.parametrize(
