@@ -15,6 +15,7 @@ from rayfarm.declared_options import parameter, typed
 from rayfarm.errors import CommandError
 from renderer.declared import Declared
 from renderer.errors import SettingsError
+from renderer.scene.animation.shutter import SHUTTER
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, WORK
 
@@ -90,10 +91,16 @@ class Picture:
 
     def view(self, cameras: list[dict[str, Any]]) -> View:
         """The chosen camera's view (the first unless told), with what the options change in it."""
-        start = cameras[options.find_camera(cameras, self.given.get("camera"))]
+        return self._seen(cameras[options.find_camera(cameras, self.given.get("camera"))]["view"])
+
+    def views(self, cameras: list[dict[str, Any]]) -> tuple[View, ...]:
+        """Those that it has while the shutter is open, changed likewise; none of a camera that stands still."""
+        return tuple(map(self._seen, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
+
+    def _seen(self, start: dict[str, Any]) -> View:
         changes = {name: value for name, value in self._view().items() if value is not None}
         try:
-            return View.from_json({**start["view"], **changes})
+            return View.from_json({**start, **changes})
         except SettingsError as error:
             raise CommandError(f"This view cannot be rendered: {error}.") from error
 
@@ -106,10 +113,15 @@ class Picture:
             width=width,
             height=height,
             view=self.view(cameras),
+            views=self.views(cameras),
             environment=self.environment().color,
             **light,
             **chosen(self.asked(), defaults),
         )
+
+    def shutter(self) -> dict[str, Any]:
+        """What is asked for of the shutter's settings."""
+        return {name: value for name, value in self.asked().items() if name in SHUTTER and value is not None}
 
     def request(self, cameras: list[dict[str, Any]]) -> dict[str, Any]:
         """What POST /api/jobs takes."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rayfarm.console import Ticker, bar
@@ -49,12 +50,13 @@ def load_scene(
     threads: int | None = None,
     moment: Moment = Moment(),
     camera: str | None = None,
+    shutter: Mapping[str, Any] = MappingProxyType({}),
 ) -> tuple[CompiledScene, dict[str, Any]]:
     """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.
 
-    moment: of what moves in it. camera: the one it is seen by.
+    moment: of what moves in it. camera: the one it is seen by. shutter: what is asked for of its settings.
     """
-    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads) as stage:
+    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter) as stage:
         task = progress.add_task("reading", total=None)
 
         def say(step: str) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import fields, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rayfarm.options import Env, find_camera
@@ -36,11 +37,19 @@ class _Built(NamedTuple):
 class Stage:
     """A scene over time, compiled. What it is at a moment does not depend on the moments asked for before.
 
-    camera: the one that pictures are taken by, as --camera names it.
+    camera: the one that pictures are taken by, as --camera names it. shutter: what is asked for of its settings.
     """
 
-    def __init__(self, shot: Shot, camera: str | None = None, brute: bool = False, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        shot: Shot,
+        camera: str | None = None,
+        brute: bool = False,
+        threads: int | None = None,
+        shutter: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
         self._shot, self._camera, self._brute, self._threads = shot, camera, brute, threads
+        self._shutter = shutter
         self._last: _Built | None = None
         self._kept: Kept | None = None
         self._auto: dict[str, Any] | None = None
@@ -57,13 +66,13 @@ class Stage:
         if self._last is not None and not self._last.read.moves:
             return self._last.compiled, self._last.summary
         say("reading")
-        read = self._shot.at(moment)
+        read = self._shot.over(moment, self._shutter)
         frames_itself = read.moves and self._is_auto(read)
         if frames_itself and self._auto is None and moment.frame != self._shot.start:
             say("framing")
             self._last = self._built(self._shot.at(replace(moment, frame=self._shot.start)))
             self._auto = self._last.summary["cameras"][-1]
-            read = self._shot.at(moment)
+            read = self._shot.over(moment, self._shutter)
         if self._last is not None and compiles_alike(read, self._last.read):
             described = replace(self._last.described, cameras=read.cameras)
             self._last = self._last._replace(read=read, described=described)
@@ -114,11 +123,15 @@ def open_stage(
     camera: str | None = None,
     brute: bool = False,
     threads: int | None = None,
+    shutter: Mapping[str, Any] = MappingProxyType({}),
 ) -> Iterator[Stage]:
-    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores."""
+    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores.
+
+    shutter: what is asked for of its settings.
+    """
     from renderer.scene.load import Shot
 
     with opened(scene, environment.image) as (folder, main, inside):
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
-        yield Stage(Shot(folder, main, inside, variant), camera, brute, threads)
+        yield Stage(Shot(folder, main, inside, variant), camera, brute, threads, shutter)

@@ -14,8 +14,9 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.ir_utils import get_definition, guard
 from numba.core.untyped_passes import InlineInlinables
+from numba.extending import intrinsic
 
-__all__ = ["Compiler"]
+__all__ = ["Compiler", "where_present"]
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -50,6 +51,17 @@ class Compiler(CompilerBase):
         steps.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
         steps.finalize()
         return [steps]
+
+
+@intrinsic
+def where_present(typingctx: Any, part: Any, value: Any) -> Any:
+    """The value where there is that part, else None: known by its type, so that what takes the value leaves out what wants it."""
+    lacks = isinstance(part, types.NoneType)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return context.get_dummy_value() if lacks else args[1]
+
+    return (types.none if lacks else value)(part, value), codegen
 
 
 def _is_field(value: Any) -> bool:

@@ -33,7 +33,7 @@ from renderer.threads import cores
 
 __all__ = ["PLAIN", "RenderStats", "edition_for", "is_warm", "kernel_name", "render_batch", "render_frame", "replay", "warm_up"]
 
-PLAIN, FULL = EDITIONS
+PLAIN, FULL, MOVING = EDITIONS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
@@ -162,7 +162,8 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
 
 def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """The edition of the kernel that renders the scene with these settings."""
-    return edition_of(scene) if has_editions(settings) else FULL
+    edition = edition_of(scene, len(settings.views) > 0)
+    return edition if edition == MOVING or has_editions(settings) else FULL
 
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:

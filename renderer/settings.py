@@ -24,14 +24,17 @@ __all__ = [
     "MAX_DEPTH",
     "MAX_FLOOR",
     "MAX_LIGHT_SAMPLES",
+    "MAX_SHUTTER",
     "MAX_SIZE",
     "MAX_SPP",
     "MISTAKES",
+    "MOST_KEYS",
     "OPTIONAL",
     "PROJECTIONS",
     "SAMPLERS",
     "SAMPLINGS",
     "SETTINGS",
+    "SHUTTERS",
     "VIEW",
     "RenderSettings",
     "Tile",
@@ -84,6 +87,12 @@ LIGHT_CHOICES = Choices(
         "uniform": Shown("Uniform", "Each as often as the others, for comparison."),
     }
 )
+SHUTTERS = Choices(
+    {
+        "centred": Shown("Centred", "Open as long before the frame's time as after it."),
+        "trailing": Shown("Trailing", "It closes at the frame's time."),
+    }
+)
 MISTAKES = Choices(
     {
         "": Shown("None", "Other renderers' errors, to see what each does to a picture."),
@@ -96,6 +105,8 @@ MISTAKES = Choices(
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
 MAX_LIGHT_SAMPLES = 64
+MAX_SHUTTER = 64.0  # frames
+MOST_KEYS = 65  # of a shutter
 MAX_FLOOR = 0.95  # what a path goes on with at most: renderer/kernel/pool/scatter.py
 MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
@@ -115,6 +126,8 @@ class RenderSettings:
     radiance falls by 1/d^2 once more.
     sampling: mixture aims at lights and marked things without shadow rays (renderer/kernel/integrators/mixture.py).
     heuristic: how mis weighs the two strategies (Veach 1997).
+    views: of a camera that moves while the shutter is open: at equal steps from when it opens to when it closes. Of things that
+    move, the compiled scene knows.
     """
 
     width: Annotated[int, Setting(1, MAX_SIZE), Shown("Width", "Pixels.", "px", "basic", "Size and quality")]
@@ -243,6 +256,32 @@ class RenderSettings:
         Setting(0, (1 << 32) - 1),
         Shown("Seed", "Another seed, another noise; the same seed, the same bits.", section="Samples"),
     ] = 0
+    shutter: Annotated[
+        float,
+        Setting(0.001, MAX_SHUTTER, off=0.0),
+        Shown(
+            "Shutter",
+            "How long it is open, of a frame's time: what moves meanwhile is blurred.",
+            unit="fraction",
+            section="Samples",
+            off="no motion blur",
+            phrase="shutter {}",
+        ),
+    ] = 0.0
+    shutter_at: Annotated[
+        str, Setting(choices=SHUTTERS), Shown("Shutter at", "When it is open.", section="Samples", phrase="shutter {}")
+    ] = "centred"
+    shutter_keys: Annotated[
+        int,
+        Setting(2, MOST_KEYS, off=0),
+        Shown(
+            "Shutter keys",
+            "How often within the shutter what moves is looked at; between two keys it turns by less than half a turn.",
+            section="Samples",
+            off="as often as its turns need",
+            phrase="{} keys",
+        ),
+    ] = 0
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
@@ -279,9 +318,15 @@ class RenderSettings:
         ),
     ] = 0.0
     film_exponent: Annotated[int, Setting(0, MAX_FILM_EXPONENT, of=""), Shown("Film exponent", "Of the film's quantum.")] = 24
+    views: tuple[View, ...] = ()
 
     def __post_init__(self) -> None:
         checked(self)
+        object.__setattr__(self, "views", tuple(self.views))
+        if len(self.views) == 1 or len(self.views) > MOST_KEYS:
+            raise SettingsError(f"views are {len(self.views)}; a camera that moves has 2 to {MOST_KEYS}, another none")
+        if any(view.projection != self.view.projection for view in self.views):
+            raise SettingsError("views are of different projections; nothing lies between these")
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict; `from_json` gives the same settings back to the bit."""
@@ -296,7 +341,8 @@ class RenderSettings:
             if value is not None or name not in SETTINGS or SETTINGS[name].optional  # null: of an older release, its default
         }
         try:
-            return cls(view=View.from_json(known.pop("view")), **known)
+            views = tuple(map(View.from_json, known.pop("views", ())))
+            return cls(view=View.from_json(known.pop("view")), views=views, **known)
         except (TypeError, KeyError) as error:
             raise SettingsError(f"these settings are of another release of Rayfarm ({error})") from None
 

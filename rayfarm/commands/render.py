@@ -121,7 +121,7 @@ def render(
     shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
     _check(output, shot, order, stats)
     if shot is not None:
-        with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads) as stage:
+        with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter()) as stage:
             found = render_sequence(shot, stage, order)
         if stats is not None:
             _write(stats, found)
@@ -134,7 +134,7 @@ def render(
 
     clock.mark("import_s")
     environment = picture.environment()
-    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera)
+    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter())
     for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
@@ -168,8 +168,8 @@ def _replay(
     scene: Path, variant: str | None, moment: Moment, order: Order, pixel: str, sample: int, no_bvh: bool, as_json: bool
 ) -> None:
     x, y = options.parse_pixel(pixel)
-    environment, camera = order.picture.environment(), order.picture.camera
-    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, moment=moment, camera=camera)
+    environment, camera, shutter = order.picture.environment(), order.picture.camera, order.picture.shutter()
+    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter)
     settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")

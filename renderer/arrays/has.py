@@ -18,12 +18,14 @@ class Has(NamedTuple):
     lights: Any  # without a body, or so many that a tree chooses among them
     layers: Any  # materials of many properties, what they absorb, and how they spread colours
     instances: Any
+    motion: Any  # while the shutter is open: of the camera, or of anything else
 
 
 # From what compiles and runs fastest to what does all. One for every set of parts would be 16, each compiled when it is first
 # wanted, and somebody waits for each.
 EDITIONS = {
-    "plain": Has(None, None, None, None),
-    "full": Has(True, True, True, True),
+    "plain": Has(None, None, None, None, None),
+    "full": Has(True, True, True, True, None),
+    "moving": Has(True, True, True, True, True),
 }
-EVERYTHING = EDITIONS["full"]
+EVERYTHING = EDITIONS["full"]  # of what stands still

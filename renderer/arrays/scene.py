@@ -15,7 +15,7 @@ import numpy.typing as npt
 from renderer.arrays.has import EVERYTHING, Has
 from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH
 from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TEXTURED, TRANSFORM_COLUMNS
-from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "example", "flat", "nested", "seal"]
@@ -80,6 +80,12 @@ class CompiledScene(NamedTuple):
 
     bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
 
+    # While the shutter is open, at as many keys as bvh.keyed says, key by key: of the last vertices and the last spheres.
+    key_position: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
+    key_normal: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
+    key_sphere: Array = np.zeros((0, 4), np.float32)  # (Z, 4) f32
+    key_punctual: Array = np.zeros((0, 12), np.float32)  # (J, 12) f32: rows of `punctual`, light by light
+
     has: Has = EVERYTHING  # which parts of the kernel the scene needs
 
 
@@ -127,6 +133,13 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment_column_start": ("<i4", ("H", "B")),
     "environment_frame": ("<f4", (12,)),
     "bounds": ("<f4", (2, 3)),
+    "bvh.motion": ("<f8", ("R", KEY_COLUMNS)),
+    "bvh.instance_motion": ("<i4", ("I?", 2)),
+    "bvh.keyed": ("<i4", (2,)),
+    "key_position": ("<f4", ("D", 3)),
+    "key_normal": ("<f4", ("D", 3)),
+    "key_sphere": ("<f4", ("Z", 4)),
+    "key_punctual": ("<f4", ("J", 12)),
     "texel": ("|u1", ("Q", 4)),
 }
 
@@ -219,6 +232,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     further = (child > np.arange(len(child))[:, None]) & (child < len(child))
     if not np.where(child < 0, ~child < lengths["L"], further).all():
         raise SceneError("the light tree points outside its nodes or lights, or back")
+    _check_motion(arrays, lengths)
     if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
@@ -229,6 +243,25 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
         raise SceneError("the BVH names a primitive that is not there")
+
+
+def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
+    """Raises SceneError where what moves has too few keys."""
+    first, count = arrays["bvh.instance_motion"].astype(np.int64).T
+    if not ((count == 0) | ((count >= 2) & (first >= 0) & (first + count <= lengths["R"]))).all():
+        raise SceneError("an instance has fewer keys than it says")
+    start, keys = (int(number) for number in arrays["bvh.keyed"])
+    leaf = ~arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
+    number = leaf[(leaf >= 0) & (leaf & INSTANCE == 0)] >> 2
+    if start < lengths["C"] and not (keys >= 2 and int(number.max(initial=0)) + keys <= lengths["C"]):
+        raise SceneError("a packet has fewer keys than it says")
+    moving = lengths["D"] + lengths["Z"]
+    if moving and (start < 0 or keys < 2 or lengths["D"] % keys or lengths["Z"] % keys):
+        raise SceneError("vertices or spheres have fewer keys than they say")
+    if lengths["D"] > keys * lengths["V"] or lengths["Z"] > keys * lengths["S"]:
+        raise SceneError("there are more keys of vertices or spheres than of these")
+    if lengths["J"] and (lengths["K"] == 0 or lengths["J"] % lengths["K"] or lengths["J"] < 2 * lengths["K"]):
+        raise SceneError("a light has fewer keys than it says")
 
 
 def _check_range(name: str, array: Array, lower: int, upper: int) -> None:

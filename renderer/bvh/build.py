@@ -22,7 +22,7 @@ from renderer.bvh.transforms import inverted
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
-__all__ = ["boundless", "build", "tree_of"]
+__all__ = ["boundless", "build", "tree_of", "tree_over"]
 
 
 def build(
@@ -72,6 +72,26 @@ def tree_of(
     sphere.flags.writeable = False
     with contextlib.nullcontext(team) if team is not None else Team() as crew:
         return _tree(position, triangle, sphere, len(triangle), bounds, crew)
+
+
+def tree_over(
+    position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], first_sphere: int, team: Team
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """As `tree_of`, over what is elsewhere at each of K keys: boxes hold all of them, packets the first.
+
+    position: (K, V, 3) f32; sphere: (K, S, 4) f32.
+    """
+    nothing = np.zeros((0, 2, 3))
+    arrays = [(np.ascontiguousarray(p), np.ascontiguousarray(s)) for p, s in zip(position, sphere, strict=True)]
+    for array in (triangle, *(each for pair in arrays for each in pair)):
+        array.flags.writeable = False
+    if len(triangle) + sphere.shape[1] == 0:
+        return _tree(arrays[0][0], triangle, arrays[0][1], first_sphere, nothing, team)
+    box = _boxes(arrays[0][0], triangle, arrays[0][1], nothing, team)
+    for p, s in arrays[1:]:
+        np.maximum(box, _boxes(p, triangle, s, nothing, team), out=box)
+    binary = split_all(box, len(triangle), len(triangle) + sphere.shape[1], team)
+    return fold_all(binary, Shapes(arrays[0][0], triangle, arrays[0][1], first_sphere), team)
 
 
 def boundless(node: npt.NDArray[Any]) -> None:

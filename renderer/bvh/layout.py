@@ -9,11 +9,17 @@ Nodes that no child names, and packets that no leaf does, may lie between the ot
                                    spheres, rows:   x y z radius, five rows unused,        primitive
     instance_root  (I,) i32        the node at which each instance's own tree begins
     to_local       (I, 3, 4) f64   from the world into the instance's space: a matrix and, last column, a translation
+    motion           (R, 18) f64   of instances that move while the shutter is open, their keys (motion.py), which count instead:
+    instance_motion  (I, 2) i32    the first of each instance's and how many, 0 of one that stands still; no rows where all do
+    keyed            (2,) i32      the first packet of those whose vertices or spheres move meanwhile, and how many keys it has
 
 `child` and `primitive` are int32, kept bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
 triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i. Node 0 is the world's root. A lane
 without a child has a box that nothing hits (lower +inf, upper -inf); a lane without a primitive has NaN in all its cells. A
 primitive's number is its triangle's index, or the number of triangles + its sphere's index.
+
+A packet that has keys is as many packets, one behind the other, and its leaf names the first; what lies between two keys is
+straight. Packets with keys are the world's, and the last of all. Boxes hold all of a motion.
 
 An instance is a tree shown somewhere: two levels and no more. Many instances share one tree, which lies in its own space;
 it holds triangles only.
@@ -23,11 +29,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 import numpy.typing as npt
 
 __all__ = [
     "INSTANCE",
+    "KEY_COLUMNS",
     "MAX_LEVELS",
+    "NEVER",
     "NODE_ROWS",
     "NODE_SIZE",
     "PACKET_ROWS",
@@ -48,6 +57,8 @@ PACKET_ROWS = 10
 ROW_PRIMITIVE = 9
 NODE_SIZE = NODE_ROWS * WIDTH
 PACKET_SIZE = PACKET_ROWS * WIDTH
+KEY_COLUMNS = 18  # of `motion`: motion.py
+NEVER = 2**31 - 1  # a packet's number that is none
 TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
 
 # The builder halves by number below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each puts
@@ -64,4 +75,7 @@ class Bvh(NamedTuple):
     packet: npt.NDArray[Any]  # (P, 10, 8) f32
     instance_root: npt.NDArray[Any]  # (I,) i32
     to_local: npt.NDArray[Any]  # (I, 3, 4) f64
+    motion: npt.NDArray[Any] = np.zeros((0, KEY_COLUMNS))  # (R, KEY_COLUMNS) f64
+    instance_motion: npt.NDArray[Any] = np.zeros((0, 2), np.int32)  # (I or 0, 2) i32
+    keyed: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
     instances: Any = True  # None: the kernel need not know of any (renderer/arrays/has.py)

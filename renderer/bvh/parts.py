@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from renderer.bvh.build import boundless, tree_of
 from renderer.bvh.instances import instance_boxes, relocate, root_boxes
+from renderer.bvh.keyed import motion_boxes
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.transforms import inverted
 from renderer.threads import Team
@@ -62,15 +63,19 @@ def lay(
     team: Team,
     brute: bool = False,
     room: Room = _new_room,
+    keys: Sequence[Array] = (),
+    loose_keys: int = 1,
 ) -> Laid:
     """The whole tree. still: a whole tree itself, perhaps with instances; `loose`: of the world, without.
 
     first_triangle: at which number the triangles of each body begin, and first_loose: those of what is loose, both numbered from
     0 in their trees. shown: (J,) which body each further instance shows; to_world: (I, 3, 4) of all, the J of the bodies last.
     room: gives arrays, perhaps those of another moment with what is kept in them.
+    While the shutter is open: keys of each of the J, (K, KEY_COLUMNS), none of one that stands still, or nothing where all do;
+    loose_keys: how often a packet of `loose` is there.
     """
     moving = to_world[len(to_world) - len(shown) :]
-    boxes, children = _below_top(still, bodies, loose, shown, moving)
+    boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
     top, _ = tree_of(bounds=boxes, team=team)
     nodes = _starts(
         [padded(max(len(boxes), len(top)), _NODE_BYTES), len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])],
@@ -96,7 +101,14 @@ def lay(
     _put_top(top, number[children], node, nodes[1])
     if brute:
         boundless(node)
-    return Laid(Bvh(node, packet, root.astype(np.int32), inverted(to_world)), nodes, packets, (still, bodies))
+    bvh = Bvh(node, packet, root.astype(np.int32), inverted(to_world))
+    if any(map(len, keys)):
+        count = np.array([0] * len(still.instance_root) + [len(each) for each in keys], np.int32)
+        begin = np.where(count > 0, np.cumsum(count) - count, 0).astype(np.int32)
+        bvh = bvh._replace(motion=np.concatenate(keys), instance_motion=np.stack([begin, count], axis=1))
+    if loose_keys > 1:
+        bvh = bvh._replace(keyed=np.array([packets[3], loose_keys], np.int32))
+    return Laid(bvh, nodes, packets, (still, bodies))
 
 
 def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
@@ -114,9 +126,15 @@ def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: 
     relocate(node[nodes], packet[packets], first_node, first_packet, first_primitive)
 
 
-def _below_top(still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array) -> tuple[Array, Array]:
+def _below_top(
+    still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
+) -> tuple[Array, Array]:
     """(n, 2, 3) boxes of what hangs below the top, and what each is: 0 the still tree, 1 the loose one, else an instance + 2."""
-    boxes, children = [instance_boxes(list(bodies), shown, moving)], [2 + np.arange(len(shown))]
+    placed = instance_boxes(list(bodies), shown, moving)
+    for number, each in enumerate(keys):
+        if len(each):
+            placed[number] = motion_boxes(root_boxes(bodies[shown[number]][0]), each)
+    boxes, children = [placed], [2 + np.arange(len(shown))]
     for number, node in ((1, loose[0]), (0, still.node)):
         found = root_boxes(node)
         if len(found):

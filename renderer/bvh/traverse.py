@@ -10,7 +10,7 @@ key is found while the leaf of the last one is looked at. Shadow rays take them 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +20,14 @@ from renderer.bvh.layout import (
     INSTANCE,
     MAX_LEVELS,
     NODE_SIZE,
+    PACKET_ROWS,
     PACKET_SIZE,
     ROW_CHILD,
     ROW_PRIMITIVE,
     SPHERES,
     WIDTH,
 )
+from renderer.bvh.motion import inverse_of, placed_at, step_at
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
@@ -45,7 +47,17 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "any_in_instance", "closest_hit", "closest_in_instance", "new_stack", "to_local"]
+__all__ = [
+    "NO_PRIMITIVE",
+    "Hit",
+    "any_hit",
+    "any_in_instance",
+    "closest_hit",
+    "closest_in_instance",
+    "new_stack",
+    "place_at",
+    "to_local",
+]
 
 NO_PRIMITIVE = np.int32(-1)
 _WORLD = np.int32(-1)
@@ -61,6 +73,7 @@ _PACKET = np.uintp(PACKET_SIZE)
 _BIT = np.uint32(1)
 _LANE = np.int32(WIDTH - 1)  # of a key: the lane
 _ENTRY = np.uintp(WIDTH + 2)  # words on the stack for the children of a node that wait: keys, the least of them, the node
+_BETWEEN = np.uintp(2 * MAX_LEVELS * (WIDTH + 2))  # where on it a packet between two keys is put
 
 
 class Hit(NamedTuple):
@@ -71,11 +84,13 @@ class Hit(NamedTuple):
     u: float  # barycentric coordinates of the triangle's corners b and c; 0 for spheres
     v: float
     instance: int  # whose space the primitive is in; -1 for the world's
+    time: Any = None  # of the ray, as `closest_hit` was told it
 
 
 def new_stack() -> npt.NDArray[np.float32]:
     """The scratch space of one thread's traversals, for the kernel that it calls."""
-    return np.empty(2 * MAX_LEVELS * int(_ENTRY), np.float32)  # for the world's tree, and an instance's
+    # For the world's tree, and an instance's; then for a packet between two keys.
+    return np.empty(2 * MAX_LEVELS * int(_ENTRY) + PACKET_SIZE, np.float32)
 
 
 @device
@@ -135,19 +150,46 @@ def _axes(o, d, inverse):
 
 
 @device
-def _met(packet, leaf, o, d, axes, shear, permuted, t_max):
-    """As `meet_triangles`, of a leaf of either kind."""
-    leaf_base = address(packet, np.uintp(leaf >> 2) * _PACKET)
-    if leaf & SPHERES:
-        hit, t = meet_spheres(leaf_base, o, d, t_max)
-        return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
-    return meet_triangles(leaf_base, axes, shear, permuted, t_max)
+def _place(packet, leaf):
+    """The address of a leaf's packet."""
+    return address(packet, np.uintp(leaf >> 2) * _PACKET)
+
+
+@subroutine
+def _put_between(packet, leaf, keys, time, stack):
+    """Puts a leaf's packet on the stack as it is at a time of the shutter. keys: how often it is there."""
+    out_of_line()
+    step, share = step_at(time, keys)
+    first = (np.uintp(leaf >> 2) + np.uintp(step)) * _PACKET
+    part = splat(share)
+    for row in range(PACKET_ROWS - 1):
+        offset = np.uintp(row) * _W
+        before = load(packet, first + offset)
+        store(stack, _BETWEEN + offset, fma(load(packet, first + _PACKET + offset) - before, part, before))
 
 
 @device
-def _meet(packet, leaf, o, d, axes, shear, permuted, best, primitive, u, v):
+def place_at(bvh, leaf, stack, time):
+    """As `_place`, at a time of the shutter; the stack holds one packet that is none of the tree's."""
+    if time is not None and (leaf >> 2) >= bvh.keyed[0]:
+        _put_between(bvh.packet, leaf, bvh.keyed[1], time, stack)
+        return address(stack, _BETWEEN)
+    return _place(bvh.packet, leaf)
+
+
+@device
+def _met(place, leaf, o, d, axes, shear, permuted, t_max):
+    """As `meet_triangles`, of a leaf of either kind, its packet at that address."""
+    if leaf & SPHERES:
+        hit, t = meet_spheres(place, o, d, t_max)
+        return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
+    return meet_triangles(place, axes, shear, permuted, t_max)
+
+
+@device
+def _meet(packet, place, leaf, o, d, axes, shear, permuted, best, primitive, u, v):
     """What a leaf's packet makes of the nearest hit so far: (distance, primitive, u, v)."""
-    hit, t, b, c, determinant = _met(packet, leaf, o, d, axes, shear, permuted, best)
+    hit, t, b, c, determinant = _met(place, leaf, o, d, axes, shear, permuted, best)
     if bits(hit) != np.uint32(0):
         inverse = splat(_ONE) / determinant
         distance, lane = nearest(hit, t * inverse)
@@ -190,6 +232,36 @@ def _pop(stack, top):
 
 
 @device
+def _into(bvh, number, o, d, time):
+    """`to_local`, of an instance that may move, at a time of the shutter."""
+    if time is not None and len(bvh.instance_motion) > 0:
+        first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]
+        if keys > 0:
+            return _to_moving(bvh.motion, first, keys, time, o, d)
+    return to_local(bvh.to_local, number, o, d)
+
+
+@subroutine
+def _to_moving(motion, first, keys, time, o, d):
+    out_of_line()
+    a, b, c = inverse_of(placed_at(motion, first, keys, time))
+    ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
+    dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])
+    return (
+        (
+            np.float32(a[0] * ox + a[1] * oy + a[2] * oz + a[3]),
+            np.float32(b[0] * ox + b[1] * oy + b[2] * oz + b[3]),
+            np.float32(c[0] * ox + c[1] * oy + c[2] * oz + c[3]),
+        ),
+        (
+            np.float32(a[0] * dx + a[1] * dy + a[2] * dz),
+            np.float32(b[0] * dx + b[1] * dy + b[2] * dz),
+            np.float32(c[0] * dx + c[1] * dy + c[2] * dz),
+        ),
+    )
+
+
+@device
 def to_local(transform, number, o, d):
     """A ray in an instance's space. Its direction keeps the transform's scale, so that t stays the world's.
 
@@ -214,10 +286,10 @@ def to_local(transform, number, o, d):
 
 
 @subroutine
-def closest_in_instance(bvh, stack, bottom, number, o, d, best):
+def closest_in_instance(bvh, stack, bottom, number, o, d, best, time):
     """The nearest hit nearer than `best` in an instance's tree: (distance, primitive, u, v); NO_PRIMITIVE where there is none."""
     out_of_line()
-    o, d = to_local(bvh.to_local, number, o, d)
+    o, d = _into(bvh, number, o, d, time)
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -242,12 +314,16 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best):
             base = np.uintp(child) * _NODE
             keys, key = _enter(bvh.node, base, x, y, z, best)
             continue
-        best, primitive, u, v = _meet(bvh.packet, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
+        place = _place(bvh.packet, ~child)
+        best, primitive, u, v = _meet(bvh.packet, place, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
 
 
 @device
-def closest_hit(bvh, stack, o, d, t_max):
-    """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`."""
+def closest_hit(bvh, stack, o, d, t_max, time=None):
+    """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`.
+
+    time: of the shutter, 0 ... 1; None where nothing moves, or in the middle.
+    """
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -275,23 +351,24 @@ def closest_hit(bvh, stack, o, d, t_max):
             continue
         leaf = ~child
         if bvh.instances is not None and leaf & INSTANCE:
-            found = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best)
+            found = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best, time)
             if found[1] != NO_PRIMITIVE:
                 best, primitive, u, v = found
                 instance = np.int32(leaf >> 2)
         else:
             nearer = best
-            best, primitive, u, v = _meet(bvh.packet, leaf, o, d, axes, shear, permuted, best, primitive, u, v)
+            place = place_at(bvh, leaf, stack, time)
+            best, primitive, u, v = _meet(bvh.packet, place, leaf, o, d, axes, shear, permuted, best, primitive, u, v)
             if best < nearer:
                 instance = _WORLD
-    return Hit(best, primitive, u, v, instance)
+    return Hit(best, primitive, u, v, instance, time)
 
 
 @subroutine
-def any_in_instance(bvh, stack, bottom, number, o, d, t_max):
+def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """`any_hit` in an instance's tree."""
     out_of_line()
-    o, d = to_local(bvh.to_local, number, o, d)
+    o, d = _into(bvh, number, o, d, time)
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -307,7 +384,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max):
             if child >= 0:
                 store_int(stack, top, child)
                 top += np.uintp(1)
-            elif bits(_met(bvh.packet, ~child, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+            elif bits(_met(_place(bvh.packet, ~child), ~child, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
                 return True
         if top == bottom:
             return False
@@ -316,8 +393,8 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max):
 
 
 @device
-def any_hit(bvh, stack, o, d, t_max):
-    """Whether anything lies along o + t d with 0 < t < t_max. stack: from `new_stack`."""
+def any_hit(bvh, stack, o, d, t_max, time=None):
+    """Whether anything lies along o + t d with 0 < t < t_max. stack, time: as of `closest_hit`."""
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -336,9 +413,9 @@ def any_hit(bvh, stack, o, d, t_max):
                 continue
             leaf = ~child
             if bvh.instances is not None and leaf & INSTANCE:
-                if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max):
+                if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max, time):
                     return True
-            elif bits(_met(bvh.packet, leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+            elif bits(_met(place_at(bvh, leaf, stack, time), leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
                 return True
         if top == np.uintp(0):
             return False

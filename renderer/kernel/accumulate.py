@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.absent import where_present
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import (
@@ -24,11 +25,11 @@ from renderer.film import (
 )
 from renderer.jit import device, entry, local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.camera import camera_ray
+from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.fixed import fixed, in_half
 from renderer.kernel.integrators.ao import trace_ao
 from renderer.kernel.integrators.path import trace_path
-from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, first_hit
+from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, TIME_BLOCK, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.pool.trace import pool_for, render_with_pool, scatter_nothing
@@ -45,6 +46,7 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 _COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
 _POSITION = POSITION.start
 _FIRST = np.uint32(0)  # the block of numbers that the camera uses
+_TIME = np.uint32(TIME_BLOCK)
 _HALF = np.float32(0.5)
 _NOTHING = (np.int64(0), np.int64(0), np.int64(0))
 
@@ -64,6 +66,17 @@ def _add3(sums, channel, y, x, value):
     sums[channel, y, x] += value[0]
     sums[channel + 1, y, x] += value[1]
     sums[channel + 2, y, x] += value[2]
+
+
+@device
+def _time(motion, options, pixel, sample):
+    """Of the shutter, 0 ... 1; None where nothing moves."""
+    return where_present(motion, draw4(Stream(options.sampler, options.seed, pixel, np.uint32(sample)), _TIME)[0])
+
+
+@device
+def _ray(camera, x, y, u, time):
+    return camera_ray(camera, x, y, u) if time is None else moving_ray(camera, x, y, u, time)
 
 
 class Batch(NamedTuple):
@@ -105,12 +118,13 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
             for sample in range(first, first + count):
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
-                o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
+                time = _time(scene.has.motion, options, pixel, sample)
+                o, d = _ray(camera, film_x, film_y, (u[2], u[3]), time)
                 u = draw4(
                     Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)), _FIRST
                 )  # as in path.py: in good time
                 stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
-                radiance, met = trace(scene, stack, o, d, options, stream, log, hit)
+                radiance, met = trace(scene, stack, o, d, time, options, stream, log, hit)
                 rays += met
                 base, upright, place, distance, object_number, material_number = first_hit(hit)
                 finite = vec.is_finite(radiance) and vec.is_finite(upright) and vec.is_finite(base)

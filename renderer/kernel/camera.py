@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.jit import device
+from renderer.bvh.layout import KEY_COLUMNS
+from renderer.bvh.motion import placed_at, step_at
+from renderer.bvh.rigid import motion_keys
+from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_disk
-from renderer.settings import PROJECTIONS, RenderSettings
+from renderer.settings import PROJECTIONS, RenderSettings, View
+from renderer.wide.lanes import each_lane
 from renderer.wide.values import as_wide3
 
-__all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "camera_frame", "camera_ray"]
+__all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "axes_of", "camera_frame", "camera_ray", "moving_ray"]
 
 PERSPECTIVE, ORTHOGRAPHIC, PANORAMA = (np.int32(PROJECTIONS.index(n)) for n in ("perspective", "orthographic", "panorama"))
 
@@ -44,41 +49,65 @@ class Camera(NamedTuple):
     near: np.float32  # along the line of sight, where rays start
     middle: tuple[np.float32, np.float32]  # of the film
     turns: tuple[np.float32, np.float32]  # a pixel of the panorama, in turns
+    motion: npt.NDArray[np.float64]  # (K, KEY_COLUMNS) of right, up, back and eye (renderer/bvh/motion.py); or no rows
+    lens: npt.NDArray[np.float64]  # (K, 4): a pixel's width, aperture, focus, near
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
-    """The settings' view for their size of picture."""
+    """The settings' view, and those that it has while the shutter is open, for their size of picture."""
     view = settings.view
-
-    def unit(v: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        return v / math.sqrt(float(v @ v))
 
     def vector(v: npt.NDArray[np.float64]) -> Vector:
         return np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
 
-    eye = np.array(view.eye, np.float64)
-    sight = np.array(view.target, np.float64) - eye
-    forward = unit(sight)
-    right = unit(np.cross(forward, np.array(view.up, np.float64)))
-    up = np.cross(right, forward)
+    right, up, back, eye = axes_of(view)
     flat = view.projection == "orthographic"
-    pixel = (view.height if flat else 2.0 * math.tan(math.radians(view.fov) / 2.0)) / settings.height
+    pixel, aperture, focus, near = _lens(view, settings.height)
     corner = up * (pixel * settings.height / 2.0) - right * (pixel * settings.width / 2.0)
     return Camera(
         kind=np.int32(PROJECTIONS.index(view.projection)),
         eye=vector(eye),
-        corner=vector(corner if flat else forward + corner),
+        corner=vector(corner if flat else corner - back),
         across=vector(right * pixel),
         down=vector(-up * pixel),
         right=vector(right),
         up=vector(up),
-        forward=vector(forward),
-        aperture=np.float32(view.aperture if view.projection == "perspective" else 0.0),
-        focus=np.float32(math.sqrt(float(sight @ sight)) if view.focus is None else view.focus),
-        near=np.float32(view.near),
+        forward=vector(-back),
+        aperture=np.float32(aperture),
+        focus=np.float32(focus),
+        near=np.float32(near),
         middle=(np.float32(settings.width / 2), np.float32(settings.height / 2)),
         turns=(np.float32(1 / settings.width), np.float32(0.5 / settings.height)),
+        motion=_motion(settings.views),
+        lens=np.array([_lens(each, settings.height) for each in settings.views]).reshape(-1, 4),
     )
+
+
+@functools.lru_cache(16)
+def _motion(views: tuple[View, ...]) -> npt.NDArray[np.float64]:
+    """Kept, as every batch of a frame asks for it."""
+    if not views:
+        return np.zeros((0, KEY_COLUMNS))
+    return np.ascontiguousarray(motion_keys(np.array([[np.stack(axes_of(each), -1) for each in views]]))[0])
+
+
+def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
+    """Right, up, back (unit), and the eye: the columns of the camera's place."""
+    eye = np.array(view.eye, np.float64)
+    sight = np.array(view.target, np.float64) - eye
+    forward = sight / math.sqrt(float(sight @ sight))
+    right = np.cross(forward, np.array(view.up, np.float64))
+    right = right / math.sqrt(float(right @ right))
+    return right, np.cross(right, forward), -forward, eye
+
+
+def _lens(view: View, height: int) -> tuple[float, float, float, float]:
+    """(a pixel's width at distance 1, or an orthographic one's in the scene; aperture; focus; near)."""
+    extent = view.height if view.projection == "orthographic" else 2.0 * math.tan(math.radians(view.fov) / 2.0)
+    aperture = view.aperture if view.projection == "perspective" else 0.0
+    sight = np.array(view.target, np.float64) - np.array(view.eye, np.float64)
+    focus = math.sqrt(float(sight @ sight)) if view.focus is None else view.focus
+    return extent / height, aperture, focus, view.near
 
 
 @device
@@ -115,3 +144,49 @@ def camera_ray(camera, x, y, u):
     if camera.near > _ZERO:
         o = vec.add(o, vec.scale(d, camera.near / vec.dot(d, camera.forward)))
     return o, d
+
+
+@device
+def _of_lens(camera, column, step, share):
+    a = camera.lens[step, column]
+    return np.float32(a + np.float64(share) * (camera.lens[step + 1, column] - a))
+
+
+@subroutine
+def _camera_at(camera, x, y, u, v, time):
+    """`camera_ray` of the camera as it is at a time of the shutter: what it has to turn, turned."""
+    a, b, c = placed_at(camera.motion, 0, len(camera.motion), time)
+    step, share = step_at(time, len(camera.motion))
+    pixel = _of_lens(camera, 0, step, share)
+    right = np.float32(a[0]), np.float32(b[0]), np.float32(c[0])
+    up = np.float32(a[1]), np.float32(b[1]), np.float32(c[1])
+    forward = -np.float32(a[2]), -np.float32(b[2]), -np.float32(c[2])
+    corner = vec.sub(vec.scale(up, pixel * camera.middle[1]), vec.scale(right, pixel * camera.middle[0]))
+    if camera.kind != ORTHOGRAPHIC:
+        corner = vec.add(forward, corner)
+    now = Camera(
+        camera.kind,
+        (np.float32(a[3]), np.float32(b[3]), np.float32(c[3])),
+        corner,
+        vec.scale(right, pixel),
+        vec.scale(up, -pixel),
+        right,
+        up,
+        forward,
+        _of_lens(camera, 1, step, share),
+        _of_lens(camera, 2, step, share),
+        _of_lens(camera, 3, step, share),
+        camera.middle,
+        camera.turns,
+        camera.motion,
+        camera.lens,
+    )
+    return camera_ray(now, x, y, (u, v))
+
+
+@device
+def moving_ray(camera, x, y, u, time):
+    """As `camera_ray`, of a camera that may move, at a time of the shutter, 0 ... 1. Of one sample, or of eight."""
+    if len(camera.motion) > 0:
+        return each_lane(_camera_at, x == x, (camera, x, y, u[0], u[1], time))
+    return camera_ray(camera, x, y, u)

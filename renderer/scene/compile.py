@@ -11,7 +11,7 @@ import numpy as np
 from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES
 from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.parts import Laid
-from renderer.bvh.transforms import stretches
+from renderer.scene import over_the_shutter
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.emitters import emitting_triangles
 from renderer.scene.environment import (
@@ -72,7 +72,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     punctual = tabulate_punctual(description.lights, stood.bounds)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     emitters = emitting_triangles(packed, geometry)
-    lights = list_lights(packed.emitted, emitters, double_sided, geometry, sphere, stood.sphere_material, punctual)
+    sphere_keys = over_the_shutter.sphere_keys(description, stood.spheres[stood.still_spheres :])
+    lights = list_lights(packed.emitted, emitters, double_sided, geometry, sphere, stood.sphere_material, punctual, sphere_keys)
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(description)
@@ -84,11 +85,13 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     )
     chance = choose_environment(environment, lights.power, stood.bounds)
     say("building the BVH", 0.5)
-    laid = grow(stood.sections, joined.first_triangle, placement, sphere, stood.still_spheres, brute, team, kept)
+    keys = over_the_shutter.instance_keys(description, placement)
+    still_spheres = stood.still_spheres
+    laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
-        instance_stretch=stretches(placement.to_world),
+        instance_stretch=over_the_shutter.stretches_of(description, placement),
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,
@@ -124,6 +127,10 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         **search,
         environment_frame=environment.frame(chance),
         bounds=stood.bounds,
+        key_position=geometry.keys[:, 0].reshape(-1, 3),
+        key_normal=geometry.keys[:, 1].reshape(-1, 3),
+        key_sphere=sphere_keys.reshape(-1, 4),
+        key_punctual=over_the_shutter.punctual_keys(description.lights),
     )
     kept.cuts = _cuts(stood, laid, (environment, search))
     scene = seal(arrays, _to_check(stood, laid, arrays, kept))
@@ -172,13 +179,14 @@ def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dic
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
     """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, variants, warnings, defaults.
 
-    cameras: the file's own, then always one named "auto" that frames the scene. up: which way is up. fps: the file's own,
+    cameras: the file's own, then always one named "auto" that frames the scene; `views` of those that move while
+    the shutter is open, as RenderSettings has them. up: which way is up. fps: the file's own,
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
     cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up))]
     return {
-        "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
+        "cameras": [_camera_dict(c) for c in cameras],
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
             "unique_triangles": len(compiled.triangle) - _filling(compiled),
@@ -213,7 +221,7 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
     cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
     return {
         **before,
-        "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
+        "cameras": [_camera_dict(c) for c in cameras],
         "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
         "warnings": list(description.warnings),
     }
@@ -227,7 +235,17 @@ def camera_names(description: SceneDescription) -> list[str]:
 
 def _own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
     names = camera_names(description)
-    return [Camera(n, _aimed(c.view, compiled.bounds)) for n, c in zip(names, description.cameras, strict=False)]
+    bounds = compiled.bounds
+    return [
+        Camera(name, _aimed(c.view, bounds), tuple(_aimed(view, bounds) for view in c.keys))
+        for name, c in zip(names, description.cameras, strict=False)
+    ]
+
+
+def _camera_dict(camera: Camera) -> dict[str, Any]:
+    """views: of one that moves while the shutter is open, as RenderSettings has them."""
+    still = {"name": camera.name, "view": _view_dict(camera.view)}
+    return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
 
 
 def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:

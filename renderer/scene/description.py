@@ -102,17 +102,23 @@ class Mesh:
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
     tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
     deforms: bool = False  # whether its vertices are others at another moment
+    keys: tuple[tuple[F32, F32 | None], ...] = ()  # positions and normals, as Instance.keys
 
 
 @dataclass
 class Instance:
-    """A mesh placed in the world by a 4x4 matrix on column vectors; `material` replaces the mesh's where given."""
+    """A mesh placed in the world by a 4x4 matrix on column vectors; `material` replaces the mesh's where given.
+
+    keys: of what moves while the shutter is open, its transforms at equal steps from when it opens to when it closes; at least 2.
+    `transform` is then the one in the middle.
+    """
 
     mesh: int
     transform: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     material: int | None = None
     name: str = ""  # instances of one name are one object in the object id AOV; "": one of its own
     moves: bool = False  # whether it is elsewhere, or not there, at another moment; or shines then
+    keys: tuple[npt.NDArray[np.float64], ...] = ()
 
 
 @dataclass
@@ -125,6 +131,7 @@ class Sphere:
     name: str = "sphere"
     guide: bool = False  # whether `sampling: mixture` aims at it, as at a light
     moves: bool = False  # whether it is another at another moment
+    keys: tuple[tuple[Vec3, float], ...] = ()  # centres and radii, as Instance.keys
 
 
 @dataclass
@@ -144,6 +151,7 @@ class Light:
     inner_cone: float = 0.0  # half angles, degrees: full within, dark beyond the outer
     outer_cone: float = 45.0
     name: str = "light"
+    keys: tuple[Light, ...] = ()  # as Instance.keys
 
 
 @dataclass
@@ -180,10 +188,11 @@ class Environment:
 
 @dataclass
 class Camera:
-    """A named view."""
+    """A named view. keys: as Instance.keys."""
 
     name: str
     view: View
+    keys: tuple[View, ...] = ()
 
 
 class SurfaceNote(str):
@@ -212,6 +221,7 @@ class SceneDescription:
     clips: list[Clip] = field(default_factory=list)  # what the file animates; which is shown, and when, is asked for
     fps: float = DEFAULT_FPS  # the file's
     moves: bool = False  # whether another moment may show something else
+    keys: int = 0  # of what moves while the shutter is open; 0: nothing does
     # An object that descriptions of several moments share, where they differ in cameras, lights without a body and what is marked
     # as moving alone: places of instances, and vertices of meshes that deform.
     still: object | None = None

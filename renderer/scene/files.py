@@ -40,6 +40,7 @@ class SceneFiles:
         self._environment = environment
         self._made: dict[Hashable, Any] = {}
         self._used: set[Hashable] = set()
+        self.is_numbered = False  # whether any file that was asked for has the frame's number in its name
 
     def read_anew(self) -> None:
         """Another moment is read: what the last one did not ask for is forgotten, so that numbered files do not pile up."""
@@ -90,6 +91,7 @@ class SceneFiles:
         """The name that a pattern has at a frame: its number in place of #'s, where no file is called so itself."""
         if "#" not in PurePosixPath(pattern).name or self.find(pattern, beside) is not None:
             return pattern
+        self.is_numbered = True
         return str(PurePosixPath(pattern).with_name(frame_name(PurePosixPath(pattern).name, int(frame))))
 
     def frames_of(self, pattern: str) -> list[int]:

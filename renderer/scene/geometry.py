@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from renderer.kernel.mesh.faces import find_corners
 from renderer.scene.description import F32, I32, SceneDescription
 from renderer.scene.instances import Group, Sharing
 from renderer.scene.objects import number_objects
-from renderer.scene.placed import Placed, placed
+from renderer.scene.placed import Placed, placed, with_keys
 from renderer.scene.readable import read_only
 from renderer.threads import PART, Team, parts_of
 
@@ -27,6 +28,7 @@ __all__ = [
     "by_triangle",
     "check_size",
     "flatten",
+    "keys_step",
     "make_bodies",
     "make_loose",
     "make_still",
@@ -37,6 +39,7 @@ __all__ = [
 
 MAX_TRIANGLES = 20_000_000
 NOWHERE = -2
+_FEW_KEYS = 5
 _MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
 
 F64 = npt.NDArray[np.float64]
@@ -59,6 +62,7 @@ class Geometry(NamedTuple):
     first: I32  # (P + 1,) the first triangle of each part, and the number of all triangles
     material: I32  # (P,)
     object: I32  # (P,); -1 in groups, NOWHERE of what fills a page
+    keys: F32 = np.zeros((0, 2, 0, 3), np.float32)  # (K or 0, 2, D, 3) positions and normals of the last vertices
 
 
 def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
@@ -74,6 +78,7 @@ class Placement(NamedTuple):
     to_world: F64  # (I, 3, 4)
     material: I32  # (I,) or -1: the triangles' own
     object: I32  # (I,)
+    number: list[int]  # (I,) the description's instance that each is
 
 
 class _Part(NamedTuple):
@@ -105,8 +110,14 @@ def make_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> 
 
 
 def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
-    """What moves and is of the world."""
-    return _section([_copy(description, n, objects[n], team, whole=True) for n in sharing.loose], [], team)
+    """What moves and is of the world; with its keys, if any of it moves while the shutter is open."""
+    parts = [_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
+    parts = _over_the_shutter(description, sharing.loose, parts, team)
+    section = _section(parts, [], team)
+    if parts and len(parts[0].placed.keys):
+        keys = np.concatenate([part.placed.keys for part in parts], axis=2)
+        section = section._replace(geometry=section.geometry._replace(keys=keys))
+    return section
 
 
 def _section(world: list[_Part], trees: list[list[_Part]], team: Team) -> Section:
@@ -136,6 +147,7 @@ def placement_of(description: SceneDescription, sharing: Sharing, objects: Seque
         np.array([np.asarray(i.transform, np.float64)[:3] for i in shown]).reshape(-1, 3, 4),
         np.array([-1 if i.material is None else i.material for i in shown], np.int32),
         np.array([objects[n] for _, n in which], np.int32),
+        [n for _, n in which],
     )
 
 
@@ -167,6 +179,32 @@ def _copy(description: SceneDescription, number: int, object: int, team: Team, w
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
     return _Part(placed(description, mesh, instance.transform, [material], team, whole), material, object)
+
+
+def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
+    """What is placed at each moment, with its vertices at the keys of the shutter if any of it moves meanwhile.
+
+    What turns has all keys, since it goes straight from one to the next; what only bends has few.
+    """
+    shown = [description.instances[n] for n in numbers]
+    meshes = [description.meshes[instance.mesh] for instance in shown]
+    spheres = any(sphere.keys for sphere in description.spheres)
+    if not spheres and not any(instance.keys or mesh.keys for instance, mesh in zip(shown, meshes, strict=True)):
+        return parts
+    step = keys_step(description)
+    found = []
+    for part, instance, mesh in zip(parts, shown, meshes, strict=True):
+        places = (instance.keys or (instance.transform,) * description.keys)[::step]
+        thinned = replace(mesh, keys=mesh.keys[::step])
+        found.append(part._replace(placed=with_keys(part.placed, thinned, places, team)))
+    return found
+
+
+def keys_step(description: SceneDescription) -> int:
+    """Every how many-th of the shutter's keys is one of what goes straight from key to key."""
+    turns = any(instance.keys for instance in description.instances) or any(sphere.keys for sphere in description.spheres)
+    few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
+    return (description.keys - 1) // (_FEW_KEYS - 1) if few and not turns else 1
 
 
 def _group(description: SceneDescription, group: Group, team: Team) -> list[_Part]:

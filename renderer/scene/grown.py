@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from renderer.bvh.build import build, tree_of
 from renderer.bvh.instances import Instances
+from renderer.bvh.keyed import keyed_tree
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.bvh.parts import Laid, Tree, lay
 from renderer.scene.description import F32
@@ -14,6 +19,8 @@ from renderer.scene.kept import Kept
 from renderer.threads import Team
 
 __all__ = ["grow"]
+
+Array = npt.NDArray[Any]
 
 _NO_TREE: Tree = np.zeros((0, NODE_ROWS, WIDTH), np.float32), np.zeros((0, PACKET_ROWS, WIDTH), np.float32)
 
@@ -27,10 +34,13 @@ def grow(
     brute: bool,
     team: Team,
     kept: Kept,
+    keys: Sequence[Array] = (),
+    sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> Laid:
     """The tree. sections: what stands still, the bodies, what is loose, whose triangles begin at these numbers.
 
-    sphere: (S, 4), the first of them stand still.
+    sphere: (S, 4), the first of them stand still. While the shutter is open: keys of the instances of what moves, as `lay` takes
+    them; sphere_keys: (K or 0, Z, 4) of the last spheres.
     """
     still, bodies, loose = sections
     _, first_body, first_loose, triangles = first_triangle
@@ -58,13 +68,21 @@ def grow(
         return Laid(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
     trees = kept.recall("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
     lax = _NO_TREE
+    loose_keys = max(len(loose.geometry.keys), len(sphere_keys), 1)
     if len(loose.geometry.triangle) or still_spheres < len(sphere):
         first = triangles + still_spheres - first_loose
-        found = build(loose.geometry.position, loose.geometry.triangle, sphere[still_spheres:], None, False, team, first)
-        lax = found.node, found.packet
+        if loose_keys > 1:
+            shapes, balls = loose.geometry.keys[:, 0], sphere_keys
+            shapes = shapes if len(shapes) else np.zeros((loose_keys, 0, 3), np.float32)
+            balls = balls if len(balls) else np.zeros((loose_keys, 0, 4), np.float32)
+            lax = keyed_tree(shapes, loose.geometry.triangle, balls, first, team)
+        else:
+            found = build(loose.geometry.position, loose.geometry.triangle, sphere[still_spheres:], None, False, team, first)
+            lax = found.node, found.packet
     begins = [first_body + a for a, _ in bodies.trees]
     which = placement.group[placement.still :] - len(still.trees)
-    return lay(base, trees, begins, lax, first_loose, which, placement.to_world, team, brute, kept.room)
+    places = placement.to_world
+    return lay(base, trees, begins, lax, first_loose, which, places, team, brute, kept.room, keys, loose_keys)
 
 
 def _body_trees(bodies: Section, team: Team) -> list[Tree]:

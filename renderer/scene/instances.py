@@ -118,7 +118,8 @@ def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
     for number in movers:
         instance = description.instances[number]
         place = np.asarray(instance.transform, np.float64).tobytes()
-        parts.setdefault((instance.name or number, place, instance.material), []).append(number)
+        way = b"".join(np.asarray(key, np.float64).tobytes() for key in instance.keys)
+        parts.setdefault((instance.name or number, place, way, instance.material), []).append(number)
     bodies: dict[tuple[int, ...], list[int]] = {}
     for numbers in parts.values():
         bodies.setdefault(tuple(description.instances[n].mesh for n in numbers), []).append(numbers[0])
@@ -127,5 +128,8 @@ def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
 
 def _are_invertible(instances: list[Instance]) -> npt.NDArray[np.bool_]:
     """(I,) whether rays can be carried into an instance's space."""
-    most, least = stretches(np.array([np.asarray(i.transform, np.float64)[:3] for i in instances]).reshape(-1, 3, 4)).T
-    return (least > 0) & (most < _CONDITION * least)
+    places = [each for i in instances for each in (i.transform, *i.keys)]
+    most, least = stretches(np.array([np.asarray(place, np.float64)[:3] for place in places]).reshape(-1, 3, 4)).T
+    first = np.cumsum([0] + [1 + len(i.keys) for i in instances])[:-1]
+    sane = (least > 0) & (most < _CONDITION * least)
+    return np.logical_and.reduceat(sane, first) if len(instances) else sane

@@ -60,7 +60,8 @@ def join(sections: Sequence[Section], has_uvs: bool, kept: Kept) -> Joined:
         corners[at:end, 3] = by_triangle(parts[i], numbers)
         corners[end : triangle[i + 1], :3] = 0
         corners[end : triangle[i + 1], 3] = first_part[i] + len(numbers)
-    return Joined(Geometry(**arrays, triangle=corners[:, :3], **parting), corners, vertex, triangle)
+    whole = Geometry(**arrays, triangle=corners[:, :3], **parting, keys=parts[-1].keys)
+    return Joined(whole, corners, vertex, triangle)
 
 
 def _starts(lengths: Sequence[int]) -> tuple[int, ...]:

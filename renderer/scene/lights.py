@@ -17,6 +17,7 @@ from renderer.scene.punctual import Punctual
 __all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
 
 TREE_FROM = 3  # lights; of the two triangles that most lamps are, the walk costs more than it saves (docs/performance.md)
+_BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
 _SPREAD = 0.01  # of the choices by power fall on all lights evenly
 
 
@@ -53,33 +54,38 @@ def list_lights(
     sphere: F32,
     sphere_material: I32,
     punctual: Punctual,
+    sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> LightList:
     """The primitives whose material emits, and the punctual lights, numbered in the order of the tree if there is one.
 
     emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool. By power, the chance of choosing a light
     is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in a hundred: else float32 would
-    never choose a candle under a stadium's lamps.
+    never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; of
+    what moves meanwhile, powers and bounds are the greatest.
     """
     emitters = _with_area(emitters, geometry)
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
     corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
     radiance = np.concatenate([brightness, emitted[sphere_material[spheres]]])
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    triangle_area = 0.5 * np.linalg.norm(cross, axis=1)
+    triangle_area = 0.5 * np.linalg.norm(_crossed(corners), axis=1)
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
+    over = _over_the_shutter(geometry, triangles, corners)
+    balls = _spheres_over_the_shutter(sphere, spheres, sphere_keys)
+    most_of_triangles = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
+    most_of_spheres = 4 * np.pi * balls[:, :, 3].max(axis=0, initial=0.0) ** 2
 
     rest = len(geometry.triangle) + len(sphere) + np.arange(len(punctual.power))
     primitive = np.concatenate([triangles, len(geometry.triangle) + spheres, rest])
     area = np.concatenate([triangle_area, sphere_area])
-    power = np.concatenate([np.pi * area * radiance, punctual.power])
+    power = np.concatenate([np.pi * np.concatenate([most_of_triangles, most_of_spheres]) * radiance, punctual.power])
     area = np.concatenate([area, np.zeros(len(rest))])
     node = np.zeros((0, LIGHT_ROWS, LIGHT_WIDTH), np.float32)
     if len(primitive) >= TREE_FROM or (len(primitive) == 2 and len(triangles) < 2):
         both = double_sided[emitters.material]
         bounds = (
-            _triangle_bounds(corners, cross, triangle_area * radiance[: len(triangles)], both),
-            _sphere_bounds(sphere[spheres], sphere_area / 4 * radiance[len(triangles) :]),
+            _triangle_bounds(over, most_of_triangles * radiance[: len(triangles)], both),
+            _sphere_bounds(balls, most_of_spheres / 4 * radiance[len(triangles) :]),
             punctual.bounds,
         )
         order, node = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))
@@ -125,19 +131,55 @@ def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
     return scene._replace(light_cdf=cdf, environment_frame=frame)
 
 
-def _triangle_bounds(corners: np.ndarray, cross: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:
-    center = (corners.min(axis=1) + corners.max(axis=1)) / 2
-    radius = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1)
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
-    axis = np.where(length > 0, cross / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
-    quarter = np.full(len(corners), np.pi / 2)
-    return LightBounds(center, radius, axis, np.zeros(len(corners)), quarter, np.where(both, 0.5, 1.0) * intensity, both)
+def _crossed(corners: np.ndarray) -> np.ndarray:
+    """Normals of (..., 3, 3) corners, as long as twice the areas."""
+    return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def _sphere_bounds(sphere: np.ndarray, intensity: np.ndarray) -> LightBounds:
-    up = np.broadcast_to((0.0, 0.0, 1.0), (len(sphere), 3))
-    all_around, quarter = np.full(len(sphere), np.pi), np.full(len(sphere), np.pi / 2)
-    return LightBounds(sphere[:, :3], sphere[:, 3], up, all_around, quarter, intensity, np.zeros(len(sphere)))
+def _over_the_shutter(geometry: Geometry, triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(K, n, 3, 3) corners of triangles at all keys of the shutter; one key where no vertex moves."""
+    if not len(geometry.keys):
+        return corners[None]
+    found = np.repeat(corners[None], len(geometry.keys), axis=0)
+    vertex = geometry.triangle[triangles] - (len(geometry.position) - geometry.keys.shape[2])
+    moves = vertex[:, 0] >= 0
+    found[:, moves] = geometry.keys[:, 0][:, vertex[moves]]
+    return found
+
+
+def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np.ndarray:
+    """(K, n, 4) of those spheres; one key where none moves."""
+    found = np.repeat(sphere[None, spheres].astype(np.float64), max(len(keys), 1), axis=0)
+    if len(keys):
+        number = spheres - (len(sphere) - keys.shape[1])
+        found[:, number >= 0] = keys[:, number[number >= 0]]
+    return found
+
+
+def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:
+    """Of (K, n, 3, 3) corners: where they are at any key, and how far their normals stray from the first's."""
+    center = (corners.min(axis=(0, 2)) + corners.max(axis=(0, 2))) / 2
+    radius = np.linalg.norm(corners - center[:, None], axis=3).max(axis=(0, 2))
+    cross = _crossed(corners)
+    length = np.linalg.norm(cross, axis=2, keepdims=True)
+    axes = np.where(length > 0, cross / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
+    spread = np.zeros(len(center))
+    if len(corners) > 1:
+        strays = np.arccos(np.clip((axes * axes[0]).sum(axis=2), -1.0, 1.0)).max(axis=0)
+        spread = np.where(strays > 0, np.minimum(strays + _BETWEEN_KEYS, np.pi), 0.0)
+    quarter = np.full(len(center), np.pi / 2)
+    return LightBounds(center, radius, axes[0], spread, quarter, np.where(both, 0.5, 1.0) * intensity, both)
+
+
+def _sphere_bounds(balls: np.ndarray, intensity: np.ndarray) -> LightBounds:
+    """Of (K, n, 4) centres and radii."""
+    center, radius = balls[0, :, :3], balls[0, :, 3]
+    if len(balls) > 1:
+        center = (balls[:, :, :3].min(axis=0) + balls[:, :, :3].max(axis=0)) / 2
+        radius = (np.linalg.norm(balls[:, :, :3] - center, axis=2) + balls[:, :, 3]).max(axis=0)
+    up = np.broadcast_to((0.0, 0.0, 1.0), (len(center), 3))
+    all_around, quarter = np.full(len(center), np.pi), np.full(len(center), np.pi / 2)
+    return LightBounds(center, radius, up, all_around, quarter, intensity, np.zeros(len(center)))
 
 
 def cumulative(weights: np.ndarray) -> F32:

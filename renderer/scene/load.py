@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene import sky
-from renderer.scene.animation import Moment
+from renderer.scene.animation import SHUTTER, Moment, Shutter
 from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.moving import between_files, while_open
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
+from renderer.settings import chosen
 
 __all__ = ["Shot", "read"]
 
@@ -62,6 +68,30 @@ class Shot:
             if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
                 raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
             self._finite[id(mesh.positions)] = mesh.positions
+
+    def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
+        """The scene while the shutter is open: what moves has keys. asked: the settings of a shutter, as far as they are asked
+        for; of the others, the file's count. Without one, it is the scene at the moment. Raises SceneError.
+        """
+        if asked.get("shutter") == 0:
+            return self.at(moment)
+        first = self.at(moment)
+        shutter = Shutter.of(chosen({name: asked.get(name) for name in SHUTTER}, first.defaults))
+        if shutter.length == 0 or not first.moves:
+            return first
+        moving = while_open(lambda each: first if each == moment else self.at(each), moment, shutter)
+        if self._files.is_numbered:
+            between_files(moving, shutter, self._beside(moment, -1.0), self._beside(moment, 1.0))
+        return moving
+
+    def _beside(self, moment: Moment, frames: float) -> SceneDescription | None:
+        """The scene at that moment, but by another frame's numbered files; None where these are not there."""
+        if moment.frame + frames < 0:
+            return None
+        try:
+            return self.at(replace(moment, frame=moment.frame + frames, offset=moment.offset - frames))
+        except SceneError:
+            return None
 
 
 def read(

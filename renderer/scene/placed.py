@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +19,10 @@ from renderer.scene.readable import read_only
 from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_set, vertex_tangents
 from renderer.threads import PART, Team, parts_of
 
-__all__ = ["MAX_COORDINATE", "Placed", "placed"]
+__all__ = ["MAX_COORDINATE", "Placed", "placed", "with_keys"]
 
 MAX_COORDINATE = 1e15  # squares and products of it stay within float32
+_NO_KEYS = np.zeros((0, 2, 0, 3), np.float32)
 _ANY = (0.0, 1.0, 0.0)  # the normal of what has none
 
 
@@ -34,6 +37,8 @@ class Placed(NamedTuple):
     tangent: F32  # (V or 0, 4)
     triangle: I32  # (T, 3)
     dropped: int  # how many had no area
+    vertex: slice | npt.NDArray[np.int64] = slice(None)  # (V,) the mesh's, of each
+    keys: F32 = _NO_KEYS  # (K or 0, 2, V, 3): positions and unit normals while the shutter is open
 
 
 def placed(
@@ -65,9 +70,7 @@ def placed(
     if mesh.normals is None:  # flat: no vertex is shared, each has its face's normal
         face = face_normals(position, triangle)
         vertex = triangle.reshape(-1).astype(np.int64)
-        length = np.linalg.norm(face, axis=1)[:, None]
-        unit = np.divide(face, length, out=np.tile(_ANY, (len(face), 1)), where=length > 0)
-        normal = np.repeat(unit.astype(np.float32), 3, axis=0)
+        normal = np.repeat(_unit(face), 3, axis=0)
         triangle = np.arange(len(vertex), dtype=np.int32).reshape(-1, 3)
     else:
         normal = _placed_normals(mesh.normals, transform, position, triangle, team)
@@ -91,7 +94,33 @@ def placed(
         tangent,
         triangle,
         dropped,
+        vertex,
     )
+
+
+def with_keys(found: Placed, mesh: Mesh, transforms: Sequence[npt.NDArray[np.float64]], team: Team) -> Placed:
+    """What `placed` gave of a mesh, and where it is while the shutter is open: by its own keys or, if it has none, as it is.
+
+    transforms: as many as there are keys.
+    """
+    shapes = mesh.keys or ((mesh.positions, mesh.normals),) * len(transforms)
+    keys = np.empty((len(transforms), 2, *found.position.shape), np.float32)
+    for key, (positions, normals), transform in zip(keys, shapes, transforms, strict=True):
+        shape, place = replace(mesh, positions=positions, normals=normals), np.ascontiguousarray(transform, np.float64)
+        position = _placed_points(shape, place, team)
+        key[0] = position[found.vertex]
+        if normals is None:
+            face = face_normals(key[0], found.triangle)
+            key[1, found.triangle.reshape(-1)] = np.repeat(_unit(face), 3, axis=0)
+        else:
+            triangle = read_only(mesh.triangles.astype(np.int32, copy=False))
+            key[1] = _placed_normals(normals, place, position, triangle, team)[found.vertex]
+    return found._replace(keys=keys)
+
+
+def _unit(face: npt.NDArray[np.float64]) -> F32:
+    length = np.linalg.norm(face, axis=1)[:, None]
+    return np.divide(face, length, out=np.tile(_ANY, (len(face), 1)), where=length > 0).astype(np.float32)
 
 
 def _finite(values: np.ndarray | None, count: int, width: int) -> F32:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from renderer.kernel.light.punctual import DIRECTIONAL, POINT, SPOT
 from renderer.scene.description import F32, I32, Light
 from renderer.scene.light_tree import LightBounds
 
-__all__ = ["Punctual", "tabulate_punctual"]
+__all__ = ["Punctual", "light_rows", "shines", "tabulate_punctual"]
 
 _KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
 _MAX_INTENSITY = 1e15
@@ -34,12 +35,25 @@ class Punctual(NamedTuple):
 
 def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
     """The lights that shine at all. Raises SceneError where a number of theirs means nothing."""
-    lights = [light for light in lights if _check(light) and max(light.intensity) > 0]
+    lights = [light for light in lights if shines(light)]
     kind = np.array([_KINDS[light.kind] for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
-    power = np.array([_power(light, scene_radius) for light in lights], np.float64)
-    return Punctual(kind, row.astype(np.float32), power, _bounds(lights))
+    power = np.array([max(_power(each, scene_radius) for each in (light, *light.keys)) for light in lights], np.float64)
+    return Punctual(kind, row.astype(np.float32), power, _over(lights, _bounds(lights)))
+
+
+def shines(light: Light) -> bool:
+    """Whether it sends any light, at any time of the shutter. Raises SceneError where a number of it means nothing."""
+    return max([max(each.intensity) for each in (light, *light.keys) if _check(each)]) > 0
+
+
+def light_rows(lights: Sequence[Light]) -> F32:
+    """(K, 12) one light at several times, so that what lies between two rows lies between two lights."""
+    rows = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
+    if rows[:, 9].any() and not rows[:, 9].all():  # one of radiance and one of intensity have nothing between them
+        rows[:] = rows[len(rows) // 2]
+    return rows.astype(np.float32)
 
 
 def _check(light: Light) -> bool:
@@ -100,6 +114,23 @@ def _bounds(lights: list[Light]) -> LightBounds:
         intensity=np.array([_luminance(light) for light in lights]),
         both=np.zeros(len(lights)),
     )
+
+
+def _over(lights: list[Light], bounds: LightBounds) -> LightBounds:
+    """The bounds, grown to what the lights are while the shutter is open."""
+    for i, light in enumerate(lights):
+        if not light.keys:
+            continue
+        own = _bounds(list(light.keys))
+        distant = light.kind == "directional"
+        middle = bounds.center[i] if distant else (own.center.min(axis=0) + own.center.max(axis=0)) / 2
+        apart = np.linalg.norm(own.center - middle, axis=1)
+        cosine = np.clip((own.axis * bounds.axis[i]).sum(axis=1), -1.0, 1.0)
+        bounds.center[i] = middle
+        bounds.radius[i] = -1.0 if distant else (apart + own.radius).max()
+        bounds.spread[i] = min((own.spread + np.arccos(cosine)).max(), np.pi)
+        bounds.intensity[i] = own.intensity.max()
+    return bounds
 
 
 def _luminance(light: Light) -> float:

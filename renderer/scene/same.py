@@ -11,7 +11,18 @@ from renderer.scene.description import SceneDescription
 
 __all__ = ["compiles_alike", "same"]
 
-_ASIDE = {"name", "cameras", "clips", "fps", "moves", "still", "variants", "warnings", "defaults"}  # what no array is made of
+_ASIDE = {
+    "name",
+    "cameras",
+    "clips",
+    "fps",
+    "keys",
+    "moves",
+    "still",
+    "variants",
+    "warnings",
+    "defaults",
+}  # what no array is made of
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:

@@ -30,13 +30,15 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     width, height = _size(request, defaults)
     if width * height > max_pixels:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
+    if request.get("shutter"):
+        raise SettingsError(f"shutter is {request['shutter']:g}; a farm renders without motion blur, `rayfarm render` with it")
     environment = request.get("environment") or {}
     settings = RenderSettings(
         width=width,
         height=height,
         view=_view(request, info.get("cameras") or []),
         **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
-        **chosen(request, defaults),
+        **{**chosen(request, defaults), "shutter": 0.0},
     )
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height)

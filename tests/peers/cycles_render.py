@@ -2,9 +2,9 @@
 
     python cycles_render.py jobs.json
 
-jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame}; max_depth counts path segments as Rayfarm does, sky is a
-radiance that comes from everywhere. Where Blender's importer takes a number in another sense than glTF's specification says,
-`as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
+jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame, shutter}; max_depth counts path segments as Rayfarm does,
+sky is a radiance that comes from everywhere. Where Blender's importer takes a number in another sense than glTF's specification
+says, `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
 """
 
 from __future__ import annotations
@@ -43,14 +43,36 @@ def as_gltf_says(material: bpy.types.Material) -> None:
                 node.inputs["Anisotropic"].default_value = (1 - across / along) / 0.9
 
 
-def render(glb: str, exr: str, size: int, samples: int, max_depth: int, sky: list[float], frame: int | None = None) -> None:
-    """One picture. frame: of a file that moves, by 24 a second."""
+def render(
+    glb: str,
+    exr: str,
+    size: int,
+    samples: int,
+    max_depth: int,
+    sky: list[float],
+    frame: int | None = None,
+    shutter: float | None = None,
+) -> None:
+    """One picture. frame: of a file that moves, by 24 a second. shutter: of a frame's time, centred."""
     prepare(glb, size, max_depth, sky)
+    if shutter is not None:
+        open_shutter(shutter)
     if frame is not None:
         bpy.context.scene.frame_set(frame)
     bpy.context.scene.render.filepath = exr
     bpy.context.scene.cycles.samples = samples
     bpy.ops.render.render(write_still=True)
+
+
+def open_shutter(length: float) -> None:
+    """Blurs what moves, by nine keys of each thing."""
+    scene = bpy.context.scene
+    scene.render.use_motion_blur = True
+    scene.render.motion_blur_shutter = length
+    scene.render.motion_blur_position = "CENTER"
+    for thing in scene.objects:
+        thing.cycles.use_motion_blur = thing.cycles.use_deform_motion = True
+        thing.cycles.motion_steps = 3
 
 
 def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,29 @@ def test_the_picture_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, 
     figures = f"frame {frame}: differs by {difference:.2%}; means {ours.mean():.4f} and {theirs.mean():.4f}"
     print(figures)
     assert difference < MOST, figures
+
+
+@pytest.mark.parametrize(("frame", "shutter"), [(13, 0.5), (8, 6.0), (20, 8.0)])
+def test_the_motion_blur_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int, shutter: float) -> None:
+    """As above, while the shutter is open: of what turns, flies and is bent, and of the camera. Cycles' lamps stand still."""
+    name = f"blur-{frame}.exr"
+    job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / name), "frame": frame, "shutter": shutter}
+    job |= {"size": SIZE, "samples": 2 * SPP, "max_depth": DEPTH, "sky": SKY}
+    (folder / "jobs.json").write_text(json.dumps([job]))
+    run("cycles_render.py", folder / "jobs.json")
+    moving = Shot(folder, "shot-plain.glb").over(Moment(frame), {"shutter": shutter, "shutter_keys": 9})
+    moving.lights = [replace(light, keys=()) for light in moving.lights]
+    camera = moving.cameras[0]
+    settings = RenderSettings(SIZE, SIZE, camera.view, max_depth=DEPTH, environment=SKY, filter="box", views=camera.keys)
+    ours = blocks(mean(render_frame(compile_scene(moving), settings, 2 * SPP), settings.film_exponent))
+    theirs = blocks(read_image((folder / name).read_bytes(), name))
+    still = Shot(folder, "shot-plain.glb").at(Moment(frame))
+    sharp = blocks(mean(render_frame(compile_scene(still), replace(settings, views=()), SPP), settings.film_exponent))
+    difference, blur = (float(np.abs(other - theirs).mean() / theirs.mean()) for other in (ours, sharp))
+    figures = f"frame {frame}, shutter {shutter:g}: differs by {difference:.2%}, the still by {blur:.2%}"
+    print(figures)
+    assert difference < MOST, figures
+    assert shutter < 1 or blur > 1.5 * difference, "the blur is seen"
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:

@@ -123,6 +123,21 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     assert len(seen) == (5 if name == "numbered.yaml" else 6)  # half a frame is the file before it
 
 
+@pytest.mark.parametrize("name", SHOTS)
+def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
+    asked = {"shutter": 0.5}
+    stage = Stage(Shot(folder, name), threads=1, shutter=asked)
+    for frame in (5, 0, 9, 9, 0.5):
+        compiled, summary = stage.at(Moment(frame))
+        description = Shot(folder, name).over(Moment(frame), asked)
+        alone = compile_scene(description, threads=1)
+        for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
+            np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
+        assert len(compiled.bvh.motion) > 0 or name == "lamp.glb"
+        assert len(compiled.key_position) > 0
+        assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
+
+
 def test_what_stands_still_is_made_once(folder, monkeypatch):
     made = []
     for name in ("make_still", "make_bodies", "pack"):

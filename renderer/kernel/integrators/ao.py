@@ -28,7 +28,7 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 
 @template
-def trace_ao(scene, stack, o, d, options, stream, log, first):
+def trace_ao(scene, stack, o, d, time, options, stream, log, first):
     """As `trace_path` of path.py: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 
     What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
@@ -41,7 +41,7 @@ def trace_ao(scene, stack, o, d, options, stream, log, first):
     rays = 0
     layers = local_floats(LAYER_SLOTS)
     for passed in range(MAX_PASSED):
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
         rays += 1
         if hit.primitive == NO_PRIMITIVE:
             if passed < len(log):
@@ -64,7 +64,7 @@ def trace_ao(scene, stack, o, d, options, stream, log, first):
         start = departure(surface, True, towards)
         end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
         rays += 1
-        open_sky = transmittance(scene, stack, start, end, options.transparent)
+        open_sky = transmittance(scene, stack, start, end, options.transparent, time)
         radiance = (open_sky, open_sky, open_sky)
         if passed < len(log):
             record_light(log, passed, DIRECT, radiance)

@@ -45,11 +45,12 @@ _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
 @template
-def trace_path(scene, stack, o, d, options, stream, log, first):
+def trace_path(scene, stack, o, d, time, options, stream, log, first):
     """The path of one sample of one pixel, from the ray o + t d on, d unit: (radiance, number of rays).
 
     first: (FIRST_HIT_SLOTS,), filled with what `first_hit` of transport.py reads.
-    options: renderer.kernel.options.Options; log: rows for record.py, none in pictures.
+    time: of the shutter, 0 ... 1; None where nothing moves. options: renderer.kernel.options.Options; log: rows for record.py,
+    none in pictures.
     """
     forget_first_hit(first)
     path = camera_path(o, d)
@@ -62,7 +63,7 @@ def trace_path(scene, stack, o, d, options, stream, log, first):
         # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
         for_bounce = draw4(stream, np.uint32(2 * number + 2))
         for_light = draw4(stream, np.uint32(2 * number + 1))
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -85,7 +86,7 @@ def trace_path(scene, stack, o, d, options, stream, log, first):
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        path = _add_emission(scene, surface, path, number, options)
+        path = _add_emission(scene, surface, path, number, options, time)
         vertex, path = vertex_at(scene, surface, path, stream, number, layers)
         if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
@@ -98,7 +99,7 @@ def trace_path(scene, stack, o, d, options, stream, log, first):
             break
 
         if lit and not is_specular(vertex.material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, time)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
@@ -145,14 +146,14 @@ def _add_environment(scene, path, options):
 
 
 @template
-def _add_emission(scene, surface, path, number, options):
+def _add_emission(scene, surface, path, number, options, time):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
     if shines(surface) and path.pdf >= _ZERO:
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
         weight = _ONE
         if path.pdf > _ZERO:
             cosine = vec.dot(surface.geometric, vec.neg(path.d))
-            light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine, True)
+            light_pdf = primitive_light_pdf(scene, surface.light, path.vertex, path.normal, surface.point, cosine, True, time)
             weight = heuristic_weight(options.heuristic, path.pdf, light_pdf)
         if options.mistake != NO_MISTAKE and number > 0:
             weight *= mistaken(options.mistake, path.vertex, surface.point)
@@ -161,7 +162,7 @@ def _add_emission(scene, surface, path, number, options):
 
 
 @template
-def _add_direct(scene, stack, vertex, path, number, options, stream, numbers):
+def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, time):
     """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
     surface, material = vertex.surface, vertex.material
     s, t, n = vertex.frame
@@ -170,14 +171,14 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers):
     for k in range(count):
         if count > 1:
             numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
-        light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]))
+        light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), time)
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(material, vertex.wo, wi)
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                weight = transmittance(scene, stack, start, light.end, options.transparent) / light.pdf
+                weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
                 if weight > _ZERO:
                     weight *= share_of_light(options, light.pdf, scatter_pdf, light.alone) / np.float32(count)
                     if options.mistake != NO_MISTAKE:

@@ -19,6 +19,7 @@ __all__ = [
     "COLOR_BLOCK",
     "FIRST_HIT_SLOTS",
     "PASSING_BLOCK",
+    "TIME_BLOCK",
     "absorbed",
     "first_hit",
     "forget_first_hit",
@@ -32,6 +33,7 @@ _ZERO = np.float32(0.0)
 _INDIRECT = np.float32(3)  # segments from which on light counts as indirect
 PASSING_BLOCK = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below,
 COLOR_BLOCK = 1 << 17  # and from here on those that spread colours
+TIME_BLOCK = 1 << 18  # whose first number is the sample's time
 
 
 # What the film wants of a path's first hit, in an array of the caller's: as values that every turn of the integrator's loop

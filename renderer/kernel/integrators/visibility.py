@@ -21,7 +21,7 @@ MAX_PASSED = 256  # surfaces that light passes by their alpha; what lies behind 
 
 
 @subroutine
-def _through(scene, stack, start, end):
+def _through(scene, stack, start, end, time):
     """The product of what each surface between the two points leaves of the light."""
     out_of_line()
     left = _ONE
@@ -33,7 +33,7 @@ def _through(scene, stack, start, end):
             return left
         distance = math.sqrt(vec.dot(rest, rest))
         d = vec.scale(rest, _ONE / distance)
-        hit = closest_hit(scene.bvh, stack, o, d, distance)
+        hit = closest_hit(scene.bvh, stack, o, d, distance, time)
         if hit.primitive == NO_PRIMITIVE:
             return left
         surface = surface_at(scene, o, d, hit)
@@ -45,11 +45,12 @@ def _through(scene, stack, start, end):
 
 
 @device
-def transmittance(scene, stack, start, end, transparent):
+def transmittance(scene, stack, start, end, transparent, time=None):
     """The fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
 
     transparent: whether anything in the scene lets light pass by its alpha; if not, one look is enough.
+    time: as of `closest_hit`.
     """
     if scene.has.textures is not None and transparent:
-        return _through(scene, stack, start, end)
-    return _ZERO if any_hit(scene.bvh, stack, start, vec.sub(end, start), _ONE) else _ONE
+        return _through(scene, stack, start, end, time)
+    return _ZERO if any_hit(scene.bvh, stack, start, vec.sub(end, start), _ONE, time) else _ONE

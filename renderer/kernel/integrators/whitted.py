@@ -84,13 +84,13 @@ def _middle(scene, light):
 
 
 @device
-def _look_at_light(scene, p, normal, middle, choice, u):
+def _look_at_light(scene, p, normal, middle, choice, u, time):
     """As `sample_light`; with `middle`, a light is looked at in its middle, from outside."""
     chance = scene.environment_frame[3]
     if not middle or choice < chance or len(scene.light_primitive) == 0:
-        return sample_light(scene, p, normal, choice, u)
+        return sample_light(scene, p, normal, choice, u, time)
     light, of_light = choose_light(scene, p, normal, (choice - chance) / (_ONE - chance) if chance > _ZERO else choice)
-    sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light))
+    sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light), time)
     pdf = sample.pdf * (_ONE - chance) * of_light
     return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 
@@ -116,7 +116,7 @@ def _add(path, light):
 
 
 @template
-def trace_whitted(scene, stack, o, d, options, stream, log, first):
+def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
     """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface."""
     forget_first_hit(first)
     path = camera_path(o, d)
@@ -126,7 +126,7 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first):
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
     while True:
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -166,7 +166,7 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first):
             break
 
         if lit and not _is_mirror(material):
-            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream)
+            path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, time)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
@@ -185,7 +185,7 @@ def trace_whitted(scene, stack, o, d, options, stream, log, first):
 
 
 @template
-def _add_direct(scene, stack, vertex, path, number, options, stream):
+def _add_direct(scene, stack, vertex, path, number, options, stream, time):
     """The path with the light that the lights send to its vertex, and the shadow rays that were cast."""
     surface = vertex.surface
     s, t, n = vertex.frame
@@ -193,14 +193,14 @@ def _add_direct(scene, stack, vertex, path, number, options, stream):
     count = options.light_samples
     for k in range(count):
         numbers = draw4(substream(stream, k, count), np.uint32(2 * number + 1))
-        light = _look_at_light(scene, surface.point, vertex.normal, count == 1, numbers[2], (numbers[0], numbers[1]))
+        light = _look_at_light(scene, surface.point, vertex.normal, count == 1, numbers[2], (numbers[0], numbers[1]), time)
         if light.pdf > _ZERO and vec.maximum(light.radiance) > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, _ = eval_material(vertex.material, vertex.wo, wi)
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                weight = transmittance(scene, stack, start, light.end, options.transparent)
+                weight = transmittance(scene, stack, start, light.end, options.transparent, time)
                 weight /= light.pdf * np.float32(count)
                 if options.mistake != NO_MISTAKE:
                     weight *= mistaken(options.mistake, surface.point, light.end)

@@ -13,16 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
-from renderer.jit import device
+from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
-from renderer.kernel.light.punctual import sample_punctual
+from renderer.kernel.light.punctual import sample_moving_punctual, sample_punctual
 from renderer.kernel.material.material import emission, opacity
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 from renderer.kernel.surface.departure import leave
-from renderer.kernel.surface.surface import sphere_uv, triangle_point, triangle_uv
+from renderer.kernel.surface.shapes import ball_at
+from renderer.kernel.surface.surface import moving_triangle_point, sphere_uv, triangle_point, triangle_uv
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, lookup, nil, not_, u32, where, where3
 
@@ -103,10 +104,13 @@ def _emitted(scene, material, uv, uv1, vertex_alpha, front):
 
 
 @device
-def _sample_triangle(scene, number, area, p, u):
+def _sample_triangle(scene, number, area, p, u, time):
     """A point of a triangle, uniformly: a LightSample, its pdf without the choice of the light."""
     b, c = square_to_triangle(u)
     q, error, normal = triangle_point(scene.position, scene.triangle, number, b, c)
+    if time is not None and len(scene.key_position) > 0:
+        q, error, normal = each_lane(moving_triangle_point, b == b, (scene, number, b, c, time))
+        area = max(_HALF * vec.length(normal), _LEAST)
     d = vec.sub(q, p)
     square = vec.dot(d, d)
     w = vec.scale(d, _ONE / math.sqrt(square))
@@ -152,16 +156,16 @@ def _sample_cap(to_center, square, radius, u):
 
 
 @device
-def _sphere(scene, number):
+def _sphere(scene, number, time):
     """(centre, radius)."""
-    x, y, z, radius = row(scene.sphere, number, 4)
+    x, y, z, radius = ball_at(scene, number, time)
     return (x, y, z), radius
 
 
 @device
-def _sample_sphere(scene, number, p, u):
+def _sample_sphere(scene, number, p, u, time):
     """A point of a sphere, uniform in the solid angle seen from p (from inside or close by, by area): as `_sample_triangle`."""
-    center, radius = _sphere(scene, number)
+    center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
     outside = square > _CLOSE * radius * radius
@@ -205,28 +209,37 @@ def _choose_light(scene, p, n, choice, wanted):
 
 
 @device
-def sample_one_light(scene, light, p, u):
-    """Towards p from the light of that number: a LightSample, its pdf without the choice of the light."""
+def sample_one_light(scene, light, p, u, time=None):
+    """Towards p from the light of that number: a LightSample, its pdf without the choice of the light.
+
+    time: of the shutter, 0 ... 1; None where nothing moves.
+    """
     primitive = u32(lookup(scene.light_primitive, light))
     beyond = u32(primitive - np.uint32(len(scene.triangle)))  # a triangle's is far beyond all spheres
     is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
     sample = _nothing(p)
     if any_of(is_triangle):
         area = lookup(scene.light_area, light)
-        sample = _sample_triangle(scene, where(is_triangle, primitive, _FIRST), area, p, u)
+        sample = _sample_triangle(scene, where(is_triangle, primitive, _FIRST), area, p, u, time)
     if any_of(is_sphere):
-        sample = _either(is_sphere, _sample_sphere(scene, where(is_sphere, beyond, _FIRST), p, u), sample)
+        sample = _either(is_sphere, _sample_sphere(scene, where(is_sphere, beyond, _FIRST), p, u, time), sample)
     if scene.has.lights is not None:
         alone = not_(is_triangle | is_sphere)
         if any_of(alone):
             number = u32(beyond - np.uint32(len(scene.sphere)))
-            arguments = scene.punctual_kind, scene.punctual, number, p, u
-            w, end, radiance, density = each_lane(sample_punctual, alone, arguments)
+            w, end, radiance, density = _sample_alone(scene, number, alone, p, u, time)
             sample = _either(alone, LightSample(w, end, radiance, density, alone), sample)
     return sample
 
 
 @device
+def _sample_alone(scene, number, wanted, p, u, time):
+    """As `sample_punctual`, for the lanes where it is `wanted`."""
+    if time is not None and len(scene.key_punctual) > 0:
+        return each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
+    return each_lane(sample_punctual, wanted, (scene.punctual_kind, scene.punctual, number, p, u))
+
+
 def nearby_choice(scene, choice):
     """Whether a choice in [0, 1) falls on the lights but the environment, and what is left of it to choose among them."""
     environment_chance = scene.environment_frame[3]
@@ -237,31 +250,31 @@ def nearby_choice(scene, choice):
 
 
 @device
-def sample_light(scene, p, n, choice, u):
+def sample_light(scene, p, n, choice, u, time=None):
     """Light towards the point p with normal n: a LightSample. `choice` picks the light, u the place on it.
 
-    n is zero where the point is lit from all sides."""
+    n is zero where the point is lit from all sides. time: as of `sample_one_light`."""
     light, chance = as_wide(_FIRST, choice), nil(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
             light, chance = _choose_light(scene, p, n, rest, nearby)
-    return sample_chosen(scene, p, choice, u, light, chance)
+    return sample_chosen(scene, p, choice, u, light, chance, time)
 
 
 @device
-def sample_by_power(scene, p, choice, u):
+def sample_by_power(scene, p, choice, u, time):
     """As `sample_light`, where no tree chooses."""
     light, chance = as_wide(_FIRST, choice), nil(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
             light, _, chance = choose(scene.light_cdf, rest)
-    return sample_chosen(scene, p, choice, u, light, chance)
+    return sample_chosen(scene, p, choice, u, light, chance, time)
 
 
 @device
-def sample_chosen(scene, p, choice, u, light, chance):
+def sample_chosen(scene, p, choice, u, light, chance, time):
     """As `sample_light`, where another light than the environment would be that one, chosen with that chance; 0: none is."""
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
@@ -273,16 +286,16 @@ def sample_chosen(scene, p, choice, u, light, chance):
         end = vec.add(p, vec.scale(w, _FAR))
         sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
     if any_of(nearby):
-        sample = _either(nearby, _sample_nearby(scene, p, u, light, chance, nearby), sample)
+        sample = _either(nearby, _sample_nearby(scene, p, u, light, chance, nearby, time), sample)
     return sample
 
 
 @device
-def _sample_nearby(scene, p, u, light, chance, wanted):
+def _sample_nearby(scene, p, u, light, chance, wanted, time):
     """The part of `sample_chosen` that is not the environment's, where `wanted`."""
     sample = _nothing(p)
     if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):
-        found = sample_one_light(scene, light, p, u)
+        found = sample_one_light(scene, light, p, u, time)
         pdf = found.pdf * (_ONE - scene.environment_frame[3]) * chance
         sample = LightSample(found.direction, found.end, found.radiance, pdf, found.alone)
         sample = _if_found(chance != _ZERO, sample, p)
@@ -299,10 +312,10 @@ def environment_seen(scene, w, judged):
 
 
 @device
-def primitive_light_pdf(scene, light, p, n, hit, cosine, judged):
+def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
     """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
 
-    cosine: under which p sees the light's surface. 0 unless `judged`."""
+    cosine: under which p sees the light's surface. 0 unless `judged`. time: as of `sample_one_light`."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
         chance = each_lane(tree_chance, judged, (scene.light_node, p, n, light))
     else:
@@ -315,17 +328,31 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged):
     square = vec.dot(d, d)
     pdf = nil(cosine)
     if any_of(is_triangle):
-        pdf = chance * square / max(cosine * lookup(scene.light_area, light), _LEAST)
+        area = _area(scene, light, primitive, is_triangle, time)
+        pdf = chance * square / max(cosine * area, _LEAST)
     if any_of(not_(is_triangle)):
         number = where(is_triangle, _FIRST, u32(primitive - triangles))
-        pdf = where(is_triangle, pdf, _sphere_light_pdf(scene, number, p, square, cosine, chance))
+        pdf = where(is_triangle, pdf, _sphere_light_pdf(scene, number, p, square, cosine, chance, time))
     return where(judged, pdf, _ZERO)
 
 
 @device
-def _sphere_light_pdf(scene, number, p, square, cosine, chance):
+def _area(scene, light, primitive, is_triangle, time):
+    """Of lights that are triangles; anything of the others."""
+    if time is not None and len(scene.key_position) > 0:
+        return each_lane(_moving_area, is_triangle, (scene, primitive, time))
+    return lookup(scene.light_area, light)
+
+
+@subroutine
+def _moving_area(scene, number, time):
+    return _HALF * vec.length(moving_triangle_point(scene, number, _ZERO, _ZERO, time)[2])
+
+
+@device
+def _sphere_light_pdf(scene, number, p, square, cosine, chance, time):
     """Of a sphere that is chosen by that chance, where it is at distance**2 `square`."""
-    center, radius = _sphere(scene, number)
+    center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)
     outside = center2 > _CLOSE * radius * radius

@@ -9,11 +9,13 @@ import math
 
 import numpy as np
 
+from renderer.bvh.motion import step_at
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
+from renderer.kernel.fetch import row
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere
 
-__all__ = ["DIRECTIONAL", "POINT", "SPOT", "sample_punctual"]
+__all__ = ["DIRECTIONAL", "POINT", "SPOT", "sample_moving_punctual", "sample_punctual"]
 
 POINT, SPOT, DIRECTIONAL = 0, 1, 2
 
@@ -23,11 +25,6 @@ _FAR = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _UP = (_ZERO, _ZERO, _ONE)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
-
-
-@device
-def _row3(array, i, k):
-    return array[i, k], array[i, k + 1], array[i, k + 2]
 
 
 @device
@@ -55,10 +52,34 @@ def sample_punctual(kinds, rows, number, p, u):
 
     Without an extent the pdf is 1 and the radiance is the irradiance at normal incidence.
     """
-    kind = kinds[number]
-    place = _row3(rows, number, 0)
-    value = _row3(rows, number, 6)
-    extent = rows[number, 9]
+    return _sample(kinds[number], row(rows, number, 12), p, u)
+
+
+@subroutine
+def sample_moving_punctual(kinds, keys, number, p, u, time):
+    """`sample_punctual` at a time of the shutter; keys: (J, 12), as many of each light."""
+    count = len(keys) // len(kinds)
+    step, share = step_at(time, count)
+    a, b = row(keys, number * count + step, 12), row(keys, number * count + step + 1, 12)
+    place, shines = _mixed(a, b, 0, share), _mixed(a, b, 3, share)
+    if kinds[number] == DIRECTIONAL:
+        place = vec.normalize(place)
+    else:
+        shines = vec.normalize(shines) if vec.dot(shines, shines) > _ZERO else shines
+    value, rest = _mixed(a, b, 6, share), _mixed(a, b, 9, share)
+    return _sample(kinds[number], (*place, *shines, *value, *rest), p, u)
+
+
+@device
+def _mixed(a, b, k, share):
+    return a[k] + share * (b[k] - a[k]), a[k + 1] + share * (b[k + 1] - a[k + 1]), a[k + 2] + share * (b[k + 2] - a[k + 2])
+
+
+@device
+def _sample(kind, light, p, u):
+    """Of a light by its row."""
+    place, shines, value = light[0:3], light[3:6], light[6:9]
+    extent = light[9]
     if kind == DIRECTIONAL:
         pdf = _ONE
         w = place
@@ -75,7 +96,7 @@ def sample_punctual(kinds, rows, number, p, u):
     axis = vec.scale(d, _ONE / distance)
     strength = _ONE
     if kind == SPOT:  # by the direction from the centre, so that an extent does not blur the cone
-        strength = spot_falloff(-vec.dot(axis, _row3(rows, number, 3)), rows[number, 10], rows[number, 11])
+        strength = spot_falloff(-vec.dot(axis, shines), light[10], light[11])
     if extent == _ZERO:
         return axis, place, vec.scale(value, strength / square), _ONE
     if distance > extent:

@@ -8,7 +8,8 @@ import numpy as np
 
 from renderer.bvh.simd import store_int
 from renderer.jit import device, out_of_line, subroutine
-from renderer.kernel.camera import camera_ray
+from renderer.kernel.camera import camera_ray, moving_ray
+from renderer.kernel.integrators.transport import TIME_BLOCK
 from renderer.kernel.pool.lists import ACTIVE, DONE, append, eight, length, pad, row
 from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PLACE, RAY, SAMPLE, at, read, write
 from renderer.kernel.sampling.filter import filter_offset
@@ -20,6 +21,7 @@ __all__ = ["Next", "begin"]
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _CAMERA_BLOCK = np.uint32(0)
+_TIME_BLOCK = np.uint32(TIME_BLOCK)
 _NUMBER, _PLACE, _X, _Y = (SAMPLE + np.uintp(k) for k in (1, 2, 3, 4))
 
 
@@ -53,8 +55,11 @@ def _number(pool, lists, count, following, width, height, batch):
 
 
 @subroutine
-def begin(pool, lists, following, width, height, camera, options, batch):
-    """Begins paths in rows that are done, for as long as there are samples: which one is next."""
+def begin(pool, lists, following, width, height, camera, options, batch, motion):
+    """Begins paths in rows that are done, for as long as there are samples: which one is next.
+
+    motion: None where nothing moves while the shutter is open (renderer/arrays/has.py).
+    """
     out_of_line()
     left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)
     count = min(length(lists, DONE), left)
@@ -68,14 +73,19 @@ def begin(pool, lists, following, width, height, camera, options, batch):
         u = draw4(Stream(options.sampler, options.seed, key, sample), _CAMERA_BLOCK)
         film_x = to_float(x) + _HALF + filter_offset(options.filter, u[0])
         film_y = to_float(y) + _HALF + filter_offset(options.filter, u[1])
-        o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
         none = nil(film_x)
+        if motion is not None:
+            time = draw4(Stream(options.sampler, options.seed, key, sample), _TIME_BLOCK)[0]
+            o, d = moving_ray(camera, film_x, film_y, (u[2], u[3]), time)
+        else:
+            time = none
+            o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
         one = none + _ONE
         nothing = none, none, none, none, none, none, none, none
         write(pool, rows, RAY, (*o, *d, none, one))
         write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
         write(pool, rows, HIT, nothing)
-        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], none, none, none))
+        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], time, none, none))
         write(pool, rows, PLACE, (*o, none, none, none, none, none))
         write(pool, rows, FRAME, nothing)
         write(pool, rows, FIRST, nothing)

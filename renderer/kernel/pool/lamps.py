@@ -14,7 +14,7 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import nearby_choice, sample_by_power, sample_chosen
 from renderer.kernel.pool.lists import ENDED, LIT, NODES, append, clear, eight, length, pad, row
-from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, WAY, at, few, write
+from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, WAY, at, few, times_of, write
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.pool.ways import three
 from renderer.kernel.sampling.sampler import draw4
@@ -89,12 +89,12 @@ def choose_lamps(scene, pool, lists, options):
     for k in range(0, pad(lists, LIT), 8):
         rows = eight(lists, LIT, k)
         u = _numbers(pool, rows, options)
-        point = few(pool, rows, PLACE, 3)
+        point, time = few(pool, rows, PLACE, 3), times_of(scene.has.motion, pool, rows)
         if scene.has.lights is not None and by_tree:
             _, chance, here = few(pool, rows, WAY, 3)
-            light = sample_chosen(scene, point, u[2], (u[0], u[1]), as_ints(here) ^ np.uint32(0xFFFFFFFF), chance)
+            light = sample_chosen(scene, point, u[2], (u[0], u[1]), as_ints(here) ^ np.uint32(0xFFFFFFFF), chance, time)
         else:
-            light = sample_by_power(scene, point, u[2], (u[0], u[1]))
+            light = sample_by_power(scene, point, u[2], (u[0], u[1]), time)
         none = nil(u[0])
         alone = where(light.alone, nil(none) + _ONE, none)
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))

@@ -55,24 +55,31 @@ def _flagged(scene, material, flag):
 
 
 @subroutine
-def _one_surface(scene, d, t, primitive, u, v, instance):
+def _one_surface(scene, d, t, primitive, u, v, instance, time):
     """`triangle_at` of one ray, as numbers in tuples."""
     out_of_line()
-    s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance)))
+    s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance), time))
     shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
     return shape, s.material, s.light, s.object, s.uv1, s.color, s.tangent, s.smooth, s.lift
 
 
 @device
+def _one_by_one(scene, time):
+    if time is not None and len(scene.key_position) > 0:
+        return True
+    return len(scene.to_world) > 0
+
+
+@device
 def surfaces_at(scene, d, hit):
-    """As `triangle_at`, for eight rays, some of which may have met triangles of instances."""
-    if scene.has.instances is not None and len(scene.to_world) > 0:
+    """As `triangle_at`, for eight rays, some of which may have met triangles of instances, or such as move by themselves."""
+    if scene.has.instances is not None and _one_by_one(scene, hit.time):
         every = hit.t == hit.t
-        arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance
+        arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance, hit.time
         shape, material, light, number, uv1, color, tangent, smooth, lift = each_lane(_one_surface, every, arguments)
         point, error, geometric, shading, uv, front = shape
         return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, smooth, lift)
-    return triangle_at(scene, d, Hit(hit.t, hit.primitive, hit.u, hit.v, None))
+    return triangle_at(scene, d, Hit(hit.t, hit.primitive, hit.u, hit.v, None, None))
 
 
 @device

@@ -30,7 +30,7 @@ from renderer.kernel.pool.lists import (
     put,
     row,
 )
-from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, write
+from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, time_of, write
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
 from renderer.kernel.pool.ways import BLOCKED, set_out, three
@@ -62,7 +62,7 @@ def meet(scene, alone, stack, pool, lists):
         put(lists, NODES, np.uintp(k), row(lists, ACTIVE, k))
     cut(lists, NODES, np.uintp(count))
     clear(lists, ENDED)
-    walk(scene.bvh, alone, pool, stack, lists)
+    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists)
     triangles = len(scene.triangle)
     missed, on_triangles, on_spheres = np.uintp(0), np.uintp(0), np.uintp(0)
     for k in range(count):
@@ -85,7 +85,8 @@ def _light_through(scene, alone, pool, lists, options):
     """Adds what reaches the vertices that wait for light, where it may pass surfaces by their alpha."""
     for k in range(length(lists, WAITING)):
         path = row(lists, WAITING, k)
-        share = transmittance(scene, alone, three(pool, at(path, SHADOW)), three(pool, at(path, _END)), True)
+        start, end, time = three(pool, at(path, SHADOW)), three(pool, at(path, _END)), time_of(scene.has.motion, pool, path)
+        share = transmittance(scene, alone, start, end, True, time)
         if share > _ZERO:
             brought = limited(vec.scale(three(pool, at(path, LAMP)), share), pool[at(path, _SEGMENTS)], options.clamp)
             for c in range(3):
@@ -105,7 +106,7 @@ def _light(scene, alone, stack, pool, lists, options):
         put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
     cut(lists, NODES, np.uintp(count))
     clear(lists, ENDED)
-    walk_in_shade(scene.bvh, alone, pool, stack, lists)
+    walk_in_shade(scene.bvh, scene.has.motion, alone, pool, stack, lists)
     for k in range(0, count, 8):
         rows = eight(lists, WAITING, k)
         r, g, b, segments = few(pool, rows, LAMP, 4)

@@ -8,6 +8,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from renderer.absent import where_present
 from renderer.bvh.simd import f32x8
 from renderer.jit import device
 from renderer.wide.rows import gather, gathered, scatter
@@ -27,11 +28,14 @@ __all__ = [
     "ROWS",
     "SAMPLE",
     "SHADOW",
+    "TIME",
     "WAY",
     "at",
     "few",
     "line_floats",
     "read",
+    "time_of",
+    "times_of",
     "write",
 ]
 
@@ -41,7 +45,8 @@ ROWS = 128  # paths; 64 to 256 are as fast
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, eta scale: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to
 HIT = np.uintp(16)  # t, u, v, primitive, instance; surfaces passed so far; for the protocol the object's number
-SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y
+SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time
+TIME = np.uintp(29)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
 LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, alone; then what a shadow ray brings 3, by how many segments
@@ -70,6 +75,12 @@ def at(row, column):
 
 
 @device
+def time_of(motion, pool, row):
+    """The time of one row's sample; None where nothing moves (motion: of renderer/arrays/has.py)."""
+    return where_present(motion, pool[at(row, TIME)])
+
+
+@device
 def read(pool, rows, group):
     """The group's eight columns, of eight rows (u32x8): eight f32x8."""
     return gather(pool, rows, ROW, group, 8)
@@ -93,3 +104,9 @@ def few(typingctx, pool, rows, column, count):
 def write(pool, rows, group, columns):
     """The reverse of `read`."""
     scatter(pool, rows, ROW, group, columns)
+
+
+@device
+def times_of(motion, pool, rows):
+    """As `time_of`, of eight rows (u32x8)."""
+    return where_present(motion, few(pool, rows, TIME, 1)[0])

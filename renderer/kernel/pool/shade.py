@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, WIDTH
+from renderer.bvh.layout import INSTANCE, NODE_SIZE, ROW_CHILD, WIDTH
 from renderer.bvh.packet import meet_spheres, meet_triangles
-from renderer.bvh.simd import address, bits, load_int, lowest_bit, select, store_int
-from renderer.bvh.traverse import any_in_instance
+from renderer.bvh.simd import bits, load_int, lowest_bit, select, store_int
+from renderer.bvh.traverse import any_in_instance, place_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.pool.lists import NODES, OTHERS, PACKETS, clear, length, row
-from renderer.kernel.pool.rows import SHADOW, at
+from renderer.kernel.pool.rows import SHADOW, at, time_of
 from renderer.kernel.pool.walk import axes_of, boxes, go_on
 from renderer.kernel.pool.ways import BLOCKED, CHILD, LEVEL, TOP, three, word
 
@@ -24,7 +24,6 @@ _LAST = np.uint32(1 << (WIDTH - 1))
 _1 = np.uintp(1)
 _NODE = np.uintp(NODE_SIZE)
 _CHILDREN = np.uintp(ROW_CHILD * WIDTH)
-_PACKET = np.uintp(PACKET_SIZE)
 _END = SHADOW + np.uintp(3)
 
 
@@ -58,23 +57,23 @@ def _look_into_nodes(bvh, pool, stack, lists):
 
 
 @subroutine
-def _look_into_packets(bvh, pool, stack, lists):
+def _look_into_packets(bvh, motion, alone, pool, stack, lists):
     out_of_line()
     count = length(lists, PACKETS)
     clear(lists, PACKETS)
     for k in range(count):
         number = row(lists, PACKETS, k)
         path = at(number, np.uintp(0))
-        first = np.uintp(~load_int(pool, path + CHILD) >> 2) * _PACKET
+        place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = axes_of(pool, path)
-        blocked = bits(meet_triangles(address(bvh.packet, first), axes, shear, origin, _ONE)[0]) != _NONE
+        blocked = bits(meet_triangles(place, axes, shear, origin, _ONE)[0]) != _NONE
         pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
         child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
         go_on(bvh, pool, lists, number, path, child, top, over | blocked)
 
 
 @subroutine
-def _look_into_others(bvh, alone, pool, stack, lists):
+def _look_into_others(bvh, motion, alone, pool, stack, lists):
     out_of_line()
     count = length(lists, OTHERS)
     clear(lists, OTHERS)
@@ -83,23 +82,23 @@ def _look_into_others(bvh, alone, pool, stack, lists):
         path = at(number, np.uintp(0))
         leaf = ~load_int(pool, path + CHILD)
         o = three(pool, path + SHADOW)
-        d = vec.sub(three(pool, path + _END), o)
+        d, time = vec.sub(three(pool, path + _END), o), time_of(motion, pool, number)
         if bvh.instances is not None and leaf & INSTANCE:
-            blocked = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE)
+            blocked = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE, time)
         else:
-            blocked = bits(meet_spheres(address(bvh.packet, np.uintp(leaf >> 2) * _PACKET), o, d, _ONE)[0]) != _NONE
+            blocked = bits(meet_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE)[0]) != _NONE
         pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
         child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
         go_on(bvh, pool, lists, number, path, child, top, over | blocked)
 
 
 @device
-def walk_in_shade(bvh, alone, pool, stack, lists):
+def walk_in_shade(bvh, motion, alone, pool, stack, lists):
     """Whether anything lies between the ends of each shadow ray on the list NODES, which have been set out (ways.py): into their
-    rows' column BLOCKED. alone, stack: as in walk.py.
+    rows' column BLOCKED. motion, alone, stack: as in walk.py.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _look_into_nodes(bvh, pool, stack, lists)
-        _look_into_packets(bvh, pool, stack, lists)
+        _look_into_packets(bvh, motion, alone, pool, stack, lists)
         if length(lists, OTHERS) > 0:
-            _look_into_others(bvh, alone, pool, stack, lists)
+            _look_into_others(bvh, motion, alone, pool, stack, lists)

@@ -36,7 +36,7 @@ from renderer.kernel.pool.lists import (
     row,
 )
 from renderer.kernel.pool.matter import attenuated, keep_matter, passes, surfaces_at
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, at, few, read, write
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, at, few, read, times_of, write
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, sphere_at
@@ -106,7 +106,7 @@ def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
 
 
 @device
-def _emitted(scene, pool, rows, surface, lit, d, pdf):
+def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
     """What the surfaces themselves send to their paths, weighed against what light sampling finds of it."""
     light = where(lit, surface.light, _FIRST_LIGHT)
     vertex, normal = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
@@ -115,7 +115,7 @@ def _emitted(scene, pool, rows, surface, lit, d, pdf):
     emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
     cosine = vec.dot(surface.geometric, vec.neg(d))
     judged = lit & (pdf > _ZERO)
-    light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged)
+    light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged, time)
     return vec.scale(emitted, _weight(pdf, light_pdf))
 
 
@@ -142,7 +142,8 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         o, d, pdf, passed = (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), ray[6], met[5]
         radiance, throughput = (rx, ry, rz), (tx, ty, tz)
-        hit = Hit(met[0], as_ints(met[3]), met[1], met[2], as_ints(met[4]))
+        time = times_of(scene.has.motion, pool, rows)
+        hit = Hit(met[0], as_ints(met[3]), met[1], met[2], as_ints(met[4]), time)
         if which == TRIANGLES:
             surface = surfaces_at(scene, d, hit)
         else:
@@ -152,7 +153,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         throughput = attenuated(scene, surface, through, throughput, pool, rows)
         lit = shines(surface) & (pdf >= _ZERO) & not_(through)
         if any_of(lit):
-            emitted = _emitted(scene, pool, rows, surface, lit, d, pdf)
+            emitted = _emitted(scene, pool, rows, surface, lit, d, pdf, time)
             radiance = _added(radiance, throughput, emitted, depth + _ONE, lit, options.clamp)
         base, roughness, n, throughput = keep_matter(scene, pool, rows, surface, through, vec.neg(d), stream, number, throughput)
         kind = u32(lookup(scene.material_kind, surface.material))

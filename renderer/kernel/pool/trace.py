@@ -76,7 +76,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         append(lists, DONE, k)
     following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
     while width * height * batch.count > 0:
-        following = begin(paths, lists, following, width, height, camera, options, batch)
+        following = begin(paths, lists, following, width, height, camera, options, batch, scene.has.motion)
         if length(lists, ACTIVE) == 0:
             break
         clear(lists, DONE)

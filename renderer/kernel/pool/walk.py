@@ -31,10 +31,10 @@ from renderer.bvh.simd import (
     store,
     store_int,
 )
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_in_instance
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_in_instance, place_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.pool.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
-from renderer.kernel.pool.rows import HIT, RAY, at
+from renderer.kernel.pool.rows import HIT, RAY, at, time_of
 from renderer.kernel.pool.ways import (
     AXES,
     BEST,
@@ -157,18 +157,18 @@ def _keep(pool, place, nearer, value):
 
 
 @subroutine
-def _look_into_packets(bvh, pool, stack, lists):
+def _look_into_packets(bvh, motion, alone, pool, stack, lists):
     out_of_line()
-    packet = bvh.packet
     count = length(lists, PACKETS)
     clear(lists, PACKETS)
     for k in range(count):
         number = row(lists, PACKETS, k)
         path = at(number, np.uintp(0))
-        first = np.uintp(~load_int(pool, path + CHILD) >> 2) * _PACKET
+        leaf = ~load_int(pool, path + CHILD)
         best = pool[path + BEST]
+        place = place_at(bvh, leaf, alone, time_of(motion, pool, number))
         axes, shear, origin = axes_of(pool, path)
-        hit, t, b, c, determinant = meet_triangles(address(packet, first), axes, shear, origin, best)
+        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, best)
         inverse = splat(_ONE) / determinant
         distance, lane = nearest(hit, t * inverse)
         nearer = distance < best  # not where nothing is hit, whose distance is NaN
@@ -176,7 +176,7 @@ def _look_into_packets(bvh, pool, stack, lists):
         pool[path + BEST] = best
         _keep(pool, path + _U, nearer, extract(b * inverse, lane))
         _keep(pool, path + _V, nearer, extract(c * inverse, lane))
-        found = load_int(packet, first + _PRIMITIVES + np.uintp(lane))
+        found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
         store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
         if bvh.instances is not None:
             store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
@@ -185,23 +185,23 @@ def _look_into_packets(bvh, pool, stack, lists):
 
 
 @device
-def _meet_spheres(bvh, pool, path, first, best):
-    """A packet of spheres: as the end of a step among the triangles."""
-    hit, t = meet_spheres(address(bvh.packet, first), three(pool, path + RAY), three(pool, path + _D), best)
+def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
+    """A packet of spheres."""
+    hit, t = meet_spheres(place_at(bvh, leaf, alone, time), three(pool, path + RAY), three(pool, path + _D), best)
     distance, lane = nearest(hit, t)
     if distance < best:
         pool[path + BEST] = distance
         pool[path + _U] = _ZERO
         pool[path + _V] = _ZERO
-        store_int(pool, path + _PRIMITIVE, load_int(bvh.packet, first + _PRIMITIVES + np.uintp(lane)))
+        store_int(pool, path + _PRIMITIVE, load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane)))
         store_int(pool, path + _INSTANCE, NO_PRIMITIVE)
 
 
 @device
-def _meet_instance(bvh, alone, pool, path, instance, best):
+def _meet_instance(bvh, alone, pool, path, instance, best, time):
     """An instance: its tree is walked by this ray alone."""
     o, d = three(pool, path + RAY), three(pool, path + _D)
-    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best)
+    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, time)
     if found[1] != NO_PRIMITIVE:
         pool[path + BEST] = found[0]
         pool[path + _U] = found[2]
@@ -211,7 +211,7 @@ def _meet_instance(bvh, alone, pool, path, instance, best):
 
 
 @subroutine
-def _look_into_others(bvh, alone, pool, stack, lists):
+def _look_into_others(bvh, motion, alone, pool, stack, lists):
     out_of_line()
     count = length(lists, OTHERS)
     clear(lists, OTHERS)
@@ -220,22 +220,23 @@ def _look_into_others(bvh, alone, pool, stack, lists):
         path = at(number, np.uintp(0))
         leaf = ~load_int(pool, path + CHILD)
         best = pool[path + BEST]
+        time = time_of(motion, pool, number)
         if bvh.instances is not None and leaf & INSTANCE:
-            _meet_instance(bvh, alone, pool, path, leaf >> 2, best)
+            _meet_instance(bvh, alone, pool, path, leaf >> 2, best, time)
         else:
-            _meet_spheres(bvh, pool, path, np.uintp(leaf >> 2) * _PACKET, best)
+            _meet_spheres(bvh, alone, pool, path, leaf, best, time)
         child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
         go_on(bvh, pool, lists, number, path, child, top, over)
 
 
 @device
-def walk(bvh, alone, pool, stack, lists):
+def walk(bvh, motion, alone, pool, stack, lists):
     """The nearest hits of the rays on the list NODES, which have been set out (ways.py): into their rows' group HIT.
 
-    alone: from `new_stack`, for rays that go by themselves; stack: from `new_ways`.
+    motion: of renderer/arrays/has.py; alone: from `new_stack`, for rays that go by themselves; stack: from `new_ways`.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _look_into_nodes(bvh, pool, stack, lists)
-        _look_into_packets(bvh, pool, stack, lists)
+        _look_into_packets(bvh, motion, alone, pool, stack, lists)
         if length(lists, OTHERS) > 0:
-            _look_into_others(bvh, alone, pool, stack, lists)
+            _look_into_others(bvh, motion, alone, pool, stack, lists)

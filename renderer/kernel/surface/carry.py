@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from renderer.bvh.motion import inverse_of, placed_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 
-__all__ = ["normal_to_world", "point_to_world", "tangent_to_world"]
+__all__ = ["normal_of_hit", "normal_to_world", "point_of_hit", "point_to_world", "tangent_to_world"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -45,10 +46,56 @@ def point_to_world(to_world, number, p, w):
     )
 
 
+@subroutine
+def _moving_normal(motion, first, keys, time, n):
+    """`normal_to_world` of a body that moves, at a time of the shutter."""
+    out_of_line()
+    a, b, c = inverse_of(placed_at(motion, first, keys, time))
+    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
+    x, y, z = a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z
+    away = max(abs(x), max(abs(y), abs(z)))
+    away = 1.0 / away if away > 0.0 else 0.0
+    return np.float32(x * away), np.float32(y * away), np.float32(z * away)
+
+
+@subroutine
+def _moving_point(motion, first, keys, time, p, w):
+    """`point_to_world` of a body that moves, at a time of the shutter."""
+    out_of_line()
+    a, b, c = placed_at(motion, first, keys, time)
+    x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
+    return (
+        np.float32(a[0] * x + a[1] * y + a[2] * z + a[3] * w),
+        np.float32(b[0] * x + b[1] * y + b[2] * z + b[3] * w),
+        np.float32(c[0] * x + c[1] * y + c[2] * z + c[3] * w),
+    )
+
+
 @device
-def tangent_to_world(scene, number, tangent):
+def normal_of_hit(scene, hit, n):
+    """`normal_to_world` of the instance that a Hit is in, at the Hit's time."""
+    if hit.time is not None and len(scene.bvh.instance_motion) > 0:
+        first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
+        if keys > 0:
+            return _moving_normal(scene.bvh.motion, first, keys, hit.time, n)
+    return normal_to_world(scene.bvh.to_local, hit.instance, n)
+
+
+@device
+def point_of_hit(scene, hit, p, w):
+    """`point_to_world` of the instance that a Hit is in, at the Hit's time."""
+    if hit.time is not None and len(scene.bvh.instance_motion) > 0:
+        first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
+        if keys > 0:
+            return _moving_point(scene.bvh.motion, first, keys, hit.time, p, w)
+    return point_to_world(scene.to_world, hit.instance, p, w)
+
+
+@device
+def tangent_to_world(scene, hit, tangent):
     """The bitangent's sign turns where the transform mirrors, for the normal keeps its side."""
-    d = point_to_world(scene.to_world, number, (tangent[0], tangent[1], tangent[2]), _ZERO)
+    number = hit.instance
+    d = point_of_hit(scene, hit, (tangent[0], tangent[1], tangent[2]), _ZERO)
     square = vec.dot(d, d)
     if not square > _ZERO:
         return _NO_TANGENT

@@ -12,15 +12,17 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
-from renderer.kernel.surface.carry import normal_to_world, point_to_world, tangent_to_world
+from renderer.kernel.surface.carry import normal_of_hit, point_of_hit, tangent_to_world
 from renderer.kernel.surface.consistent import consistent_normal
 from renderer.kernel.surface.margins import edge_margins
+from renderer.kernel.surface.shapes import ball_at, corner_normals_at, corners_at
 from renderer.kernel.surface.terminator import lifted
 from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32, where, where3
 
 __all__ = [
     "NO_LIGHT",
     "Surface",
+    "moving_triangle_point",
     "shines",
     "sphere_at",
     "sphere_uv",
@@ -85,9 +87,22 @@ def _mix4(a, b, c, u, v):
 def triangle_point(position, triangle, number, u, v):
     """The point of a triangle at barycentric (u, v): (point, error, cross product of its edges)."""
     i, j, k, _ = row(triangle, number, 4)
-    a, b, c = row(position, i, 3), row(position, j, 3), row(position, k, 3)
+    return _between(row(position, i, 3), row(position, j, 3), row(position, k, 3), u, v)
+
+
+@device
+def _between(a, b, c, u, v):
+    """`triangle_point` of three corners."""
     error = _ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
+
+
+@subroutine
+def moving_triangle_point(scene, number, u, v, time):
+    """`triangle_point` at a time of the shutter."""
+    i, j, k, _ = row(scene.triangle, number, 4)
+    a, b, c = corners_at(scene, i, j, k, time)
+    return _between(a, b, c, u, v)
 
 
 @subroutine
@@ -101,11 +116,11 @@ def _inward(scene, hit, error, curvature):
     """
     out_of_line()
     i, j, k, _ = row(scene.triangle, hit.primitive, 4)
-    a, b, c = row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
+    a, b, c = corners_at(scene, i, j, k, hit.time)
     u, v = hit.u - _THIRD, hit.v - _THIRD
     inward = vec.add(vec.scale(vec.sub(a, b), u), vec.scale(vec.sub(a, c), v))
     if hit.instance is not None and hit.instance >= 0:
-        inward = point_to_world(scene.to_world, hit.instance, inward, _ZERO)
+        inward = point_of_hit(scene, hit, inward, _ZERO)
     fraction = min(_INWARD * error * curvature, _QUARTER)
     far = vec.magnitude(inward)
     fraction = where(fraction * far > _FURTHEST * error, _FURTHEST * error / far, fraction)
@@ -133,7 +148,18 @@ def sphere_point(sphere, number, o, d, t):
 
     In double precision: the centre of a sphere of radius 1e5 is too far away for float32 to tell the point's height.
     """
-    center_x, center_y, center_z, radius = row(sphere, number, 4)
+    return _on_ball(row(sphere, number, 4), o, d, t)
+
+
+@subroutine
+def _moving_sphere_point(ball, o, d, t):
+    """`sphere_point` of a centre and a radius."""
+    return _on_ball(ball, o, d, t)
+
+
+@device
+def _on_ball(ball, o, d, t):
+    center_x, center_y, center_z, radius = ball
     cx, cy, cz = double(center_x), double(center_y), double(center_z)
     far = double(t)
     x = double(o[0]) + far * double(d[0])
@@ -146,6 +172,13 @@ def sphere_point(sphere, number, o, d, t):
     normal = (single(nx / length), single(ny / length), single(nz / length))
     # Seen from there, float64 rounds the height above a sphere to some 1e-16 of its radius: more, beside the origin.
     return point, _ERROR * vec.magnitude(point) + _SPHERE_ERROR * abs(radius), normal
+
+
+@device
+def _sphere_point_at(scene, number, o, d, hit):
+    if hit.time is not None and len(scene.key_sphere) > 0:
+        return _moving_sphere_point(ball_at(scene, number, hit.time), o, d, hit.t)
+    return sphere_point(scene.sphere, number, o, d, hit.t)
 
 
 @device
@@ -187,12 +220,13 @@ def _triangle_surface(scene, wo, hit):
     one = none + _ONE
     color, tangent = (one, one, one, one), (none, none, none, none)
     # All up to the corners' normals is in the instance's space, if the triangle is in one.
-    point, error, normal = triangle_point(scene.position, scene.triangle, primitive, u, v)
-    curvature, miss = edge_margins(row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3), normal)
+    corners = corners_at(scene, i, j, k, hit.time)
+    point, error, normal = _between(*corners, u, v)
+    curvature, miss = edge_margins(*corners, normal)
     error = max(error, miss)
     upright = normal
     if hit.instance is not None and hit.instance >= 0:
-        normal = normal_to_world(scene.bvh.to_local, hit.instance, normal)
+        normal = normal_of_hit(scene, hit, normal)
     square = vec.dot(normal, normal)
     flat = square == _ZERO  # so small that its area is 0 in float32
     normal = where3(flat, wo, normal)
@@ -200,14 +234,15 @@ def _triangle_surface(scene, wo, hit):
     front = vec.dot(normal, wo) > _ZERO
     away = _ONE / math.sqrt(square)
     geometric = vec.scale(normal, where(front, away, -away))
-    shading = _mix3(row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3), u, v)
+    normals = corner_normals_at(scene, i, j, k, hit.time)
+    shading = _mix3(*normals, u, v)
     if scene.has.textures is not None and len(scene.tangent) > 0:
         tangent = _tangent(scene.tangent, i, j, k, u, v)
     length2 = vec.dot(shading, shading)
     smooth = not_(abs(length2 - _ONE) <= _UNIT)  # or no normal at all; flat meshes are spared the root
     lift = none, none, none
     if any_of(smooth):
-        raised = lifted(scene, point, primitive, u, v, shading, where3(front, upright, vec.neg(upright)))
+        raised = lifted(corners, normals, point, u, v, shading, where3(front, upright, vec.neg(upright)))
         lift = where3(smooth, raised, lift)
         if hit.instance is not None and hit.instance >= 0:
             pass  # it is made unit in the world
@@ -215,15 +250,15 @@ def _triangle_surface(scene, wo, hit):
             unit = where3(length2 > _ZERO, vec.scale(shading, _ONE / math.sqrt(length2)), geometric)
             shading = where3(smooth, unit, shading)
     if hit.instance is not None and hit.instance >= 0:
-        point = point_to_world(scene.to_world, hit.instance, point, _ONE)
-        lift = point_to_world(scene.to_world, hit.instance, lift, _ZERO)
+        point = point_of_hit(scene, hit, point, _ONE)
+        lift = point_of_hit(scene, hit, lift, _ZERO)
         error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)
         curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
-        shading = normal_to_world(scene.bvh.to_local, hit.instance, shading)
+        shading = normal_of_hit(scene, hit, shading)
         length2 = vec.dot(shading, shading)
         shading = vec.scale(shading, _ONE / math.sqrt(length2)) if length2 > _ZERO else geometric
         if scene.has.textures is not None and len(scene.tangent) > 0:
-            tangent = tangent_to_world(scene, hit.instance, tangent)
+            tangent = tangent_to_world(scene, hit, tangent)
         number = scene.instance_object[hit.instance]
         if scene.instance_material[hit.instance] >= 0:
             material = np.uint32(scene.instance_material[hit.instance])
@@ -251,7 +286,7 @@ def _sphere_surface(scene, o, d, hit):
     ball = u32(u32(hit.primitive) - u32(len(scene.triangle)))
     wo = vec.neg(d)
     material = u32(lookup(scene.sphere_material, ball))
-    point, error, normal = sphere_point(scene.sphere, ball, o, d, hit.t)
+    point, error, normal = _sphere_point_at(scene, ball, o, d, hit)
     front = vec.dot(normal, wo) > _ZERO
     geometric = where3(front, normal, vec.neg(normal))
     none = nil(hit.t)

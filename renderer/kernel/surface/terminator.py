@@ -8,7 +8,6 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.fetch import row
 from renderer.wide.values import where, where3
 
 __all__ = ["lifted"]
@@ -32,19 +31,18 @@ def _lift(point, corner, normal, up, side):
 
 
 @device
-def lifted(scene, point, number, u, v, shading, up):
+def lifted(corners, normals, point, u, v, shading, up):
     """The way from a point off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
 
     A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
-    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). up: the facet's
-    normal, of any length.
+    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). corners,
+    normals: the triangle's. up: the facet's normal, of any length.
     """
-    i, j, k, _ = row(scene.triangle, number, 4)
     square = vec.dot(up, up)
     up = vec.scale(up, _ONE / math.sqrt(square))
     side = where(vec.dot(shading, up) > _ZERO, _ONE, -_ONE)
-    a = _lift(point, row(scene.position, i, 3), row(scene.normal, i, 3), up, side)
-    b = _lift(point, row(scene.position, j, 3), row(scene.normal, j, 3), up, side)
-    c = _lift(point, row(scene.position, k, 3), row(scene.normal, k, 3), up, side)
+    a = _lift(point, corners[0], normals[0], up, side)
+    b = _lift(point, corners[1], normals[1], up, side)
+    c = _lift(point, corners[2], normals[2], up, side)
     lift = vec.add(vec.scale(a, _ONE - u - v), vec.add(vec.scale(b, u), vec.scale(c, v)))
     return where3(square > _ZERO, lift, _NOTHING)

@@ -6,11 +6,13 @@ moment.py         a frame, how many of them are a second, and which clip is show
 clips.py          what a person is told of a file's animations
 curves.py         keys and what lies between them
 orbit.py          a camera that goes around
+shutter.py        from when to when a frame's shutter is open
 trigonometry.py   sines and angles with the same bits on every host
 """
 
 from renderer.scene.animation.clips import Clip
 from renderer.scene.animation.curves import Curve, smooth
 from renderer.scene.animation.moment import DEFAULT_FPS, Moment
+from renderer.scene.animation.shutter import SHUTTER, Shutter
 
-__all__ = ["DEFAULT_FPS", "Clip", "Curve", "Moment", "smooth"]
+__all__ = ["DEFAULT_FPS", "SHUTTER", "Clip", "Curve", "Moment", "Shutter", "smooth"]

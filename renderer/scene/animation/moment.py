@@ -19,12 +19,14 @@ class Moment:
     """Frame n shows the time n / fps; a still is frame 0. Frames are counted in halves, for slow motion.
 
     fps: None for the file's own, else DEFAULT_FPS. clip: of the file's animations, by name or number from 0, or ALL_CLIPS
-    together; None for the first.
+    together; None for the first. offset: by so many frames its time is another, within the frame's shutter; numbered files are
+    the frame's own.
     """
 
     frame: float = 0.0
     fps: float | None = None
     clip: str | None = None
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame <= MAX_FRAME or not float(2 * self.frame).is_integer():
@@ -34,4 +36,4 @@ class Moment:
 
     def seconds(self, own_fps: float = DEFAULT_FPS) -> float:
         """The time that it shows; own_fps: the file's."""
-        return self.frame / (own_fps if self.fps is None else self.fps)
+        return (self.frame + self.offset) / (own_fps if self.fps is None else self.fps)

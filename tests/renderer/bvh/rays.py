@@ -27,7 +27,8 @@ def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
-        t[i], primitive[i], uv[i, 0], uv[i, 1], instance[i] = closest_hit(bvh, stack, origin, direction, t_max[i])
+        hit = closest_hit(bvh, stack, origin, direction, t_max[i])
+        t[i], primitive[i], uv[i, 0], uv[i, 1], instance[i] = hit.t, hit.primitive, hit.u, hit.v, hit.instance
         shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i])
 
 

@@ -1,14 +1,17 @@
 """Cameras by what is known of them: scale, the blur of a lens, what a panorama shows where."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 
+from renderer.errors import SettingsError
 from renderer.film import DEPTH, NORMAL, POSITION, mean
 from renderer.jit import entry
-from renderer.kernel.camera import camera_frame, camera_ray
+from renderer.kernel.camera import camera_frame, camera_ray, moving_ray
 from renderer.render import render_frame
+from renderer.scene.animation.orbit import orbit
 from renderer.scene.description import Material, Sphere
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
@@ -141,3 +144,52 @@ def test_near_cuts_away_what_stands_before():
             hit = mean(sums, 24, POSITION)
             np.testing.assert_allclose(hit[..., 2], 2 if seen == 1 else -2, atol=1e-5)
             np.testing.assert_allclose(mean(sums, 24, NORMAL)[..., 2], 1, atol=1e-6)
+
+
+@entry
+def _moving_rays(camera, x, y, u, v, time, out):
+    for i in range(len(time)):
+        o, d = moving_ray(camera, x, y, (u, v), time[i])
+        out[i, 0], out[i, 1], out[i, 2] = o
+        out[i, 3], out[i, 4], out[i, 5] = d
+
+
+def over_the_shutter(views, width=64, height=48):
+    """(times, origins and directions side by side) of one film point and one point of the lens."""
+    time = np.linspace(0, 1, 33).astype(np.float32)
+    out = np.empty((len(time), 6), np.float32)
+    numbers = (np.float32(number) for number in (20, 13, 0.3, 0.8))
+    _moving_rays(camera_frame(RenderSettings(width, height, views[0], views=views)), *numbers, time, out)
+    return time, out
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
+def test_a_camera_that_goes_around_goes_around_between_its_keys(projection):
+    """Half a turn by three keys; a chord would cut through what it goes around."""
+    start = View(**TILTED, aperture=0.1, projection=projection)
+    time, found = over_the_shutter(tuple(orbit(start, turns) for turns in (0.0, 0.25, 0.5)))
+    for share, ray in zip(time, found, strict=True):
+        o, d = rays(orbit(start, float(share) / 2), 20, 13, 0.3, 0.8)
+        np.testing.assert_allclose(ray, np.concatenate([o[0], d[0]]), atol=2e-6)
+
+
+def test_a_camera_that_flies_and_zooms_does_so_evenly():
+    first, last = View((0, 0, 5), (0, 0, 0), fov=20, aperture=0.1), View((4, 0, 5), (4, 0, 0), fov=80, aperture=0.3, focus=7)
+    time, found = over_the_shutter((first, last))
+    middle = float(np.tan(np.radians(10)) + np.tan(np.radians(40))) / 2
+    half = View((2, 0, 5), (2, 0, 0), fov=2 * math.degrees(math.atan(middle)), aperture=0.2, focus=6)
+    o, d = rays(half, 20, 13, 0.3, 0.8)
+    np.testing.assert_allclose(found[np.flatnonzero(time == 0.5)[0]], np.concatenate([o[0], d[0]]), atol=2e-6)
+
+
+def test_views_that_nothing_lies_between_are_refused():
+    flat, deep = View(**LEVEL, projection="orthographic"), View(**LEVEL)
+    with pytest.raises(SettingsError, match="different projections"):
+        RenderSettings(8, 8, deep, views=(deep, flat))
+    with pytest.raises(SettingsError, match="has 2 to 65"):
+        RenderSettings(8, 8, deep, views=(deep,))
+
+
+def test_views_come_back_from_json():
+    settings = RenderSettings(8, 8, View(**LEVEL), views=(View(**LEVEL), View(**TILTED)), shutter=0.5)
+    assert RenderSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings

@@ -181,7 +181,8 @@ def _of_lifts(tables, v):
     sides = vec.sub(b, a), vec.sub(c, a)
     point = vec.add(a, vec.add(vec.scale(sides[0], u), vec.scale(sides[1], w)))
     shading = v[3], v[4], v[5]
-    return lifted(tables, point, number, u, w, shading, vec.scale(vec.cross(sides[0], sides[1]), v[6]))
+    normals = row(tables.normal, i, 3), row(tables.normal, j, 3), row(tables.normal, k, 3)
+    return lifted((a, b, c), normals, point, u, w, shading, vec.scale(vec.cross(sides[0], sides[1]), v[6]))
 
 
 @entry

@@ -62,3 +62,12 @@ def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | in
     with pytest.raises(SettingsError, match=r"^camera is .*(0: front, 1: 7|the scene has 2)") as caught:
         resolved(camera=camera)
     assert len(str(caught.value)) < 200
+
+
+def test_a_farm_says_that_it_does_not_blur() -> None:
+    with pytest.raises(SettingsError, match=r"^shutter is 0.5; a farm renders without motion blur"):
+        resolved(shutter=0.5)
+    job = Job(request={})
+    resolve(job, Scene(info={"cameras": INFO["cameras"], "defaults": {"shutter": 0.5}}), 1 << 20)
+    assert job.settings is not None
+    assert job.settings["shutter"] == 0.0, "what is not blurred does not say that it is"

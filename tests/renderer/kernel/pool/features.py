@@ -52,6 +52,14 @@ def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
     return place
 
 
+def _turned(angle: float) -> np.ndarray:
+    """About the vertical."""
+    turn = np.eye(4)
+    turn[0, 0] = turn[2, 2] = np.cos(angle)
+    turn[0, 2], turn[2, 0] = np.sin(angle), -np.sin(angle)
+    return turn
+
+
 def room(material: Material, meshes: tuple[Mesh, ...] = (), **more: Any) -> SceneDescription:
     """A floor and a wall, a lamp above, a little light from all around; a ball, a box and a smooth mesh of the material."""
     materials = [material, Material(base_color=(0.7, 0.6, 0.5)), Material(base_color=gray(0.0), emission=(9.0, 8.0, 7.0))]
@@ -102,6 +110,25 @@ def lamps(count: int) -> SceneDescription:
     place = np.random.default_rng(2).uniform((-3, 0.2, -2.5), (3, 3, 2), (count, 3))
     balls = [Sphere(tuple(map(float, p)), 0.03, 2) for p in place]
     return room(Material(**PBR, roughness=0.4), spheres=balls, environment=None)
+
+
+def moving(material: Material) -> SceneDescription:
+    """With a body that turns and flies, a mesh that bends, a lamp and a sphere that fly, and a light that does."""
+    description = room(material, keys=3)
+    ball, last = description.meshes[-1], description.instances[-1]
+    assert ball.normals is not None
+    bent = [(ball.positions * (1 + np.float32(0.3 * k) * ball.normals[:, :1]), ball.normals) for k in range(3)]
+    description.meshes[-1] = replace(ball, keys=tuple(bent), deforms=True)
+    description.instances[-1] = replace(last, keys=tuple(_moved(-1.4, 0.7 + 0.1 * k) for k in range(3)), moves=True)
+    spun = [_moved(0.1 * k, 0.05 * k, 0.2 * k) @ _turned(0.2 * k) for k in range(3)]
+    description.instances[3] = replace(description.instances[3], keys=tuple(spun), moves=True)
+    lamp = description.instances[2]
+    description.instances[2] = replace(lamp, keys=tuple(_moved(0.3 * k, -0.2 * k) for k in range(3)), moves=True)
+    sphere = description.spheres[0]
+    description.spheres[0] = replace(sphere, keys=tuple(((0.0, 0.7 + 0.1 * k, 0.4), 0.65) for k in range(3)), moves=True)
+    lights = [Light("point", gray(4.0), (1.0 + 0.2 * k, 2.0, 2.0), radius=0.1) for k in range(3)]
+    description.lights.append(replace(lights[1], keys=tuple(lights)))
+    return description
 
 
 def dark() -> SceneDescription:
@@ -202,6 +229,9 @@ FEATURES: dict[str, Feature] = {
     "copies": _feature(lambda: copies(Material(**PBR, roughness=0.4))),
     "many lights": _feature(lambda: lamps(100)),
     "lights without a body": _feature(_punctual),
+    # What moves while the shutter is open
+    "what moves": _feature(lambda: moving(Material(**PBR, metallic=0.5, roughness=0.3))),
+    "a camera that moves": _of(GRAY, views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))),
 }
 
 

@@ -28,7 +28,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
     with monkeypatch.context() as patched:
         patched.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
-        patched.setattr(render, "edition_for", lambda *_: render.FULL)
+        patched.setattr(render, "has_editions", lambda _: False)
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
@@ -45,13 +45,14 @@ def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.
     assert of_pool.rays == pytest.approx(of_one.rays, rel=1e-3)
 
 
-def test_the_features_ask_for_both_editions_and_are_seen() -> None:
+def test_the_features_ask_for_all_editions_and_are_seen() -> None:
     """Else what stands above would compare nothing with nothing."""
     names = list(FEATURES)
-    full = names.index("textures")
+    full, moving = names.index("textures"), names.index("what moves")
     black = ("no light",)
     for k, name in enumerate(names):
         scene, settings = made(name)
-        assert edition_of(scene) == ("full" if k >= full else "plain"), name
+        edition = "moving" if k >= moving else "full" if k >= full else "plain"
+        assert edition_of(scene, len(settings.views) > 0) == edition, name
         film: Any = render_frame(scene, settings, 1)
         assert bool(film[COLOR].any()) == (name not in black), name

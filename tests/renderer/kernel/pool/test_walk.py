@@ -40,7 +40,7 @@ def _together(bvh, alone, stack, pool, lists, count, out):
         none = nil(ray[0])
         nobody = as_floats(as_wide(_NOBODY, none))
         write(pool, rows, HIT, (none + _INF, none, none, nobody, nobody, none, none, none))
-    walk(bvh, alone, pool, stack, lists)
+    walk(bvh, None, alone, pool, stack, lists)
     for k in range(count):
         for column in range(3):
             out[k, column] = pool[at(k, HIT + np.uintp(column))]
@@ -60,7 +60,7 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
         ends = read(pool, rows, SHADOW)
         start = (ends[0], ends[1], ends[2])
         set_out(pool, rows, start, vec.sub((ends[3], ends[4], ends[5]), start))
-    walk_in_shade(bvh, alone, pool, stack, lists)
+    walk_in_shade(bvh, None, alone, pool, stack, lists)
     for k in range(count):
         out[k] = pool[at(k, BLOCKED)]
     return length(lists, ENDED)

@@ -1,0 +1,161 @@
+"""The keys of bodies that move while the shutter is open, for renderer/bvh/motion.py.
+
+By additions, products, quotients and roots one at a time, of all bodies at once: the same bits on every host.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.motion import ANGLE, INVERSE_SINE, KEY_COLUMNS, PLACE, POINT, STRETCH, TURN
+
+__all__ = ["motion_keys", "polar", "turned_by"]
+
+F64 = npt.NDArray[np.float64]
+
+_ROUNDS = 24  # Newton's; scaled, ten do for a matrix that squeezes by 1e6
+_STEADY = 1e-12  # of a body that turns by less than some 1e-3 a key, the origin moves straight
+_SLACK = 1e-9
+_NEAR = 1e-9
+
+
+def motion_keys(places: F64) -> F64:
+    """(N, K, KEY_COLUMNS) of N bodies' places at K keys, (N, K, 3, 4): an invertible matrix and a translation."""
+    turn, stretch = polar(places[:, :, :, :3])
+    rotation = _quaternions(turn)
+    angle, inverse = _ways(rotation)
+    point = _straight(places)
+    keys = np.zeros((*places.shape[:2], KEY_COLUMNS))
+    keys[:, :, POINT : POINT + 3] = point[:, None]
+    keys[:, :, PLACE : PLACE + 3] = _product(places[:, :, :, :3], point[:, None, :, None])[..., 0] + places[:, :, :, 3]
+    keys[:, :, TURN : TURN + 4] = rotation
+    keys[:, :, STRETCH : STRETCH + 6] = stretch[:, :, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    keys[:, :-1, ANGLE] = angle
+    keys[:, :-1, INVERSE_SINE] = inverse
+    return keys
+
+
+def turned_by(keys: F64) -> float:
+    """The greatest angle, in radians, by which any body turns from a key to the next; keys: as `motion_keys` gives them."""
+    return 2.0 * float(keys[:, :, ANGLE].max(initial=0.0))
+
+
+def polar(matrix: F64) -> tuple[F64, F64]:
+    """Rotations and symmetric matrices, (..., 3, 3) each, whose products the invertible matrices are.
+
+    Newton's iteration, scaled: Higham, "Computing the Polar Decomposition with Applications" (1986). What mirrors has a
+    stretch that does.
+    """
+    turn = matrix / _size(matrix)[..., None, None]
+    for _ in range(_ROUNDS):
+        inverse = _inverse_transposed(turn)
+        scale = np.sqrt(_size(inverse) / _size(turn))[..., None, None]
+        turn = 0.5 * (scale * turn + inverse / scale)
+    turn = np.where(_determinant(turn)[..., None, None] < 0, -turn, turn)
+    stretch = _product(np.swapaxes(turn, -1, -2), matrix)
+    return turn, 0.5 * (stretch + np.swapaxes(stretch, -1, -2))
+
+
+def _product(outer: F64, inner: F64) -> F64:
+    found: F64 = outer[..., :, 0, None] * inner[..., None, 0, :]
+    for k in range(1, outer.shape[-1]):
+        found = found + outer[..., :, k, None] * inner[..., None, k, :]
+    return found
+
+
+def _size(m: F64) -> F64:
+    square = m * m
+    total: F64 = square[..., 0, 0]
+    for i, j in list(np.ndindex(3, 3))[1:]:
+        total = total + square[..., i, j]
+    return np.sqrt(total)
+
+
+def _cofactors(m: F64) -> F64:
+    found = np.empty_like(m)
+    for i, j in np.ndindex(3, 3):
+        a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+        found[..., i, j] = m[..., a, c] * m[..., b, d] - m[..., a, d] * m[..., b, c]
+    return found
+
+
+def _determinant(m: F64) -> F64:
+    cofactors = _cofactors(m)
+    found: F64 = (m[..., 0, 0] * cofactors[..., 0, 0] + m[..., 0, 1] * cofactors[..., 0, 1]) + m[..., 0, 2] * cofactors[..., 0, 2]
+    return found
+
+
+def _inverse_transposed(m: F64) -> F64:
+    return _cofactors(m) / _determinant(m)[..., None, None]
+
+
+def _quaternions(turn: F64) -> F64:
+    """(N, K, 4) unit x y z w of rotations, each on the side of the one before."""
+    m = [[turn[..., i, j] for j in range(3)] for i in range(3)]
+    # Four ways to the same up to a factor; the longest has the most digits (Shepperd 1978).
+    ways = np.stack(
+        [
+            np.stack([1 + m[0][0] - m[1][1] - m[2][2], m[0][1] + m[1][0], m[0][2] + m[2][0], m[2][1] - m[1][2]], -1),
+            np.stack([m[0][1] + m[1][0], 1 - m[0][0] + m[1][1] - m[2][2], m[1][2] + m[2][1], m[0][2] - m[2][0]], -1),
+            np.stack([m[0][2] + m[2][0], m[1][2] + m[2][1], 1 - m[0][0] - m[1][1] + m[2][2], m[1][0] - m[0][1]], -1),
+            np.stack([m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], 1 + m[0][0] + m[1][1] + m[2][2]], -1),
+        ],
+        -2,
+    )
+    best = np.argmax(np.diagonal(ways, axis1=-2, axis2=-1), axis=-1)
+    found = np.take_along_axis(ways, best[..., None, None], -2)[..., 0, :]
+    found = found / np.sqrt(_dot(found, found))[..., None]
+    for k in range(1, found.shape[1]):
+        away = _dot(found[:, k], found[:, k - 1]) < 0
+        found[:, k] = np.where(away[:, None], -found[:, k], found[:, k])
+    return found
+
+
+def _dot(a: F64, b: F64) -> F64:
+    found: F64 = a[..., 0] * b[..., 0]
+    for k in range(1, a.shape[-1]):
+        found = found + a[..., k] * b[..., k]
+    return found
+
+
+def _ways(rotation: F64) -> tuple[F64, F64]:
+    """(N, K - 1) half the angle from each key's rotation to the next's, and 1 over its sine; 0 where there is next to none."""
+    before, after = rotation[:, :-1], rotation[:, 1:]
+    across, along = after - before, after + before  # by both chords, as an arc cosine has no digits for small angles (Kahan 2006)
+    far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
+    apart = far > _NEAR
+    with np.errstate(divide="ignore"):
+        inverse = (far * far + near * near) / (2.0 * far * near)
+    return np.where(apart, 2.0 * _arctangent(far / near), 0.0), np.where(apart, inverse, 0.0)
+
+
+def _arctangent(tangent: F64) -> F64:
+    """Of 0 ... 1."""
+    for _ in range(2):  # twice halved the angle is below pi / 16, where the series is short
+        tangent = tangent / (1.0 + np.sqrt(1.0 + tangent * tangent))
+    square, total = tangent * tangent, np.zeros_like(tangent)
+    for k in reversed(range(12)):
+        total = total * square + (-1.0) ** k / (2 * k + 1)
+    return 4.0 * tangent * total
+
+
+def _straight(places: F64) -> F64:
+    """(N, 3) the point of each body's own space that comes nearest to moving by equal steps from key to key.
+
+    Of what turns about an axis, a point of that axis; of what turns while it flies, the middle that it turns about.
+    """
+    if places.shape[1] < 3:
+        return np.zeros((len(places), 3))
+    bend = places[:, :-2] - 2.0 * places[:, 1:-1] + places[:, 2:]  # A x + b of a point x
+    square, side = np.zeros((len(places), 3, 3)), np.zeros((len(places), 3))
+    for k in range(bend.shape[1]):
+        transposed = np.swapaxes(bend[:, k, :, :3], -1, -2)
+        square = square + _product(transposed, bend[:, k, :, :3])
+        side = side - _product(transposed, bend[:, k, :, 3:])[..., 0]
+    trace = square[:, 0, 0] + square[:, 1, 1] + square[:, 2, 2]
+    whole = _size(places[:, 0, :, :3])
+    turns = trace > _STEADY * whole * whole
+    square = square + np.where(turns, _SLACK * trace, 1.0)[:, None, None] * np.eye(3)
+    inverse = np.swapaxes(_inverse_transposed(square), -1, -2)
+    return np.where(turns[:, None], _product(inverse, side[..., None])[..., 0], 0.0)

@@ -1,0 +1,91 @@
+"""Where the corners of triangles, their normals and spheres are: at a time of the shutter, those that move meanwhile."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.bvh.motion import step_at
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.fetch import row
+from renderer.wide.lanes import each_lane
+
+__all__ = ["ball_at", "corner_normals_at", "corners_at"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+
+
+@device
+def _vertex(fixed, keys, count, i, time):
+    """Row i of a table of vertices, the last of which have keys; as the tree has it (renderer/bvh/traverse.py)."""
+    moving = len(keys) // count
+    first = len(fixed) - moving
+    number = np.int64(i)
+    if number < first:
+        return row(fixed, i, 3)
+    step, share = step_at(time, count)
+    a = row(keys, step * moving + number - first, 3)
+    b = row(keys, step * moving + moving + number - first, 3)
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+
+
+@subroutine
+def _three(fixed, keys, count, i, j, k, time):
+    out_of_line()
+    return (
+        _vertex(fixed, keys, count, i, time),
+        _vertex(fixed, keys, count, j, time),
+        _vertex(fixed, keys, count, k, time),
+    )
+
+
+@device
+def corners_at(scene, i, j, k, time):
+    """The positions of three vertices. Of one triangle or, where `time` is None, of eight."""
+    if time is not None and len(scene.key_position) > 0:
+        return _three(scene.position, scene.key_position, scene.bvh.keyed[1], i, j, k, time)
+    return row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
+
+
+@device
+def _unit(n):
+    square = vec.dot(n, n)
+    return vec.scale(n, _ONE / math.sqrt(square)) if square > _ZERO else n
+
+
+@device
+def corner_normals_at(scene, i, j, k, time):
+    """The normals of three vertices: as `corners_at`."""
+    if time is not None and len(scene.key_position) > 0:
+        a, b, c = _three(scene.normal, scene.key_normal, scene.bvh.keyed[1], i, j, k, time)
+        return _unit(a), _unit(b), _unit(c)
+    return row(scene.normal, i, 3), row(scene.normal, j, 3), row(scene.normal, k, 3)
+
+
+@subroutine
+def _ball(fixed, keys, count, number, time):
+    out_of_line()
+    moving = len(keys) // count
+    first = len(fixed) - moving
+    i = np.int64(number)
+    if i < first:
+        return row(fixed, number, 4)
+    step, share = step_at(time, count)
+    a, b = row(keys, step * moving + i - first, 4), row(keys, step * moving + moving + i - first, 4)
+    return (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+        a[3] + share * (b[3] - a[3]),
+    )
+
+
+@device
+def ball_at(scene, number, time):
+    """A sphere's centre and radius. Of one sphere, or of eight."""
+    if time is not None and len(scene.key_sphere) > 0:
+        return each_lane(_ball, number == number, (scene.sphere, scene.key_sphere, scene.bvh.keyed[1], number, time))
+    return row(scene.sphere, number, 4)

@@ -1,0 +1,36 @@
+"""While the shutter is open: from when to when, seen from a frame, and at which keys what moves is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from renderer.scene.animation.moment import Moment
+
+__all__ = ["SHUTTER", "Shutter"]
+
+SHUTTER = ("shutter", "shutter_at", "shutter_keys")  # the settings that it is made of
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """length: of a frame's time; 0: nothing moves. at: `centred` about the frame's time, or `trailing`: it closes there.
+
+    keys: at equal steps, the first as it opens and the last as it closes; 0: as many as what moves needs.
+    """
+
+    length: float = 0.0
+    at: str = "centred"
+    keys: int = 0
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> Shutter:
+        """That of settings by their names; where one is left out, its default."""
+        names = dict(zip(SHUTTER, ("length", "at", "keys"), strict=True))
+        return cls(**{names[name]: settings[name] for name in SHUTTER if settings.get(name) is not None})
+
+    def moment(self, moment: Moment, share: float) -> Moment:
+        """The moment of a frame at a share of the time between opening, 0, and closing, 1."""
+        opens = -0.5 * self.length if self.at == "centred" else -self.length
+        return replace(moment, offset=opens + share * self.length)

@@ -1,0 +1,308 @@
+"""Motion blur by what is known of it: closed forms, and pictures of a moment averaged over the time that the shutter is open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.arrays.scene import CompiledScene
+from renderer.film import COLOR, digest, mean
+from renderer.render import render_batch, render_frame, replay
+from renderer.scene.animation import Moment, Shutter
+from renderer.scene.compile import compile_scene
+from renderer.scene.compiled import load, save
+from renderer.scene.description import Camera, Environment, Instance, Light, Material, SceneDescription, Sphere
+from renderer.scene.moving import while_open
+from renderer.settings import RenderSettings, Tile, View, tiles_of
+from tests.renderer.builders import gray, icosphere, square
+
+FLAT = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), projection="orthographic", height=4.0)
+OPEN = Shutter(1.0)
+UNLIT, GRAY, LAMP = 0, 1, 2
+MATERIALS = [
+    Material(kind="unlit", base_color=gray(1.0)),
+    Material(base_color=gray(0.7)),
+    Material(base_color=gray(0.0), emission=gray(6.0), double_sided=True),
+]
+
+At = Callable[[float], SceneDescription]  # the scene at a share -0.5 ... 0.5 of the time that the shutter is open
+
+
+def described(**things) -> SceneDescription:
+    things.setdefault("environment", Environment(gray(0.0)))
+    return SceneDescription(materials=list(MATERIALS), moves=True, **things)
+
+
+def over(at: At, shutter: Shutter = OPEN) -> SceneDescription:
+    return while_open(lambda moment: at(moment.offset), Moment(), shutter)
+
+
+def turned(angle: float, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """About the z axis, then moved."""
+    matrix = np.eye(4)
+    matrix[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    matrix[:3, 3] = place
+    return matrix
+
+
+def settings_of(view: View = FLAT, size: int = 64, **more) -> RenderSettings:
+    return RenderSettings(size, size, view, filter="box", shutter=1.0, **more)
+
+
+def picture(scene: CompiledScene, settings: RenderSettings, spp: int) -> np.ndarray:
+    return mean(render_frame(scene, settings, spp), settings.film_exponent)[..., 1]
+
+
+def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """(x, y) of the pixels' middles in the plane that FLAT looks at."""
+    y, x = np.mgrid[0:size, 0:size] + 0.5
+    return (x / size - 0.5) * height, (0.5 - y / size) * height
+
+
+def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
+    """At a distance r from its axis a bar of half width w covers 4 asin(w / r) of the circle."""
+    bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
+    turning = over(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
+    assert turning.keys == 9, "five keys would take a quarter of a turn for a step"
+    found = picture(compile_scene(turning), settings_of(), 256)
+    x, y = from_the_middle(64, 4.0)
+    r = np.hypot(x, y)
+    known = 2 / math.pi * np.arcsin(np.minimum(0.15 / r, 1.0))
+    inside = (r > 0.3) & (r < 1.7)
+    assert abs(found - known)[inside].max() < 0.03
+    assert abs((found - known)[inside].mean()) < 0.001
+    assert found[r > 1.9].max() == 0.0
+    # The same all around: nothing is brighter at the keys.
+    sector = (np.floor((np.arctan2(y, x) / math.pi + 1) * 16) % 32).astype(int)
+    around = [found[inside & (sector == k)].mean() / known[inside & (sector == k)].mean() for k in range(32)]
+    np.testing.assert_allclose(around, 1.0, atol=0.02)
+
+
+def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
+    """A square that flies from -d to d is over a point for as long as its width takes, and shorter at the ends: a trapezoid."""
+    w, d = 0.25, 1.0
+    dot = square((0, 0, 0), (w, 0, 0), (0, w, 0), UNLIT)
+    flying = over(lambda t: described(meshes=[dot], instances=[Instance(0, turned(0, (2 * d * t, 0, 0)), moves=True)]))
+    found = picture(compile_scene(flying), settings_of(), 256)
+    x, y = from_the_middle(64, 4.0)
+    known = np.clip(np.minimum(x + w, d) - np.maximum(x - w, -d), 0, None) / (2 * d)
+    along = abs(y) < w - 0.07
+    assert abs(found - known)[along].max() < 0.03
+    assert abs((found - known)[along].mean()) < 0.001
+    assert found[abs(y) > w + 0.07].max() == 0.0
+
+
+def spinning_child(t: float) -> SceneDescription:
+    """A bar that turns about its own middle, which a parent swings around: half a turn and a whole one."""
+    parent = turned(math.pi * t) @ turned(0, (1.2, 0, 0))
+    return described(
+        meshes=[square((0, 0, 0), (0.5, 0, 0), (0, 0.1, 0), UNLIT)],
+        instances=[Instance(0, parent @ turned(2 * math.pi * t), moves=True)],
+    )
+
+
+def growing(t: float) -> SceneDescription:
+    """A mirrored and skewed body that grows, turns and flies; round and lit, with its shadow on a wall that stands still."""
+    skew = np.eye(4)
+    skew[0, 0], skew[0, 1], skew[1, 1] = -0.8, 0.3, 0.7 + 0.4 * t
+    ball = icosphere(3, 0, 0.7)
+    unit = (ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True)).astype(np.float32)
+    return described(
+        meshes=[square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY), replace(ball, normals=unit, material=GRAY)],
+        instances=[Instance(0), Instance(1, turned(1.5 * t, (1.2 * t, 0.4, 0)) @ skew, moves=True)],
+        lights=[Light("point", gray(8.0), (1.0, 2.0, 3.0))],
+    )
+
+
+def bending(t: float) -> SceneDescription:
+    """A flat mesh and a smooth one whose vertices move by themselves, lit from one side."""
+    ball = icosphere(2, 0, 0.8)
+    unit = ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True)
+    bent = (ball.positions * (1 + 0.8 * t * unit[:, :1]) + (-0.9, 0.5 * t, 0)).astype(np.float32)
+    sheet = square((0.9, 0, 0), (0.6, 0, 0), (0, 0.8, 0), GRAY)
+    lift = np.array([(0, 0, 2 * t), (0, 0, 0), (0, 0, 2 * t), (0.4 * t, 0, 0)])
+    sheet.positions = (sheet.positions + lift).astype(np.float32)
+    sheet.deforms = True
+    return described(
+        meshes=[replace(ball, positions=bent, normals=unit.astype(np.float32), material=GRAY, deforms=True), sheet],
+        instances=[Instance(0), Instance(1)],
+        lights=[Light("directional", gray(2.0), direction=(0.5, -0.6, -1.0))],
+    )
+
+
+def rolling(t: float) -> SceneDescription:
+    """Spheres that fly and swell, beside one that stands still."""
+    return described(
+        spheres=[
+            Sphere((1.2 * t, -0.6, 0.0), 0.5 + 0.3 * t, GRAY, "a", moves=True),
+            Sphere((-1.2 * t, 0.9, 0.3), 0.3, GRAY, "b", moves=True),
+            Sphere((0.0, 0.2, -0.8), 0.4, GRAY, "c"),
+        ],
+        environment=Environment((1.0, 0.8, 0.6)),
+    )
+
+
+def lamps(t: float) -> SceneDescription:
+    """A wall under lamps that move: a quad that flies and turns, a sphere that flies and swells, and one that stands still."""
+    return described(
+        meshes=[square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY), square((0, 0, 0), (0.4, 0, 0), (0, 0.15, 0), LAMP)],
+        instances=[
+            Instance(0),
+            Instance(1, turned(0.4 * t, (1.6 * t, 1.0, 0.2)), moves=True),
+            Instance(1, turned(0.0, (-1.0, -1.2, 0.0))),
+        ],
+        spheres=[Sphere((-1.0, 1.2 * t, 0.2), 0.25 + 0.2 * t, LAMP, moves=True)],
+    )
+
+
+def turning_lamps(t: float) -> SceneDescription:
+    """Lamps that shine to one side and turn away: in the middle none of them faces the wall, or all of them do."""
+    scene = lamps(t)
+    scene.materials[LAMP] = replace(scene.materials[LAMP], double_sided=False)
+    for number, (angle, x) in enumerate(((3.0 * t, -1.0), (3.0 * t + math.pi, 1.0), (2.0 * t + math.pi, 0.0)), 1):
+        tilt = np.eye(4)
+        tilt[1:3, 1:3] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+        tilt[0, 3] = x
+        scene.instances[number:] = [Instance(1, tilt, moves=True)]
+    return replace(scene, spheres=[])
+
+
+def one_lamp(t: float) -> SceneDescription:
+    """Two triangles, between which no tree chooses, whose area changes."""
+    scene = lamps(t)
+    scene.instances[1].transform = turned(0.4 * t, (1.6 * t, 1.0, 0.2)) @ np.diag([1.0, 1.0 + t, 1.0, 1.0])
+    return replace(scene, instances=scene.instances[:2], spheres=[])
+
+
+def punctual(t: float) -> SceneDescription:
+    """A wall under lights without a body that fly, turn and brighten."""
+    wall = square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY)
+    return described(
+        meshes=[wall],
+        instances=[Instance(0)],
+        lights=[
+            Light("point", gray(2.0 + 3.0 * t), (2.0 * t, 1.0, 0.5), radius=0.2),
+            Light("spot", gray(9.0), (-1.0, -1.0, 1.0), (t, 0.5 * t, -1.0), inner_cone=10.0, outer_cone=25.0),
+            Light("directional", (0.3 + 0.2 * t, 0.3, 0.3), direction=(0.4 * t, -0.3, -1.0), angle=1.0),
+        ],
+    )
+
+
+def everything(t: float) -> SceneDescription:
+    """All that moves, in one scene."""
+    first, second = bending(t), lamps(t)
+    shift = len(first.meshes)
+    placed = [*first.instances, *(replace(i, mesh=i.mesh + shift) for i in second.instances)]
+    spheres = [*rolling(t).spheres, *second.spheres]
+    lights = [*first.lights, *punctual(t).lights]
+    spun = replace(spinning_child(t).instances[0], mesh=shift + len(second.meshes))
+    meshes = [*first.meshes, *second.meshes, *spinning_child(t).meshes]
+    return described(meshes=meshes, instances=[*placed, spun], spheres=spheres, lights=lights)
+
+
+def fly_by(t: float) -> SceneDescription:
+    """A camera that flies, turns and zooms, past a body that moves the other way."""
+    view = View((1.0 * t, 0.3, 5.0), (2.0 * t, 0.0, 0.0), fov=45 + 20 * t)
+    scene = growing(t)
+    scene.cameras = [Camera("flight", view)]
+    return scene
+
+
+SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by]
+
+
+@pytest.mark.parametrize("at", SCENES, ids=lambda at: at.__name__)
+def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
+    moving = over(at)
+    views = moving.cameras[0].keys if moving.cameras else ()
+    settings = settings_of(moving.cameras[0].view if views else FLAT, 24, views=views, max_depth=3)
+    found = picture(compile_scene(moving), settings, 1024)
+    moments = 48
+    known = np.zeros_like(found)
+    for i in range(moments):
+        still = at((i + 0.5) / moments - 0.5)
+        view = still.cameras[0].view if views else FLAT
+        known += picture(compile_scene(still), replace(settings, view=view, views=()), 64) / moments
+    assert known.max() > 0.1
+    assert found.mean() == pytest.approx(known.mean(), rel=0.01)
+    assert abs(found - known).mean() < 0.015 * known.mean() + 0.002
+    assert abs(found - known).max() < 0.12 * known.max()
+
+
+def test_without_a_shutter_a_frame_is_its_still() -> None:
+    still = compile_scene(growing(0.0))
+    settings = settings_of(size=32)
+    whole = digest(render_frame(still, replace(settings, shutter=0.0), 4))
+    assert digest(render_frame(compile_scene(over(growing, Shutter())), replace(settings, shutter=0.0), 4)) == whole
+    standing = over(lambda _: growing(0.0))
+    assert standing.keys == 0
+    assert digest(render_frame(compile_scene(standing), settings, 4)) == whole, "what stands still has nothing to blur"
+    assert digest(render_frame(compile_scene(over(growing)), settings, 4)) != whole
+
+
+def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
+    made = compile_scene(over(everything))
+    save(made, tmp_path / "scene")
+    kept = load(tmp_path / "scene")
+    settings = settings_of(size=32)
+    whole = render_frame(made, settings, 6, threads=1)
+    assert digest(render_frame(kept, settings, 6, threads=2)) == digest(whole)
+    parts = np.zeros_like(whole)
+    for tile in reversed(tiles_of(32, 32, 12)):
+        for first, count in ((4, 2), (0, 1), (1, 3)):
+            sums = render_batch(kept, settings, tile, first, count).sums
+            parts[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += sums
+    assert digest(parts) == digest(whole)
+
+
+def test_a_replay_follows_the_sample_at_its_time() -> None:
+    made = compile_scene(over(growing))
+    settings = settings_of(size=32)
+    for sample in (0, 5):
+        film = render_batch(made, settings, Tile(0, 0, 32, 32), sample, 1).sums
+        for x, y in ((10, 10), (16, 16), (20, 18)):
+            found = replay(made, settings, x, y, sample)
+            assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
+
+
+def test_a_trailing_shutter_closes_at_the_frame() -> None:
+    """What has flown for the time before the frame, and not after it."""
+    bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
+    flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
+    for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0)):
+        found = picture(compile_scene(over(flight, Shutter(1.0, at))), settings_of(), 64)
+        x, _ = from_the_middle(64, 4.0)
+        seen = x[found > 0.02]
+        assert seen.min() == pytest.approx(low - 0.1, abs=0.07)
+        assert seen.max() == pytest.approx(high + 0.1, abs=0.07)
+
+
+def test_keys_may_be_chosen_and_else_follow_the_turns() -> None:
+    bar = square((0, 0, 0), (1, 0, 0), (0, 0.1, 0), UNLIT)
+
+    def turning(turns: float) -> At:
+        return lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * turns * t), moves=True)])
+
+    assert over(turning(0.1)).keys == 5
+    assert over(turning(3.3)).keys == 33
+    assert over(turning(3.3), Shutter(1.0, keys=7)).keys == 7
+
+
+def test_what_cannot_be_blurred_is_named() -> None:
+    def changing(t: float) -> SceneDescription:
+        scene = growing(t)
+        scene.materials[GRAY] = replace(scene.materials[GRAY], base_color=gray(0.5 + 0.1 * t))
+        scene.environment = Environment(gray(0.1), rotation=10 * t)
+        if t > 0:
+            scene.meshes[1] = replace(scene.meshes[1], triangles=scene.meshes[1].triangles[1:])
+        return scene
+
+    found = over(changing)
+    left = "materials, the environment, the mesh icosphere, whose triangles change"
+    assert found.warnings == [f"Shown as in the middle of the shutter, not blurred: {left}."]
+    assert len(found.instances[1].keys) == 5, "it still goes where it goes"
