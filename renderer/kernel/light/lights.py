@@ -240,6 +240,7 @@ def _sample_alone(scene, number, wanted, p, u, time):
     return each_lane(sample_punctual, wanted, (scene.punctual_kind, scene.punctual, number, p, u))
 
 
+@device
 def nearby_choice(scene, choice):
     """Whether a choice in [0, 1) falls on the lights but the environment, and what is left of it to choose among them."""
     environment_chance = scene.environment_frame[3]
