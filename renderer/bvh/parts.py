@@ -17,13 +17,11 @@ import numpy.typing as npt
 from renderer.bvh.build import boundless, tree_of
 from renderer.bvh.instances import instance_boxes, relocate, root_boxes
 from renderer.bvh.keyed import motion_boxes
-from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.transforms import inverted
 from renderer.threads import Team
 
-__all__ = ["PAGE", "Laid", "Tree", "lay", "padded"]
-
-PAGE = 4096  # bytes
+__all__ = ["Laid", "Tree", "lay", "padded"]
 
 Array = npt.NDArray[Any]
 Tree = tuple[Array, Array]  # nodes and packets, as `renderer.bvh.build.tree_of` gives them

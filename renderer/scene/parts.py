@@ -21,8 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested
-from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, ROW_CHILD, ROW_PRIMITIVE, WIDTH
-from renderer.bvh.parts import PAGE
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.errors import SceneError
 from renderer.scene.kept import Cuts
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import signal
 import subprocess
@@ -11,8 +10,8 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from dataclasses import asdict
+from http.server import ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -31,25 +30,16 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
+from tests.worker.bench import Bench, FakeService
 from worker.contract import (
     DENOISE,
-    PREPARE,
-    RENDER_BATCH,
     RESULTS,
-    SAMPLES_HEADER,
-    VERSION_HEADER,
-    WORKER_KEYS,
-    BlobRef,
     DenoiseFrame,
-    Manifest,
     RenderBatch,
-    Result,
     SceneInfo,
-    WorkerReport,
     celery_config,
     denoise_queue,
     order_key,
-    prepare_queue,
     render_queue,
     unpack_sums,
 )
@@ -63,107 +53,6 @@ materials:
   grey: {kind: diffuse, color: 0.5}
 environment: {color: 1}
 """
-
-
-class FakeService(BaseHTTPRequestHandler):
-    """The few answers that a worker needs."""
-
-    blobs: dict[str, bytes]
-    manifests: dict[str, Manifest]
-    films: dict[str, bytes]
-    redis_url: str
-    away = False
-
-    def do_GET(self) -> None:
-        if self.headers["Authorization"] != "Bearer token":
-            self._answer(401, b"{}")
-        elif self.away:
-            self._answer(503, b"<html>a proxy before a service that starts anew")
-        elif self.path == "/api/farm/join":
-            self._answer(200, json.dumps({"redis_url": self.redis_url, "instance": "i", "data_dir": ""}).encode())
-        elif self.path.startswith("/api/farm/films/"):
-            means = self.films.get(self.path)
-            self._answer(200 if means else 404, means or b"{}", {VERSION_HEADER: "seven", SAMPLES_HEADER: "12"})
-        elif self.path.endswith("/manifest"):
-            self._answer(200, json.dumps(asdict(self.manifests[self.path.split("/")[4]])).encode())
-        else:
-            data = self.blobs.get(self.path.rpartition("/")[2])
-            self._answer(404 if data is None else 200, data or b"{}")
-
-    def do_PUT(self) -> None:
-        data = self.rfile.read(int(self.headers["Content-Length"]))
-        self.blobs[self.path.rpartition("/")[2]] = data
-        self._answer(201, b"{}")
-
-    def do_POST(self) -> None:
-        self._answer(204 if self.path.split("/")[4] in self.blobs else 404, b"")
-
-    def _answer(self, status: int, body: bytes, headers: dict[str, str] | None = None) -> None:
-        self.send_response(status)
-        for name, value in (headers or {}).items():
-            self.send_header(name, value)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_: Any) -> None:
-        pass
-
-
-@dataclass
-class Bench:
-    """A running worker and the test's hands on its queue, its stream and its files."""
-
-    url: str
-    service: type[FakeService]
-    store: redis.Redis
-    celery: Celery
-    process: subprocess.Popen[bytes]
-    seen: list[Result] = field(default_factory=list)
-
-    def report(self) -> WorkerReport | None:
-        for key in self.store.scan_iter(WORKER_KEYS):
-            data = self.store.get(key)
-            if not isinstance(data, bytes):
-                continue  # expired in between
-            report = WorkerReport.from_bytes(data)
-            if report.pid == self.process.pid:
-                return report
-        return None
-
-    def upload(self, scene: str, files: dict[str, bytes], main: str) -> None:
-        refs = []
-        for path, data in files.items():
-            sha256 = hashlib.sha256(data).hexdigest()
-            self.service.blobs[sha256] = data
-            refs.append(BlobRef(path, sha256, len(data)))
-        self.service.manifests[scene] = Manifest(scene, main, refs)
-
-    def prepare(self, scene: str) -> Result:
-        kind = self.report().kind  # type: ignore[union-attr]
-        self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
-        return self.next("prepared", "prepare-failed")
-
-    def render(self, batch: RenderBatch) -> None:
-        kind = self.report().kind  # type: ignore[union-attr]
-        self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind))
-
-    def next(self, *types: str) -> Result:
-        """The next result of one of these types."""
-        found: list[Result] = []
-
-        def arrived() -> bool:
-            for number, fields in self.store.xrange(RESULTS):
-                self.store.xdel(RESULTS, number)
-                result = Result.from_fields(fields)
-                self.seen.append(result)
-                if result.event["type"] in types:
-                    found.append(result)
-                    return True
-            return False
-
-        wait_until(arrived, 60, f"one of {types} arrives; so far {[r.event for r in self.seen]}")
-        return found[0]
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import pytest
 
 from renderer.bvh.build import build, tree_of
 from renderer.bvh.instances import Instances
-from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH
-from renderer.bvh.parts import PAGE, lay
+from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, WIDTH
+from renderer.bvh.parts import lay
 from renderer.threads import Team
 from tests.renderer.bvh.rays import NO_SPHERES, trace
 from tests.renderer.bvh.test_instances import directions, forest

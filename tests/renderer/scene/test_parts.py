@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.arrays.scene import flat
-from renderer.bvh.parts import PAGE
+from renderer.bvh.layout import PAGE
 from renderer.errors import SceneError
 from renderer.scene import parts as parts_file
 from renderer.scene.compile import compile_scene
