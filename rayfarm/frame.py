@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["Order", "moment_words", "render_to", "say_bad_samples", "statistics"]
+__all__ = ["Order", "camera_words", "moment_words", "render_to", "say_bad_samples", "statistics"]
 
 _KEYS_A_TURN = 32  # of a turntable's, within the shutter
 
@@ -130,6 +130,15 @@ def moment_words(moment: Moment) -> str:
     words = [f"--frame={frame_text(moment.frame)}"] if moment.frame else []
     words += [f"--fps={moment.fps!r}"] if moment.fps is not None else []
     words += [f"--clip={shlex.quote(moment.clip)}"] if moment.clip is not None else []
+    return "".join(f" {word}" for word in words)
+
+
+def camera_words(order: Order, settings: RenderSettings) -> str:
+    """The options that say which camera moves while the shutter is open, as `moment_words`; none of one that stands still."""
+    if not settings.views:
+        return ""
+    words = [f"--{name}={shlex.quote(str(value))}" for name, value in order.picture.way().items()]
+    words += [f"--turntable={order.turntable!r}"] if order.turntable is not None else []
     return "".join(f" {word}" for word in words)
 
 

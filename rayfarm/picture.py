@@ -119,6 +119,11 @@ class Picture:
             **chosen(self.asked(), defaults),
         )
 
+    def way(self) -> dict[str, Any]:
+        """What was asked for of the camera, by the options' names."""
+        named = {each.option: self.given.get(each.option.replace("-", "_")) for each in VIEW.values()}
+        return {name: value for name, value in {"camera": self.given.get("camera"), **named}.items() if value is not None}
+
     def shutter(self) -> dict[str, Any]:
         """What is asked for of the shutter's settings."""
         return {name: value for name, value in self.asked().items() if name in SHUTTER and value is not None}

@@ -11,7 +11,7 @@ from typing import Any
 from rayfarm import options
 from rayfarm.console import bar, err
 from rayfarm.errors import CommandError
-from rayfarm.frame import Order, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.frame import Order, camera_words, moment_words, render_to, say_bad_samples, statistics
 from rayfarm.output_files import check_writable
 from rayfarm.rendering import Clock, Show
 from rayfarm.stage import Stage
@@ -140,5 +140,5 @@ def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show
     warm_up(settings, edition_for(settings, compiled))
     clock.mark("compile_s")
     done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show)
-    say_bad_samples(shot.scene, settings, done, moment_words(moment))
+    say_bad_samples(shot.scene, settings, done, moment_words(moment) + camera_words(order, settings))
     return {"frame": frame, "file": str(shot.file(frame)), **statistics(clock, done)}

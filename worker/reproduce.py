@@ -31,7 +31,8 @@ def _options(settings: RenderSettings) -> list[str]:
     if settings.view.aperture == 0.0:
         del view["focus"]
     words = [f"--size={settings.width}x{settings.height}"]
-    words += [_word(VIEW[name], value) for name, value in view.items()]
+    if not settings.views:  # a camera that moves while the shutter is open is not said by a view: whoever knows its name adds it
+        words += [_word(VIEW[name], value) for name, value in view.items()]
     words += [_word(SETTINGS[name], getattr(settings, name)) for name in OPTIONAL]
     if settings.environment is not None:
         words.append(f"--env={_text(settings.environment)}")

@@ -12,7 +12,7 @@ import typer
 from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, CommandError
-from rayfarm.frame import Order, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.frame import Order, camera_words, moment_words, render_to, say_bad_samples, statistics
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.rendering import Clock, load_kernels, load_scene, shown
@@ -142,7 +142,7 @@ def render(
     with shown() as show:
         done = render_to(output, order, compiled, summary["defaults"], settings, clock, show)
     _say(output, settings, clock, done)
-    say_bad_samples(scene, settings, done, moment_words(moment))
+    say_bad_samples(scene, settings, done, moment_words(moment) + camera_words(order, settings))
     if stats is not None:
         _write(stats, statistics(clock, done))
 

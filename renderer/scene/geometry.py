@@ -13,7 +13,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.kernel.mesh.faces import find_corners
 from renderer.scene.description import F32, I32, SceneDescription
-from renderer.scene.instances import Group, Sharing
+from renderer.scene.instances import Group, Sharing, goes_straight
 from renderer.scene.objects import number_objects
 from renderer.scene.placed import Placed, placed, with_keys
 from renderer.scene.readable import read_only
@@ -202,7 +202,8 @@ def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: 
 
 def keys_step(description: SceneDescription) -> int:
     """Every how many-th of the shutter's keys is one of what goes straight from key to key."""
-    turns = any(instance.keys for instance in description.instances) or any(sphere.keys for sphere in description.spheres)
+    straight = any(goes_straight(description, instance) for instance in description.instances)
+    turns = straight or any(sphere.keys for sphere in description.spheres)
     few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
     return (description.keys - 1) // (_FEW_KEYS - 1) if few and not turns else 1
 

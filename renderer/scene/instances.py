@@ -16,7 +16,7 @@ from renderer.bvh.transforms import stretches
 from renderer.scene.description import Instance, SceneDescription
 from renderer.scene.objects import number_objects
 
-__all__ = ["Group", "Sharing", "Standing", "share", "share_movers", "share_still"]
+__all__ = ["Group", "Sharing", "Standing", "goes_straight", "share", "share_movers", "share_still"]
 
 _FEW = 8  # triangles that are not worth a tree of their own
 _WORTH = 30_000  # triangles that copying would add: then a mesh is kept once
@@ -79,6 +79,13 @@ def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list
     ]
     bodies = set(bodily)
     return _bodies(description, bodily), [n for n in movers if n not in bodies]
+
+
+def goes_straight(description: SceneDescription, instance: Instance) -> bool:
+    """Whether it moves while the shutter is open, and its vertices go straight from key to key: as of what bends, or shines."""
+    mesh = description.meshes[instance.mesh]
+    material = description.materials[mesh.material if instance.material is None else instance.material]
+    return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or max(material.emission) > 0)
 
 
 def _shines(description: SceneDescription, number: int) -> bool:

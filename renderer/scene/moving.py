@@ -17,6 +17,7 @@ from renderer.bvh.rigid import motion_keys, turned_by
 from renderer.kernel.camera import axes_of
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere
+from renderer.scene.instances import goes_straight
 from renderer.scene.same import same
 from renderer.settings import MOST_KEYS
 
@@ -198,10 +199,7 @@ def _is_fine(moving: SceneDescription) -> bool:
     straight: list[list[np.ndarray]] = []
     for instance in moving.instances:
         if instance.keys:
-            mesh = moving.meshes[instance.mesh]
-            material = moving.materials[mesh.material if instance.material is None else instance.material]
-            goes_straight = bool(mesh.keys) or any(c > 0 for c in material.emission)
-            (straight if goes_straight else free).append([each[:3] for each in instance.keys])
+            (straight if goes_straight(moving, instance) else free).append([each[:3] for each in instance.keys])
     free += [[np.stack(axes_of(view), -1) for view in camera.keys] for camera in moving.cameras if camera.keys]
     return _turn(free) <= _MOST_TURN and _turn(straight) <= _STRAIGHT_TURN
 

@@ -208,3 +208,42 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
     assert len(belonging(tmp_path / "drop.##.obj")) == 3
     (tmp_path / "s.yaml").write_text("shapes: [{type: mesh, file: drop.##.obj}]")
     assert len(belonging(tmp_path / "s.yaml")) == 4
+
+
+@pytest.mark.parametrize("camera_alone", [False, True])
+def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(tmp_path: Path, camera_alone: bool) -> None:
+    shot = tmp_path / "shot.glb"
+    shot.write_bytes(turning(camera_alone).glb())
+    done = rayfarm("render", shot, "-o", tmp_path / "out.##.png", "--frames", "12,6", "--shutter=4", *SMALL)
+    assert done.returncode == 0, done.stderr
+    for frame, name in ((12, "out.12.png"), (6, "out.06.png")):
+        still, sharp = tmp_path / "still.png", tmp_path / "sharp.png"
+        assert rayfarm("render", shot, "-o", still, f"--frame={frame}", "--shutter=4", *SMALL).returncode == 0
+        assert np.array_equal(pixels(tmp_path / name), pixels(still))
+        assert rayfarm("render", shot, "-o", sharp, f"--frame={frame}", "--shutter=0", *SMALL).returncode == 0
+        assert not np.array_equal(pixels(still), pixels(sharp))
+        assert rayfarm("render", shot, "-o", still, f"--frame={frame}", *SMALL).returncode == 0
+        assert np.array_equal(pixels(still), pixels(sharp)), "no shutter is none"
+
+
+def test_a_scene_file_may_ask_for_a_shutter_and_a_turntable_has_one(tmp_path: Path) -> None:
+    shape = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
+    (tmp_path / "s.yaml").write_text(
+        f"settings: {{shutter: 1}}\ncameras: [{{eye: [0, 1, 5], target: [0, 0, 0]}}]\nshapes: [{shape}]"
+    )
+    (tmp_path / "t.yaml").write_text("cameras: [{eye: [0, 1, 5], target: [0, 0, 0]}]\nshapes: [{type: cube}]")
+    pictures = {}
+    for name, scene, more in (
+        ("asked", "s.yaml", ["--shutter=1"]),
+        ("its own", "s.yaml", []),
+        ("trailing", "s.yaml", ["--shutter-at=trailing"]),
+        ("none", "s.yaml", ["--shutter=0"]),
+        ("turned", "t.yaml", ["--turntable=1", "--shutter=2"]),
+        ("not turned", "t.yaml", ["--turntable=1"]),
+    ):
+        done = rayfarm("render", tmp_path / scene, "-o", tmp_path / "a.png", "--frame=3", *more, *SMALL)
+        assert done.returncode == 0, done.stderr
+        pictures[name] = pixels(tmp_path / "a.png")
+    assert np.array_equal(pictures["asked"], pictures["its own"])
+    different = [pictures[name].tobytes() for name in ("asked", "trailing", "none", "turned", "not turned")]
+    assert len(set(different)) == len(different)

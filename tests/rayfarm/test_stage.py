@@ -133,8 +133,9 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
         alone = compile_scene(description, threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
-        assert len(compiled.bvh.motion) > 0 or name == "lamp.glb"
-        assert len(compiled.key_position) > 0
+        if name != "numbered.yaml":  # whose meshes are cut anew in every file
+            assert len(compiled.bvh.motion) > 0 or name == "lamp.glb"
+            assert len(compiled.key_position) > 0
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
 
 
