@@ -58,12 +58,9 @@ PACKET_ROWS = 10
 ROW_PRIMITIVE = 9
 NODE_SIZE = NODE_ROWS * WIDTH
 PACKET_SIZE = PACKET_ROWS * WIDTH
-<<<<<<< HEAD
 KEY_COLUMNS = 18  # of `motion`: motion.py
 NEVER = 2**31 - 1  # a packet's number that is none
-=======
 PAGE = 4096  # bytes: where parts of arrays begin, so that files of them can be mapped one behind the other
->>>>>>> parts
 TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
 
 # The builder halves by number below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each puts
