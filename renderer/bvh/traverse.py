@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.entering import into
 from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
 from renderer.bvh.layout import (
     INSTANCE,
@@ -27,7 +28,7 @@ from renderer.bvh.layout import (
     SPHERES,
     WIDTH,
 )
-from renderer.bvh.motion import inverse_of, placed_at, step_at
+from renderer.bvh.motion import step_at
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
@@ -47,17 +48,7 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device, out_of_line, subroutine
 
-__all__ = [
-    "NO_PRIMITIVE",
-    "Hit",
-    "any_hit",
-    "any_in_instance",
-    "closest_hit",
-    "closest_in_instance",
-    "new_stack",
-    "place_at",
-    "to_local",
-]
+__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "any_in_instance", "closest_hit", "closest_in_instance", "new_stack", "place_at"]
 
 NO_PRIMITIVE = np.int32(-1)
 _WORLD = np.int32(-1)
@@ -231,65 +222,11 @@ def _pop(stack, top):
     return base, load(stack, top), key
 
 
-@device
-def _into(bvh, number, o, d, time):
-    """`to_local`, of an instance that may move, at a time of the shutter."""
-    if time is not None and len(bvh.instance_motion) > 0:
-        first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]
-        if keys > 0:
-            return _to_moving(bvh.motion, first, keys, time, o, d)
-    return to_local(bvh.to_local, number, o, d)
-
-
-@subroutine
-def _to_moving(motion, first, keys, time, o, d):
-    out_of_line()
-    a, b, c = inverse_of(placed_at(motion, first, keys, time))
-    ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
-    dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])
-    return (
-        (
-            np.float32(a[0] * ox + a[1] * oy + a[2] * oz + a[3]),
-            np.float32(b[0] * ox + b[1] * oy + b[2] * oz + b[3]),
-            np.float32(c[0] * ox + c[1] * oy + c[2] * oz + c[3]),
-        ),
-        (
-            np.float32(a[0] * dx + a[1] * dy + a[2] * dz),
-            np.float32(b[0] * dx + b[1] * dy + b[2] * dz),
-            np.float32(c[0] * dx + c[1] * dy + c[2] * dz),
-        ),
-    )
-
-
-@device
-def to_local(transform, number, o, d):
-    """A ray in an instance's space. Its direction keeps the transform's scale, so that t stays the world's.
-
-    In double precision, rounded once: then a ray that starts beside the instance's surface is off it by no more than it
-    would be beside the same triangles in the world.
-    """
-    ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
-    dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])
-    m = transform[number]
-    return (
-        (
-            np.float32(m[0, 0] * ox + m[0, 1] * oy + m[0, 2] * oz + m[0, 3]),
-            np.float32(m[1, 0] * ox + m[1, 1] * oy + m[1, 2] * oz + m[1, 3]),
-            np.float32(m[2, 0] * ox + m[2, 1] * oy + m[2, 2] * oz + m[2, 3]),
-        ),
-        (
-            np.float32(m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz),
-            np.float32(m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz),
-            np.float32(m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz),
-        ),
-    )
-
-
 @subroutine
 def closest_in_instance(bvh, stack, bottom, number, o, d, best, time):
     """The nearest hit nearer than `best` in an instance's tree: (distance, primitive, u, v); NO_PRIMITIVE where there is none."""
     out_of_line()
-    o, d = _into(bvh, number, o, d, time)
+    o, d = into(bvh, number, o, d, time)
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -368,7 +305,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None):
 def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """`any_hit` in an instance's tree."""
     out_of_line()
-    o, d = _into(bvh, number, o, d, time)
+    o, d = into(bvh, number, o, d, time)
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
