@@ -26,7 +26,7 @@ from worker.contract import BlobRef, Manifest, SceneInfo
 from worker.errors import MachineError, WorkError, is_of_machine
 from worker.patience import patiently
 
-__all__ = ["memory_budget", "prepare_scene"]
+__all__ = ["memory_budget", "place_files", "prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 STORE_PATIENCE_S = 60.0
@@ -80,8 +80,7 @@ def _prepared(
     out = room / "out"
     out.mkdir(parents=True)
     progress("fetching files", 0.0)
-    for file in manifest.files:
-        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
+    place_files(worker, manifest, folder)
     summary = run_bounded(
         lambda send: _work(folder, manifest, out, send),
         lambda message: progress(message["step"], message["fraction"]),
@@ -97,6 +96,12 @@ def _prepared(
     if (out / "thumbnail.png").is_file():
         thumbnail = _stored(worker, out / "thumbnail.png")
     return summary, compiled, thumbnail
+
+
+def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
+    """Lay the files of a scene into a folder. Raises as `prepare_scene`."""
+    for file in manifest.files:
+        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
 
 
 def _stored(worker: WorkerContext, path: Path) -> BlobRef:

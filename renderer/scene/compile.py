@@ -28,7 +28,7 @@ from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
 from renderer.threads import Team
 
-__all__ = ["AUTO_CAMERA", "compile_scene", "summarise"]
+__all__ = ["AUTO_CAMERA", "compile_scene", "own_cameras", "summarise"]
 
 AUTO_CAMERA = "auto"
 
@@ -120,10 +120,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
-    cameras = [
-        Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
-        for c in description.cameras
-    ]
+    cameras = own_cameras(description, compiled)
     cameras.append(Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up)))
     return {
         "cameras": [{"name": c.name, "view": _view_dict(c.view)} for c in cameras],
@@ -149,6 +146,14 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "warnings": list(description.warnings),
         "defaults": dict(description.defaults),
     }
+
+
+def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
+    """The file's own cameras, as `summarise` gives them."""
+    return [
+        Camera(c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)", _aimed(c.view, compiled.bounds))
+        for c in description.cameras
+    ]
 
 
 def _spheres(description: SceneDescription) -> F32:

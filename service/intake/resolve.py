@@ -10,7 +10,7 @@ from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
 from service.store.models import Job, Scene
 
-__all__ = ["default_tile_size", "resolve"]
+__all__ = ["default_tile_size", "frame_settings", "resolve"]
 
 
 def default_tile_size(width: int, height: int) -> int:
@@ -30,17 +30,28 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     width, height = _size(request, defaults)
     if width * height > max_pixels:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
-    environment = request.get("environment") or {}
-    settings = RenderSettings(
-        width=width,
-        height=height,
-        view=_view(request, info.get("cameras") or []),
-        **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
-        **chosen(request, defaults),
-    )
+    settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height)
     job.settings = settings.to_json()
+
+
+def frame_settings(
+    request: dict[str, Any], of_job: RenderSettings, view: dict[str, Any], defaults: dict[str, Any]
+) -> RenderSettings:
+    """What fixes every sample of a frame. view, defaults: what its scene has at that moment. Raises SettingsError."""
+    return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults)
+
+
+def _settings(request: dict[str, Any], width: int, height: int, view: View, defaults: dict[str, Any]) -> RenderSettings:
+    environment = request.get("environment") or {}
+    return RenderSettings(
+        width=width,
+        height=height,
+        view=view,
+        **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
+        **chosen(request, defaults),
+    )
 
 
 def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
