@@ -41,6 +41,8 @@ class Scene:
     counts: dict[str, int] = field(default_factory=dict)  # triangles, spheres, materials, ...
     bounds: list[list[float]] | None = None  # lower and upper corner
     animations: list[str] = field(default_factory=list)
+    fps: float | None = None  # the file's own, else 24
+    clips: list[dict[str, Any]] = field(default_factory=list)  # name, start and end in seconds
     variants: list[str] = field(default_factory=list)  # of a glTF file's materials
     variant: str | None = None  # the one that is shown
     warnings: list[str] = field(default_factory=list)

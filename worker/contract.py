@@ -181,6 +181,8 @@ class SceneInfo:
     defaults: dict[str, Any]  # settings that the scene file asks for
     seconds: float
     variants: list[str] = field(default_factory=list)
+    fps: float = 24.0  # the file's own frames a second
+    clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
 
     @classmethod

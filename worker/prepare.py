@@ -68,6 +68,8 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         warnings=summary["warnings"],
         defaults=summary["defaults"],
         seconds=time.monotonic() - begun,
+        fps=summary.get("fps", 24.0),
+        clips=summary.get("clips", []),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )
 

@@ -90,6 +90,8 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         counts=info.get("counts", {}),
         bounds=info.get("bounds"),
         animations=info.get("animations", []),
+        fps=info.get("fps"),
+        clips=info.get("clips", []),
         variants=info.get("variants", []),
         variant=scene.variant,
         environment=scene.environment,

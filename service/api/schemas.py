@@ -241,6 +241,8 @@ class SceneOut(BaseModel):
     counts: dict[str, int]
     bounds: list[list[float]] | None
     animations: list[str]
+    fps: float | None = Field(description="the file's own, else 24; null where that is not known")
+    clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")

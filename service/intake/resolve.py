@@ -13,12 +13,15 @@ from service.store.models import Job, Scene
 __all__ = ["default_tile_size", "frame_settings", "resolve"]
 
 
-def default_tile_size(width: int, height: int) -> int:
+def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
     """Tiles small enough that all slots have work and a watcher sees it grow, large enough that batches are few.
 
-    A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile.
+    A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile. of_shot: other
+    frames have work for all slots, so that tiles may be large.
     """
     pixels = width * height
+    if of_shot:
+        return 512 if pixels <= 1280 * 720 else 256
     return 32 if pixels <= 128 * 128 else 64 if pixels <= 256 * 256 else 128 if pixels <= 2200 * 1300 else 256
 
 
@@ -32,7 +35,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
     settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
-    job.tile_size = job.tile_size or default_tile_size(width, height)
+    job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
     job.settings = settings.to_json()
 
 
