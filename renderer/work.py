@@ -106,9 +106,7 @@ class ShotWork:
     order: Annotated[
         str | None,
         Setting(choices=ORDERS, digest=False),
-        Shown(
-            "Order", "Which frame is rendered when: in turn unless told, breadth first where only a time ends it", section="Time"
-        ),
+        Shown("Order", "Which frame is next; in turn unless told, breadth first where only a time ends it.", section="Time"),
     ] = None
     every: Annotated[int, Setting(2, 1024, digest=False), Shown("Every", "The n of the order every-nth.", section="Time")] = 8
 
