@@ -48,8 +48,8 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
     def take(message: dict[str, Any]) -> None:
         frame = message["frame"]
-        if "error" in message:
-            answer("frame-failed", frame=frame, error=message["error"])
+        if "failed" in message:
+            answer("frame-failed", frame=frame, error=message["failed"])
         else:
             path = message["file"] and Path(message["file"])
             if path and str(path) not in stored:
@@ -89,7 +89,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
 
 def _work(folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path, send: Send) -> dict[str, Any]:
-    """In the bounded child: says of each frame what came of it."""
+    """In the bounded child: says of each frame what came of it, or under `failed` why nothing did."""
     shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
     begun = time.monotonic()
     stage = _Stage(shot, work, base, out)
@@ -97,7 +97,7 @@ def _work(folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledS
         try:
             said = stage.at(Moment(frame_number(frame), work.fps, work.clip))
         except RayfarmError as error:
-            said = {"error": str(error)}
+            said = {"failed": str(error)}  # an `error` would end the child
         now = time.monotonic()
         send({"frame": frame, "seconds": now - begun, **said})
         begun = now

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ from renderer.scene.load import Shot
 from renderer.settings import View
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 from worker import frames
-from worker.contract import Manifest, PrepareFrames
+from worker.cache import BlobCache
+from worker.contract import BlobRef, Manifest, PrepareFrames
+from worker.link import FarmAnswer, Link
 
 FRAMES = [0, 12, 24, 6.5, 48, 60]
 
@@ -132,7 +136,49 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
     said: list[dict[str, Any]] = []
     frames._work(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path, said.append)
     assert [message["frame"] for message in said] == [0, 2, 4, 6]
-    assert ["error" in message for message in said] == [False, False, True, False]
-    assert "smoke" in said[2]["error"]
+    assert ["failed" in message for message in said] == [False, False, True, False]
+    assert "smoke" in said[2]["failed"]
     assert said[0]["file"] is None
     assert said[3]["file"] is not None
+
+
+class Service(Link):
+    """A link whose service has the scene's files."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__("http://service.invalid", "")
+        self.folder = folder
+        self.stored: list[bytes] = []
+
+    def fetch(self, sha256: str, out: BinaryIO) -> None:
+        out.write(next(p.read_bytes() for p in self.folder.iterdir() if hashlib.sha256(p.read_bytes()).hexdigest() == sha256))
+
+    def store(self, path: Path) -> BlobRef:
+        self.stored.append(path.read_bytes())
+        return BlobRef("", hashlib.sha256(self.stored[-1]).hexdigest(), len(self.stored[-1]))
+
+
+def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    upload = tmp_path / "upload"
+    upload.mkdir()
+    for number in (0, 1, 3):
+        (upload / f"smoke.{number}.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 %d 0\nf 1 2 3\n" % (number + 1))
+    (upload / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
+    description = Shot(upload, "scene.yaml").at()
+    base = compile_scene(description)
+    auto = summarise(description, base)["cameras"][-1]["view"]
+    files = [BlobRef(p.name, hashlib.sha256(p.read_bytes()).hexdigest(), p.stat().st_size) for p in sorted(upload.iterdir())]
+    service = Service(upload)
+    worker: Any = SimpleNamespace(link=service, cache=BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache"))
+    monkeypatch.setattr(frames, "mapped_scene", lambda worker, sha256: base)
+    said: list[tuple[str, Any]] = []
+    manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
+    frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 0), ("frame-prepared", 2), ("frame-failed", 4), ("frame-prepared", 6)]
+    assert len(service.stored) == 2, "frame 0 is the scene as it was prepared"
+
+    at = frames._Stage.at
+    monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os.abort() if moment.frame == 1 else at(stage, moment))
+    said.clear()
+    frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]
