@@ -162,7 +162,8 @@ class Engine:
             self._each_second()
         self._bulkheads.carry_out(self._lifecycle.end)
         self._preparing.fill()
-        self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy())
+        for job in self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy()):
+            self._lifecycle.record(job)
         self._denoising.fill()
         self._scheduler.fill(self._lifecycle.start)
         self._answers.take_in(BLOCK_MS)

@@ -186,8 +186,8 @@ class Lifecycle:
         frame = job.frames.get(message.frame) if job is not None else None
         if job is None or frame is None or message.kind not in job.compiled:
             return
-        seconds = message.info.seconds if isinstance(message, FramePrepared) else None
-        self._moments.heard(job, message.work, message.frame, message.worker, seconds)
+        found = message.info if isinstance(message, FramePrepared) else None
+        self._moments.heard(job, message.work, message.frame, message.worker, found)
         if isinstance(message, FrameFailed):
             if not frame.is_over:
                 job.fail(frame, message.error)

@@ -17,7 +17,7 @@ from service.scheduling.leases import Lease, Leases
 from service.scheduling.results import Results
 from service.scheduling.scheduler import UNSEEN_ALLOWED
 from service.scheduling.workers import Workers
-from worker.contract import PrepareFrames, prepare_queue
+from worker.contract import FrameInfo, PrepareFrames, prepare_queue
 
 __all__ = ["Moments"]
 
@@ -41,35 +41,47 @@ class Moments:
         self.leases = Leases()
         self._frames: dict[str, set[int]] = {}  # of a lease: those that are not answered
         self._seconds: dict[str, float] = {}  # of a job: that its frames take each
+        self._sizes: dict[str, int] = {}  # and the bytes of the latest
         self._losses: Counter[tuple[str, int]] = Counter()
 
-    def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> None:
+    def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
         """Hand out what is needed next. jobs: with the kind of workers that render each, in turn. busy: frames of jobs of which
-        batches are out. Raises QueueError."""
+        batches are out. Returns the jobs of which something was let go. Raises QueueError."""
+        cleared = []
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
-        bytes_held = sum(_bytes(frame) for job, _ in shots for frame in job.frames.values())
+        left = self._room - sum(self._held(job) for job, _ in shots)
         for job, kind in shots:
             if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
                 continue
-            chosen = self._chosen(job, kind)
-            if chosen and bytes_held > self._room and not self._make_room(job, kind, chosen[0], busy):
-                continue
+            chosen, size = self._chosen(job, kind), self._sizes.get(job.id, 0)
+            if chosen and left < size:
+                room = self._make_room(job, kind, chosen[0], busy)
+                if room is None:
+                    continue
+                left += room
+                cleared.append(job)
+            if chosen and size:
+                chosen = chosen[: max(1, left // size)]
+                left -= len(chosen) * size
             if chosen:
                 self._send(job, kind, chosen, auto(job))
+        return cleared
 
     def forget(self, job: str) -> None:
         """The job is over, or its frames are looked at anew."""
         self._seconds.pop(job, None)
+        self._sizes.pop(job, None)
         for key in [key for key in self._losses if key[0] == job]:
             del self._losses[key]
         for lease in self.leases.of(job):
             self._end(lease)
 
-    def heard(self, job: ActiveJob, work: str, frame: int, worker: str, seconds: float | None) -> None:
-        """A worker has answered for a frame; seconds: that it took."""
-        if seconds is not None:
-            before = self._seconds.get(job.id, seconds)
-            self._seconds[job.id] = before + (seconds - before) / 2
+    def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
+        """A worker has answered for a frame. info: None where it failed."""
+        if info is not None:
+            before = self._seconds.get(job.id, info.seconds)
+            self._seconds[job.id] = before + (info.seconds - before) / 2
+            self._sizes[job.id] = info.compiled.size if info.compiled else 0
         lease = self.leases.get(work)
         if lease is None:
             return
@@ -109,11 +121,10 @@ class Moments:
                 continue
             lost = self._end(lease)
             self._is_prepared(job, lost)
-            if lease.holder is not None:
-                for frame in sorted(lost)[:1]:  # the one that it was at
-                    self._losses[job.id, frame] += 1
-                    if self._losses[job.id, frame] >= LOSSES_ALLOWED:
-                        hopeless.append((job, job.frames[frame]))
+            for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the one that somebody was at
+                self._losses[job.id, frame] += 1
+                if self._losses[job.id, frame] >= LOSSES_ALLOWED and frame in job.frames:
+                    hopeless.append((job, job.frames[frame]))
         return hopeless
 
     def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
@@ -129,17 +140,23 @@ class Moments:
         ready = sum(frame.is_preparing or (kind in frame.compiled and job.agenda.turn(frame) < turn) for frame in open)
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
-    def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> bool:
-        """Let go of what is needed later than a frame. Whether it may be prepared."""
+    def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
+        """Let go of what is needed later than a frame: so many bytes. None where the frame has to wait."""
         turn = job.agenda.turn(wanted)
-        idle = [f for f in job.frames.values() if f.own and (job.id, f.key) not in busy]
+        idle = [f for f in job.frames.values() if _bytes(f) and (job.id, f.key) not in busy]
         later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
         if later:
             victim = max(later, key=job.agenda.turn)
+            gone = _bytes(victim)
             victim.compiled.clear()
             job.touch(victim)
-            return True
-        return job.agenda.next(kind) is None and not self.leases.of(job.id)
+            return gone
+        return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
+
+    def _held(self, job: ActiveJob) -> int:
+        """Bytes of what is compiled for its frames, and will be for those in hand."""
+        size = self._sizes.get(job.id, 0)
+        return sum(size if frame.is_preparing else _bytes(frame) for frame in job.frames.values())
 
     def _send(self, job: ActiveJob, kind: str, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
         assert job.shot is not None
@@ -176,4 +193,4 @@ class Moments:
 
 
 def _bytes(frame: ActiveFrame) -> int:
-    return sum(int(ref.get("size", 0)) for ref in frame.own.values())
+    return sum(int(ref.get("size", 0)) for kind, ref in frame.own.items() if kind in frame.compiled)

@@ -178,7 +178,7 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     assert len(service.stored) == 2, "frame 0 is the scene as it was prepared"
 
     at = frames._Stage.at
-    monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os.abort() if moment.frame == 1 else at(stage, moment))
+    monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))
     said.clear()
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]

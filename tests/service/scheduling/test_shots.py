@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from renderer.frames import parse_frames
+from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.contract import RenderBatch
@@ -234,3 +236,39 @@ def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) 
     assert service.http.get(f"/api/jobs/{job}/frames/0.5/image.png").status_code == 200
     assert service.http.get(f"/api/jobs/{job}/frames/11/image.png").status_code == 404
     assert service.http.get(f"/api/jobs/{job}/frames/0.3/image.png").status_code == 422
+
+
+def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service: Service, worker: PeerWorker) -> None:
+    answer = worker.send
+    worker.send = lambda event, sums=None: None if event.get("frame") == 2 and "info" in event else answer(event, sums)  # type: ignore[method-assign]
+    job = shoot(service, service.ready_scene(), "0-2")
+    done = service.wait_for(job, "finished", 60)
+    assert done["shot"]["failed"] == "1"
+    assert "lost three times" in frames_of(service, job)[1]["error"]
+
+
+def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
+    service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
+    try:
+        with service.worker() as worker:
+            most = 0
+
+            def look(batch: RenderBatch) -> None:
+                nonlocal most
+                blobs = [path for path in (tmp_path / "data" / "blobs").glob("??/*") if path.stat().st_size == 1006]
+                most = max(most, len(blobs))
+                assert any(path.name == batch.compiled for path in blobs), "what is rendered is there"
+
+            def make(frame: float) -> bytes:
+                time.sleep(0.05)
+                return b"%06d" % frame + b"x" * 1000
+
+            worker.on_frame = make
+            worker.on_batch = look
+            job = shoot(service, service.ready_scene(), "0-19", order="breadth-first", spp=4)
+            service.wait_for(job, "finished", 60)
+            assert [digest(service, job, n) for n in range(20)] == [expected(n) for n in range(20)]
+            assert most < 12, "never all twenty"
+            assert len(worker.frames) > 20
+    finally:
+        service.stop()
