@@ -20,7 +20,7 @@ from rayfarm.frame import Order
 from rayfarm.sequence import Sequence, render_sequence
 from rayfarm.stage import Stage
 from renderer.errors import RayfarmError
-from renderer.image.movie import write_movie
+from service.watching.movie import write_movie
 
 __all__ = ["render_movie"]
 

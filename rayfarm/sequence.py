@@ -17,8 +17,8 @@ from rayfarm.rendering import Clock, Show
 from rayfarm.stage import Stage
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
-from renderer.image.movie import is_movie
 from renderer.scene.animation import Moment
+from service.watching.movie import is_movie
 
 __all__ = ["Sequence", "check_outputs", "render_sequence"]
 

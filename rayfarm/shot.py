@@ -13,7 +13,7 @@ from rayfarm.console import PROGRAM, Ticker, bar, err
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable, write
 from renderer.frames import frame_name, frame_text, frames_text, parse_frames
-from renderer.image.movie import is_movie
+from service.watching.movie import is_movie
 
 __all__ = ["FarmShot", "fetch_shot"]
 

@@ -24,9 +24,9 @@ from renderer import aovs
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
 from renderer.frames import parse_frames
-from renderer.image.movie import is_movie
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings
+from service.watching.movie import is_movie
 
 if TYPE_CHECKING:
     from renderer.render import RenderStats

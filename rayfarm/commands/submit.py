@@ -19,7 +19,7 @@ from rayfarm.picture import Picture, takes_picture
 from rayfarm.scene_files import belonging, is_numbered
 from rayfarm.shot import FarmShot, fetch_shot
 from renderer.frames import frames_text
-from renderer.image.movie import MOVIES
+from service.watching.movie import MOVIES
 
 __all__ = ["register", "server_url"]
 

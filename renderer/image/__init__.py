@@ -2,7 +2,6 @@
 
 tonemap.py   scene-linear radiance -> what a screen shows: exposure, tone curves, sRGB
 encode.py    a picture -> png, jpg, exr or hdr bytes
-movie.py     pictures one after the other -> mp4, webm, animated webp
 read.py      the bytes of any texture or HDR image -> pixels, within bounds
 rgbe9995.py  radiance in 4 bytes a pixel, as the live view gets it
 """

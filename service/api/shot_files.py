@@ -15,7 +15,6 @@ from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, parse_frames
 from renderer.image import tonemap
-from renderer.image.movie import MOVIE_MEDIA
 from service.api.describe import frames_out
 from service.api.lookup import find_job
 from service.api.schemas import FrameOut
@@ -24,6 +23,7 @@ from service.farm import Farm, FarmDependency
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import FINAL, Job, Scene
+from service.watching.movie import MOVIE_MEDIA
 from service.watching.pictures import PictureWish, memory, picture
 from service.watching.shot_files import ZipStream, movie, movie_memory
 

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import SettingsError
-from renderer.image.movie import write_movie
 from service.errors import Conflict
 from service.store.films import Film
 from service.watching.made import Made
+from service.watching.movie import write_movie
 from service.watching.pictures import PictureWish, memory, shown
 
 __all__ = ["ZipStream", "movie", "movie_memory"]

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from renderer.errors import SettingsError
-from renderer.image.movie import MOVIES, is_movie, write_movie
+from service.watching.movie import MOVIES, is_movie, write_movie
 
 COLORS = [(220, 30, 40), (20, 200, 60), (40, 60, 230), (255, 255, 255), (0, 0, 0), (128, 128, 128)]
 
