@@ -15,9 +15,10 @@ from renderer.film import mean
 from renderer.image import encode
 from renderer.render import render_frame
 from renderer.scene import compiled as compiled_file
+from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.load import read
+from renderer.scene.load import Shot
 from renderer.scene.readers import gltf, obj, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
 from worker.bounded import Send, run_bounded
@@ -118,7 +119,8 @@ def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, 
         send({"step": step, "fraction": fraction})
 
     progress("reading", 0.05)
-    description = read(folder, manifest.main, manifest.environment, manifest.variant)
+    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
+    description = shot.at(Moment(shot.start))
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction))
     summary = summarise(description, compiled)
     compiled_file.save(compiled, out / "compiled.safetensors")

@@ -109,8 +109,8 @@ def submit(
     if shot is not None and len(shot.frames) < len(shot.all_frames):
         kept = len(shot.all_frames) - len(shot.frames)
         err.print(f"{kept} of {len(shot.all_frames)} frames are there and kept; --overwrite renders them again", markup=False)
-    if is_numbered(scene):
-        raise CommandError(f"{scene.name} is a file for each frame, and a farm renders stills: name one of them")
+    if is_numbered(scene) and frames is None:
+        raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
     environment = picture.environment().image
     files: dict[str, Path] = belonging(scene)
     inside = None
@@ -118,9 +118,13 @@ def submit(
         inside = f"rayfarm-environment{environment.suffix.lower()}"
         files[inside] = environment
 
+    named = is_numbered(scene) or (inside is not None and scene.is_file())
     with Client(server_url(server)) as farm:
         uploaded = farm.upload(
-            files, main=scene.name if inside and scene.is_file() else None, environment=inside, name=scene.name
+            files,
+            main=scene.name if named else None,
+            environment=inside,
+            name=scene.name,
         )
         ready = _prepared(farm, uploaded)
         for warning in options.told(ready.warnings, picture.environment()):

@@ -197,15 +197,17 @@ def _frame_out(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
 
 
 def _shot_out(job: Job, shot: Shot, session: Session, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
-    columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
-    rows = session.execute(select(*columns).where(Frame.job == job.id).order_by(Frame.number)).all()
-    live = known.frames if known is not None and job.state in ACTIVE else {}
-    now = [(frame_number(row.number), live.get(row.number) or FrameNumbers(*row[1:])) for row in rows]
+    if known is not None and job.state in ACTIVE:
+        now = [(frame_number(key), known.frames[key]) for key in sorted(known.frames)]
+    else:
+        columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
+        rows = session.execute(select(*columns).where(Frame.job == job.id).order_by(Frame.number))
+        now = [(frame_number(row.number), FrameNumbers(*row[1:])) for row in rows]
     noises = [each.noise for _, each in now if each.state != "failed"]
     noise = max((n for n in noises if n is not None), default=None) if None not in noises else None
     about = ShotOut(
         frames=frames_text([number for number, _ in now]),
-        count=len(rows),
+        count=len(now),
         **{name: getattr(shot, name) for name in ("fps", "clip", "turntable", "order", "every")},
         first=None if shot.first is None else frame_number(shot.first),
         states=cast("dict[FrameState, int]", dict(Counter(each.state for _, each in now))),

@@ -117,6 +117,13 @@ class Film:
             known = ((tile, self._coverage.get((frame, i))) for i, tile in enumerate(self.tiles))
             return sum(covered.total * tile.w * tile.h for tile, covered in known if covered is not None)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no sample of any frame is in."""
+        with self._lock:
+            self._known()
+            return not self._coverage
+
     def version(self, frame: int) -> str:
         """A name for the frame's content: it changes with every sample that is added."""
         with self._lock:

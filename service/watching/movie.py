@@ -27,10 +27,12 @@ MOVIES = tuple(MOVIE_MEDIA)
 
 BT709 = 1  # of primaries, transfer and matrix alike (ITU-T H.273)
 LIMITED = 1  # AVCOL_RANGE_MPEG
+THREADS = 2  # of an encoder: workers want the others
+SVT = {"crf": "24", "preset": "8", "svtav1-params": f"lp={THREADS}"}
 # What is tried in turn, and with which options: visually lossless, and fast enough for a few cores.
 _CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
-    "mp4": (("libx264", {"crf": "17", "preset": "medium"}), ("libsvtav1", {"crf": "24", "preset": "8"})),
-    "webm": (("libsvtav1", {"crf": "24", "preset": "8"}), ("libvpx-vp9", {"crf": "24", "b:v": "0", "cpu-used": "4"})),
+    "mp4": (("libx264", {"crf": "17", "preset": "medium"}), ("libsvtav1", SVT)),
+    "webm": (("libsvtav1", SVT), ("libvpx-vp9", {"crf": "24", "b:v": "0", "cpu-used": "4"})),
     "webp": (("libwebp_anim", {"quality": "90", "loop": "0"}),),
 }
 
@@ -81,6 +83,7 @@ def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) ->
         except (av.FFmpegError, ValueError):
             continue
         stream.time_base = 1 / fps
+        stream.thread_count = THREADS
         height, width = shape[:2]
         if kind == "webp":
             stream.width, stream.height, stream.pix_fmt = width, height, "bgra"

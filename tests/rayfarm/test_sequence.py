@@ -202,7 +202,7 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
         missing = rayfarm("render", tmp_path / name, "-o", tmp_path / "x.#.png", "--frames", "1-4")
         assert missing.returncode == 1
         assert "There is no file" in missing.stderr
-    assert "a farm renders stills" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
+    assert "say which, by --frames" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
     # Under an environment image from elsewhere all frames' files are taken along.
     from rayfarm.scene_files import belonging
 

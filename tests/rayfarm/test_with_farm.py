@@ -157,6 +157,17 @@ def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(f
     assert sorted(path.name for path in tmp_path.glob("*.png")) == ["out.0.png", "out.1.png", "out.3.png"]
 
 
+def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
+    for number in (1, 2):
+        (tmp_path / f"drop.{number:04d}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {3 * number} 0\nf 1 2 3\n")
+    arguments = ["--frames=1-2", "--size=16x16", "--spp=2", "--env=1,1,1"]
+    code, _, err = here("submit", tmp_path / "drop.####.obj", "--server", farm.url, "-o", tmp_path / "far.#.exr", *arguments)
+    assert code == 0, err
+    assert here("render", tmp_path / "drop.####.obj", "-o", tmp_path / "near.#.exr", *arguments)[0] == 0
+    for number in (1, 2):
+        assert np.array_equal(pixels(tmp_path / f"far.{number}.exr"), pixels(tmp_path / f"near.{number}.exr"))
+
+
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "noise.glb").write_bytes(b"glTF" + os.urandom(200))
     code, _, err = here("submit", tmp_path / "noise.glb", "--server", farm.url)

@@ -272,3 +272,42 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
             assert len(worker.frames) > 20
     finally:
         service.stop()
+
+
+def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = shoot(service, service.ready_scene(), "0-9", spp=None, seconds=1.5)
+    done = service.wait_for(job, "finished")
+    assert done["shot"]["order"] == "breadth-first"
+    frames = frames_of(service, job).values()
+    least, most = min(frame["spp"] for frame in frames), max(frame["spp"] for frame in frames)
+    assert least >= 1
+    assert most <= 4 * least, "all have had their share"
+    assert {frame["state"] for frame in frames} == {"finished"}
+
+
+def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-2", spp=None, noise=0.5)
+    service.wait_for(job, "finished")
+    assert [frame["spp"] for frame in frames_of(service, job).values()] == [32, 32, 32], "the first look is enough"
+    assert all(0 < frame["noise"] < 0.5 for frame in frames_of(service, job).values())
+
+
+def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-3", spp=64, order="noisiest-first")
+    done = service.wait_for(job, "finished", 40)
+    assert 0.9 * 4 * 64 * 32 * 24 <= done["samples"] <= 4 * 64 * 32 * 24
+    assert done["shot"]["noise"] > 0
+    for number, frame in frames_of(service, job).items():
+        assert digest(service, job, number) == expected(number, int(frame["spp"]))
+
+
+def test_a_cancelled_shot_goes_on_with_the_kind_it_began_with(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = shoot(service, service.ready_scene(), "5-20", spp=8)
+    until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 2, "some frames are done")
+    cancelled = service.patch(job, state="cancelled")
+    assert cancelled["shot"]["states"]["finished"] >= 2
+    assert service.patch(job, state="running")["kind"] == "test-kind"
+    service.wait_for(job, "finished")
+    assert [digest(service, job, n) for n in range(5, 21)] == [expected(n, 8) for n in range(5, 21)]
