@@ -165,7 +165,7 @@ def frames_out(job: Job, session: Session, engine: Engine, keys: Iterable[int] |
     known = engine.snapshot.jobs.get(job.id)
     if job.shot is None:
         return _still_frames(job, session, known, job.state in ACTIVE)
-    live = known.frames if known is not None and job.state in ACTIVE else {}
+    live = known.frames if known is not None else {}
     columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
     query = select(*columns).where(Frame.job == job.id).order_by(Frame.number)
     if keys is not None:
@@ -197,7 +197,7 @@ def _frame_out(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
 
 
 def _shot_out(job: Job, shot: Shot, session: Session, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
-    if known is not None and job.state in ACTIVE:
+    if known is not None:  # also for the moment after it was cancelled: what the database has is older
         now = [(frame_number(key), known.frames[key]) for key in sorted(known.frames)]
     else:
         columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]

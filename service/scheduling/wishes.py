@@ -58,7 +58,8 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
 def begins_anew(job: Job, films: FilmStore) -> bool:
     """See to it that a job which is over can go on: a film that cannot be read is set aside. Returns whether its film is empty.
 
-    Reads all of a still's film, since only that shows what is damaged. Raises FilmWaits, and FilmLost where it cannot be set aside.
+    Reads all of a still's film, since only that shows what is damaged. Raises FilmWaits, and FilmLost where it cannot be set
+    aside.
     """
     if job.state not in FINAL or job.settings is None or job.tile_size is None:
         return False
