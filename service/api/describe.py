@@ -165,12 +165,20 @@ def frames_out(job: Job, session: Session, engine: Engine, keys: Iterable[int] |
     known = engine.snapshot.jobs.get(job.id)
     if job.shot is None:
         return _still_frames(job, session, known, job.state in ACTIVE)
-    live = known.frames if known is not None else {}
     columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
     query = select(*columns).where(Frame.job == job.id).order_by(Frame.number)
     if keys is not None:
         query = query.where(Frame.number.in_(list(keys)))
-    return [_frame_out(job, f.number, live.get(f.number) or FrameNumbers(*f[1:])) for f in session.execute(query)]
+    rows = session.execute(query)
+    return [_frame_out(job, f.number, _latest(job, known, f.number, FrameNumbers(*f[1:]))) for f in rows]
+
+
+def _latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
+    """How far a frame of a shot is. For a moment after a job was cancelled the database has less than was told before."""
+    live = known.frames.get(key) if known is not None else None
+    if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
+        return recorded
+    return live
 
 
 def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
@@ -197,12 +205,12 @@ def _frame_out(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
 
 
 def _shot_out(job: Job, shot: Shot, session: Session, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
-    if known is not None:  # also for the moment after it was cancelled: what the database has is older
+    if known is not None and job.state in ACTIVE:
         now = [(frame_number(key), known.frames[key]) for key in sorted(known.frames)]
     else:
         columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
         rows = session.execute(select(*columns).where(Frame.job == job.id).order_by(Frame.number))
-        now = [(frame_number(row.number), FrameNumbers(*row[1:])) for row in rows]
+        now = [(frame_number(row.number), _latest(job, known, row.number, FrameNumbers(*row[1:]))) for row in rows]
     noises = [each.noise for _, each in now if each.state != "failed"]
     noise = max((n for n in noises if n is not None), default=None) if None not in noises else None
     about = ShotOut(
