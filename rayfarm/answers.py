@@ -10,7 +10,7 @@ import functools
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
-__all__ = ["BadSample", "Camera", "Frame", "Job", "Scene", "Worker", "read", "read_list"]
+__all__ = ["BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker", "read", "read_list"]
 
 T = TypeVar("T")
 
@@ -41,6 +41,8 @@ class Scene:
     counts: dict[str, int] = field(default_factory=dict)  # triangles, spheres, materials, ...
     bounds: list[list[float]] | None = None  # lower and upper corner
     animations: list[str] = field(default_factory=list)
+    fps: float | None = None  # the file's own, else 24
+    clips: list[dict[str, Any]] = field(default_factory=list)  # name, start and end in seconds
     variants: list[str] = field(default_factory=list)  # of a glTF file's materials
     variant: str | None = None  # the one that is shown
     warnings: list[str] = field(default_factory=list)
@@ -60,13 +62,35 @@ class BadSample:
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture of a job."""
+    """One picture of a job. state: queued, preparing, running, finished or failed."""
 
-    number: int
+    number: float
     samples: int
     progress: float
+    state: str = ""
+    spp: float = 0.0  # of a pixel, on the average
+    noise: float | None = None
+    error: str | None = None
     bad_samples: int = 0
     bad: list[BadSample] = field(default_factory=list)  # the first of them
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Of a job with several frames: which there are, and how many are in which state."""
+
+    frames: str  # as 0-99,120
+    count: int
+    order: str
+    states: dict[str, int] = field(default_factory=dict)
+    failed: str = ""  # as `frames`
+    fps: float | None = None
+    clip: str | None = None
+    turntable: float | None = None
+    every: int = 8
+    first: float | None = None  # the frame that goes before all others
+    noise: float | None = None  # the greatest of its frames
+    forecast: float | None = None  # and at its end
 
 
 @dataclass(frozen=True)
@@ -98,7 +122,8 @@ class Job:
     tile_size: int | None = None
     kind: str | None = None  # of the workers that it began with
     settings: dict[str, Any] | None = None  # fixed when the scene is ready
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)  # of a shot only the first: Client.frames
+    shot: Shot | None = None
 
     @property
     def is_over(self) -> bool:

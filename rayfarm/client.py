@@ -22,8 +22,9 @@ from typing import Any, TypeVar
 
 import httpx
 
-from rayfarm.answers import Job, Scene, Worker, read, read_list
+from rayfarm.answers import Frame, Job, Scene, Worker, read, read_list
 from renderer.errors import RayfarmError
+from renderer.frames import frame_text
 from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
 
 __all__ = ["Client", "ClientError"]
@@ -34,6 +35,7 @@ ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
 MAX_PICTURE = 8 << 30
 PROBLEM = "application/problem+json"
 SAMPLES_HEADER = "X-Samples"  # every picture of a farm has it
+FRAMES_HEADER = "X-Frames"  # and every film
 
 T = TypeVar("T")
 
@@ -138,7 +140,7 @@ class Client:
         return self._list(Job, "/api/jobs")
 
     def change(self, job: str, **fields: Any) -> Job:
-        """Change a job: state (running, paused, cancelled), priority, spp.
+        """Change a job: state (running, paused, cancelled), priority, spp; of a shot extend, again, first, order, frames.
 
         farm.change(job.id, state="paused")
         """
@@ -153,20 +155,38 @@ class Client:
                 return found
         raise ClientError(f"The job {job} is not finished after {timeout_s:.0f} s; it goes on at {self.url}.")
 
-    def image(self, job: str, format: str = "png", frame: int = 0, **query: Any) -> bytes:
+    def frames(self, job: str) -> list[Frame]:
+        """All frames of a job.
+
+        [frame.number for frame in farm.frames(job.id) if frame.state == "failed"]
+        """
+        return self._list(Frame, f"/api/jobs/{job}/frames")
+
+    def movie(self, job: str, format: str = "mp4", **query: Any) -> bytes:
+        """The frames that have samples as a film: mp4, webm or webp. query: frames, fps, width, exposure, tonemap.
+
+        Path("shot.mp4").write_bytes(farm.movie(job.id))
+        """
+        timeout = httpx.Timeout(3600.0, connect=5.0)  # it is sent when it is made
+        answer = self._send("GET", f"/api/jobs/{job}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=timeout)
+        if FRAMES_HEADER not in answer.headers:
+            raise NotAFarm(not_a_farm(self.url, "what it sends is no film of a farm"))
+        return answer.body
+
+    def image(self, job: str, format: str = "png", frame: float = 0, **query: Any) -> bytes:
         """A frame as it is now, as the bytes of a png, exr or jpg. query: aov, exposure, tonemap, denoise, ...
 
         Path("out.png").write_bytes(farm.image(job.id, exposure=1.0, denoise=True))
         """
-        path = f"/api/jobs/{job}/frames/{frame}/image.{format}"
+        path = f"/api/jobs/{job}/frames/{frame_text(frame)}/image.{format}"
         answer = self._send("GET", path, limit=MAX_PICTURE, params=query)
         if SAMPLES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
         return answer.body
 
-    def digest(self, job: str, frame: int = 0) -> str:
+    def digest(self, job: str, frame: float = 0) -> str:
         """SHA-256 of a frame's film: equal requests give equal digests."""
-        answer = self._send("GET", f"/api/jobs/{job}/frames/{frame}/digest")
+        answer = self._send("GET", f"/api/jobs/{job}/frames/{frame_text(frame)}/digest")
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("digest"), str):
             raise self._other(answer)

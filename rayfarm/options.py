@@ -11,17 +11,21 @@ import typer
 from rayfarm.errors import CommandError
 from renderer.aovs import AOVS
 from renderer.cameras import camera_number
+from renderer.described import sentences
 from renderer.errors import SettingsError
 from renderer.settings import Tile, Vec3
+from renderer.work import SHOT
 
 __all__ = [
     "Aov",
     "Clip",
     "Denoise",
     "Env",
+    "Every",
     "Fps",
     "Frame",
     "Frames",
+    "Order",
     "Overwrite",
     "Server",
     "Turntable",
@@ -98,6 +102,10 @@ Clip = Annotated[
         rich_help_panel="Time",
     ),
 ]
+Order = Annotated[
+    str | None, typer.Option(metavar="NAME", help=sentences(SHOT["order"]), rich_help_panel="Time", show_default=False)
+]
+Every = Annotated[int | None, typer.Option(metavar="N", min=2, max=1024, help=sentences(SHOT["every"]), rich_help_panel="Time")]
 Server = Annotated[
     str | None,
     typer.Option(metavar="URL", help="The farm's address; the one running here unless told. [dim]$RAYFARM_SERVER[/dim]"),

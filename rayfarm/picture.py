@@ -89,6 +89,10 @@ class Picture:
         """Whether a view of one's own is asked for, and not just one of the scene's cameras."""
         return any(value is not None for value in self._view().values())
 
+    def is_partly_a_view(self) -> bool:
+        """Whether something of a camera is changed, and not where it stands and looks."""
+        return self.has_view() and (self.given.get("eye") is None or self.given.get("target") is None)
+
     def view(self, cameras: list[dict[str, Any]]) -> View:
         """The chosen camera's view (the first unless told), with what the options change in it."""
         return self._seen(cameras[options.find_camera(cameras, self.given.get("camera"))]["view"])

@@ -18,6 +18,7 @@ from rayfarm.stage import Stage
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
 from renderer.scene.animation import Moment
+from service.watching.movie import is_movie
 
 __all__ = ["Sequence", "check_outputs", "render_sequence"]
 
@@ -39,10 +40,11 @@ class Sequence:
 
 def check_outputs(shot: Sequence) -> None:
     """Raise CommandError where the frames' files cannot be told apart, or not be written."""
-    if len(shot.frames) > 1 and "#" not in shot.output.name:
+    if len(shot.frames) > 1 and "#" not in shot.output.name and not is_movie(shot.output):
         example = f"{shot.output.stem}.####{shot.output.suffix}"
         raise CommandError(
-            f"-o names one file, and there are {len(shot.frames)} frames. Write #### for their numbers: -o {example}"
+            f"-o names one file, and there are {len(shot.frames)} frames. Write #### for their numbers: -o {example}; or name a "
+            f"film: -o {shot.output.stem}.mp4"
         )
     check_writable(shot.file(shot.frames[0]))
 
@@ -141,4 +143,4 @@ def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show
     clock.mark("compile_s")
     done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show)
     say_bad_samples(shot.scene, settings, done, moment_words(moment) + camera_words(order, settings))
-    return {"frame": frame, "file": str(shot.file(frame)), **statistics(clock, done)}
+    return {"frame": frame, "fps": summary["fps"], "file": str(shot.file(frame)), **statistics(clock, done)}

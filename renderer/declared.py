@@ -36,7 +36,7 @@ class Shown:
     help: str = ""
     unit: Literal["", "px", "°", "s", "fraction", "scene units", "radiance"] = ""
     group: Literal["basic", "advanced", "lab"] = "advanced"
-    section: Literal["Size and quality", "View", "Environment", "Light", "Samples", "Schedule"] = "Light"
+    section: Literal["Size and quality", "View", "Environment", "Light", "Samples", "Schedule", "Time"] = "Light"
     integrators: tuple[str, ...] = ()
     projections: tuple[str, ...] = ()
     off: str = ""

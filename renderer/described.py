@@ -8,7 +8,7 @@ from typing import Any
 
 from renderer.declared import Declared, number_text, whole
 from renderer.settings import SETTINGS, VIEW
-from renderer.work import WORK
+from renderer.work import SHOT, WORK
 
 __all__ = ["LARGE", "described", "sentences", "values"]
 
@@ -48,6 +48,7 @@ def described(settings: Mapping[str, Declared] = SETTINGS) -> dict[str, list[dic
         "settings": [_described(each) for each in settings.values() if each.setting.of],
         "view": [_described(each) for each in VIEW.values()],
         "work": [_described(each) for each in WORK.values()],
+        "shot": [_described(each) for each in SHOT.values()],
     }
 
 

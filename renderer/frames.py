@@ -7,10 +7,20 @@ from collections.abc import Iterable
 
 from renderer.errors import SettingsError
 
-__all__ = ["MAX_FRAMES", "frame_name", "frame_text", "frames_text", "numbers_of", "parse_frames"]
+__all__ = [
+    "MAX_FRAME",
+    "MAX_FRAMES",
+    "frame_key",
+    "frame_name",
+    "frame_number",
+    "frame_text",
+    "frames_text",
+    "numbers_of",
+    "parse_frames",
+]
 
 MAX_FRAMES = 100_000
-_LAST = 10_000_000
+MAX_FRAME = 10_000_000
 _NUMBER = r"(\d{1,8}(?:\.[05])?)"
 _PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
 
@@ -31,13 +41,23 @@ def parse_frames(text: str) -> list[float]:
         step = 1.0 if step is None else step
         if last < first:
             raise SettingsError(f"frames is {text[:80]!r}; the range {part} ends before it begins")
-        if step == 0 or last > _LAST:
-            raise SettingsError(f"frames is {text[:80]!r}; a range goes to {_LAST} at most, in steps from 0.5")
+        if step == 0 or last > MAX_FRAME:
+            raise SettingsError(f"frames is {text[:80]!r}; a range goes to {MAX_FRAME} at most, in steps from 0.5")
         count = int((last - first) / step) + 1
         if len(found) + count > MAX_FRAMES:
             raise SettingsError(f"frames is {text[:80]!r}; that is more than {MAX_FRAMES} frames, ask for them in parts")
         found |= dict.fromkeys(first + step * i for i in range(count))
     return list(found)
+
+
+def frame_key(frame: float) -> int:
+    """A frame in halves, as films and messages count them: 12.5 is 25."""
+    return round(2 * frame)
+
+
+def frame_number(key: int) -> float:
+    """The frame that `frame_key` counted; whole ones are ints."""
+    return key // 2 if key % 2 == 0 else key / 2
 
 
 def frame_text(frame: float) -> str:

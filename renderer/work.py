@@ -1,4 +1,4 @@
-"""How much of a picture is rendered, and when: what a request says beside the settings, and no sample depends on."""
+"""How much is rendered, and when: what a request says beside the settings."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from renderer.declared import Setting, Shown, table
+from renderer.declared import Choices, Setting, Shown, table
 from renderer.settings import MAX_SPP
 
-__all__ = ["DEFAULT_SIZE", "WORK", "Work", "most_samples"]
+__all__ = ["DEFAULT_SIZE", "ORDERS", "SHOT", "WORK", "ShotWork", "Work", "most_samples"]
 
 # Of a picture for which neither its request nor its scene file says any.
 DEFAULT_SIZE = (960, 540)
@@ -69,6 +69,49 @@ class Work:
 
 
 WORK = table(Work)
+
+ORDERS = Choices(
+    {
+        "in-turn": Shown("In turn", "Each frame is finished before the next begins."),
+        "every-nth": Shown("Every n-th first", "Every n-th frame first, then those halfway between, until all are there."),
+        "centre-out": Shown("Centre out", "The middle of the shot first."),
+        "breadth-first": Shown("Breadth first", "All frames with 1 sample, then with 2, 4, 8 ..."),
+        "noisiest-first": Shown(
+            "Noisiest first", "What there is to spend is spent where noise is greatest, so that the shot ends at equal noise."
+        ),
+    }
+)
+
+
+@dataclass(frozen=True)
+class ShotWork:
+    """What a request for several frames says beside: how time runs, and which frame is rendered when."""
+
+    fps: Annotated[
+        float | None,
+        Setting(1e-3, 1e4),
+        Shown("Frames a second", "Frame n shows the time n / fps; the file's own unless told, else 24.", section="Time"),
+    ] = None
+    turntable: Annotated[
+        float | None,
+        Setting(1e-3, 1e7),
+        Shown(
+            "Turntable",
+            "The camera goes once around what it looks at in so many seconds, and on.",
+            "s",
+            section="Time",
+            phrase="around in {} s",
+        ),
+    ] = None
+    order: Annotated[
+        str | None,
+        Setting(choices=ORDERS, digest=False),
+        Shown("Order", "Which frame is next; in turn unless told, breadth first where only a time ends it.", section="Time"),
+    ] = None
+    every: Annotated[int, Setting(2, 1024, digest=False), Shown("Every", "The n of the order every-nth.", section="Time")] = 8
+
+
+SHOT = table(ShotWork)
 
 
 def most_samples(spp: int | None, noise: float | None, seconds: float | None, defaults: Mapping[str, Any]) -> int:

@@ -7,6 +7,7 @@ import fcntl
 import logging
 import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Annotated
 
@@ -63,7 +64,10 @@ class Farm:
         self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
-        self.engine = Engine(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles)
+        self._collector = ThreadPoolExecutor(1, "collector")
+        self.engine = Engine(
+            *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
+        )
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
@@ -79,6 +83,7 @@ class Farm:
         """End in order."""
         self.broadcast.close()
         self.engine.stop()
+        self._collector.shutdown()
         self.films.close()
         self.database.dispose()
         self._lock.close()
@@ -88,16 +93,26 @@ class Farm:
         self.engine.changed(what, id)
         self.broadcast.tell(what, id)
 
-    def film(self, job: Job) -> Film | None:
-        """A job's film; None where the job has none yet. Raises FilmLost where it has less than the job's row says."""
+    def film(self, job: Job, frame: int = 0) -> Film | None:
+        """A job's film; None where the job has none yet. Raises FilmLost where it has less of a frame than its row says."""
         if job.settings is None or job.tile_size is None:
             return None
         try:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError as error:
             raise Conflict(f"The picture cannot be shown: {error}. Render it anew.") from None
-        recorded = self.records.samples(job.id) if job.state in FINAL else 0
-        return self.films.open(job.id, settings, job.tile_size, recorded=recorded)
+        recorded = self.records.samples(job.id, frame) if job.state in FINAL else 0
+        return self.films.open(job.id, settings, job.tile_size, recorded=recorded, frame=frame)
+
+    def _let_go(self, hashes: set[str]) -> None:
+        """Blobs are referred to no longer: remove those that nobody else refers to, without holding up who says so."""
+        self._collector.submit(self._collect, hashes)
+
+    def _collect(self, hashes: set[str]) -> None:
+        try:
+            self.garbage.let_go(hashes)
+        except FarmError as error:
+            log.warning("what nobody needs stays for now: %s", error)
 
 
 def open_blobs(settings: Settings) -> BlobStore:

@@ -52,6 +52,7 @@ class Settings(BaseSettings):
     window_per_slot: int = 2
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0
+    frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
     live_interval: float = 0.12
 
     @field_validator("data")

@@ -63,6 +63,7 @@ class WorkerContext:
             samples_per_s=speed,
             current=doing,
             denoises=denoise.is_available(),
+            frames=True,
         )
 
     def after_fork(self) -> None:

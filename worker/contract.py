@@ -2,6 +2,7 @@
 
     service --- Celery task PREPARE ------> worker     {scene}
     service --- Celery task RENDER_BATCH -> worker     RenderBatch
+    service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
@@ -30,6 +31,7 @@ __all__ = [
     "HEARTBEAT_EVERY_S",
     "HEARTBEAT_TTL_S",
     "PREPARE",
+    "PREPARE_FRAMES",
     "RENDER_BATCH",
     "RESULTS",
     "SAMPLES_HEADER",
@@ -37,7 +39,9 @@ __all__ = [
     "WORKER_KEYS",
     "BlobRef",
     "DenoiseFrame",
+    "FrameInfo",
     "Manifest",
+    "PrepareFrames",
     "RenderBatch",
     "Result",
     "SceneInfo",
@@ -53,6 +57,7 @@ __all__ = [
 ]
 
 PREPARE = "rayfarm.prepare"
+PREPARE_FRAMES = "rayfarm.prepare_frames"
 RENDER_BATCH = "rayfarm.render_batch"
 DENOISE = "rayfarm.denoise"
 RESULTS = "rayfarm:results"
@@ -180,6 +185,8 @@ class SceneInfo:
     defaults: dict[str, Any]  # settings that the scene file asks for
     seconds: float
     variants: list[str] = field(default_factory=list)
+    fps: float = 24.0  # the file's own frames a second
+    clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
 
     @classmethod
@@ -202,8 +209,48 @@ class SceneInfo:
 
 
 @dataclass(frozen=True)
+class PrepareFrames:
+    """Frames of a shot to prepare, in this order, each answered by itself. Frames are in halves (renderer.frames.frame_key)."""
+
+    work: str  # unique for every time it is handed out
+    job: str
+    scene: str
+    frames: list[int]
+    base: str  # SHA-256 of the scene as it was compiled for its beginning
+    base_auto: dict[str, Any]  # the view that frames it there
+    fps: float | None = None  # these two: renderer.scene.animation.Moment
+    clip: str | None = None
+    camera: str | int | None = None  # by name or number
+    view: dict[str, Any] | None = None  # one of the request's own, instead
+    turntable: float | None = None  # seconds in which it goes around
+
+    @classmethod
+    def from_json(cls, data: Any) -> PrepareFrames:
+        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        return cls(**_fields(cls, data))
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """What preparing a frame found out. compiled: what its scene is compiled to; None: to the same as at its beginning."""
+
+    compiled: BlobRef | None
+    view: dict[str, Any]
+    defaults: dict[str, Any]  # settings that the scene file asks for
+    warnings: list[str]
+    seconds: float
+
+    @classmethod
+    def from_json(cls, data: Any) -> FrameInfo:
+        """The info that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        known = _fields(cls, data)
+        compiled = known["compiled"]
+        return cls(**{**known, "compiled": BlobRef.from_json(compiled) if compiled else None})
+
+
+@dataclass(frozen=True)
 class RenderBatch:
-    """The unit of work: sample numbers first ... first + count - 1 of every pixel of a tile."""
+    """The unit of work: sample numbers first ... first + count - 1 of every pixel of a tile of a frame (in halves)."""
 
     batch: str  # unique for every time it is handed out
     job: str
@@ -263,6 +310,7 @@ class WorkerReport:
         default_factory=list
     )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise, frame}
     denoises: bool = False  # whether it has Open Image Denoise
+    frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -304,6 +352,9 @@ class Result:
         prepared         scene, kind, worker, info: SceneInfo
         prepare-failed   scene, kind, worker, error (a sentence)
         prepare-returned scene, kind, worker, error (a sentence): the worker's own trouble, to be handed out again
+        frame-prepared   work, job, kind, worker, frame, info: FrameInfo
+        frame-failed     work, job, kind, worker, frame, error (a sentence)
+        frames-returned  work, job, kind, worker, error (a sentence): those that are not answered, to be handed out again
     """
 
     event: dict[str, Any]

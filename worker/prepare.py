@@ -15,10 +15,11 @@ from renderer.film import mean
 from renderer.image import encode
 from renderer.render import render_frame
 from renderer.scene import compiled as compiled_file
+from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.kept import Kept
-from renderer.scene.load import read
+from renderer.scene.load import Shot
 from renderer.scene.parts import Saver
 from renderer.scene.readers import gltf, obj, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
@@ -28,7 +29,7 @@ from worker.contract import BlobRef, Manifest, SceneInfo
 from worker.errors import MachineError, WorkError, is_of_machine
 from worker.scenes import store, store_scene
 
-__all__ = ["memory_budget", "prepare_scene"]
+__all__ = ["memory_budget", "place_files", "prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
@@ -69,6 +70,8 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         warnings=summary["warnings"],
         defaults=summary["defaults"],
         seconds=time.monotonic() - begun,
+        fps=summary.get("fps", 24.0),
+        clips=summary.get("clips", []),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )
 
@@ -81,8 +84,7 @@ def _prepared(
     out = room / "out"
     out.mkdir(parents=True)
     progress("fetching files", 0.0)
-    for file in manifest.files:
-        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
+    place_files(worker, manifest, folder)
     summary = run_bounded(
         lambda send: _work(folder, manifest, out, send),
         lambda message: progress(message["step"], message["fraction"]),
@@ -99,6 +101,12 @@ def _prepared(
     return summary, compiled, thumbnail
 
 
+def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
+    """Lay the files of a scene into a folder. Raises as `prepare_scene`."""
+    for file in manifest.files:
+        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
+
+
 def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, Any]:
     """In the bounded child: read, compile, save, and take a small picture."""
 
@@ -106,7 +114,8 @@ def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, 
         send({"step": step, "fraction": fraction})
 
     progress("reading", 0.05)
-    description = read(folder, manifest.main, manifest.environment, manifest.variant)
+    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
+    description = shot.at(Moment(shot.start))
     kept = Kept()
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
     summary = summarise(description, compiled)

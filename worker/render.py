@@ -18,7 +18,7 @@ from worker.ready import get_ready
 from worker.reproduce import batch_command
 from worker.scenes import open_scene
 
-__all__ = ["batch_event", "failure", "not_understood", "render", "returned"]
+__all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
 
 # How long a batch waits in its slot for a service that is away: less than the service waits for a batch that is in hand.
 PATIENCE_S = 30.0
@@ -32,7 +32,7 @@ _open: OrderedDict[str, CompiledScene] = OrderedDict()
 def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
     """The batch's exact sums, or the reason why there are none. compiling: told when the scene's kernel is got ready, and is."""
     try:
-        scene = patiently(lambda: _scene(worker, batch.compiled), PATIENCE_S)
+        scene = patiently(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         edition = edition_for(batch.settings, scene)
         if not is_warm(batch.settings, edition):
             compiling(True)
@@ -91,7 +91,7 @@ def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[st
     }
 
 
-def _scene(worker: WorkerContext, sha256: str) -> CompiledScene:
+def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
     """The compiled scene, mapped once per slot."""
     scene = _open.get(sha256)
     if scene is None:

@@ -1,4 +1,4 @@
-"""The three Celery tasks. Their arguments are ids and numbers; files go over HTTP, results over the stream."""
+"""The Celery tasks. Their arguments are ids and numbers; files go over HTTP, results over the stream."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from celery import Celery
 
 from renderer.errors import RayfarmError
 from worker import context
-from worker.contract import DENOISE, PREPARE, RENDER_BATCH, DenoiseFrame, RenderBatch, Result
+from worker.contract import DENOISE, PREPARE, PREPARE_FRAMES, RENDER_BATCH, DenoiseFrame, PrepareFrames, RenderBatch, Result
 from worker.denoise import denoise_failure, denoise_frame
 from worker.errors import RefusedError, Trouble, WorkError
+from worker.frames import prepare_frames
 from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
@@ -32,6 +33,7 @@ log = logging.getLogger(__name__)
 def register(app: Celery) -> None:
     """Give the application its tasks."""
     app.task(_prepare, name=PREPARE, bind=True)
+    app.task(_prepare_frames, name=PREPARE_FRAMES, bind=True)
     app.task(_render_batch, name=RENDER_BATCH, bind=True)
     app.task(_denoise, name=DENOISE, bind=True)
 
@@ -92,6 +94,38 @@ def _prepare(task: Any, scene: str) -> None:
     except Exception as error:
         log.exception("preparing %s failed", scene)
         send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
+    finally:
+        worker.board.write(_slot(), {})
+
+
+def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
+    """Prepare frames of a shot (PrepareFrames as a dict), and answer for each."""
+    worker = context.current()
+    about = {name: frames.get(name) for name in ("work", "job")} | {"kind": worker.kind, "worker": worker.name}
+
+    def send(kind: str, **more: Any) -> None:
+        worker.results.send(Result({"type": kind, **about, **more}))
+
+    try:
+        work = PrepareFrames.from_json(frames)
+    except ValueError as error:
+        send("frames-returned", error=f"{worker.name} does not understand which frames to prepare ({error}).")
+        return
+    worker.board.write(_slot(), {"scene": work.scene, "work": work.work})
+    try:
+        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+            sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
+            send("frame-failed", frame=work.frames[0], error=sentence)
+            send("frames-returned", error=sentence)
+            return
+        manifest = patiently(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
+        prepare_frames(worker, manifest, work, send)
+    except Trouble as error:
+        send("frames-returned", error=f"{worker.name} hands frames back: {error}")
+    except Exception as error:
+        log.exception("preparing frames of %s failed", work.scene)
+        for frame in work.frames:
+            send("frame-failed", frame=frame, error=f"{worker.name} could not prepare it ({type(error).__name__}: {error}).")
     finally:
         worker.board.write(_slot(), {})
 

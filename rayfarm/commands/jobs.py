@@ -52,6 +52,7 @@ def jobs(
         ("JOB", "left"),
         ("STATE", "left"),
         ("DONE", "right"),
+        ("FRAMES", "right"),
         ("SIZE", "right"),
         ("SPP", "right"),
         ("SCENE", "left"),
@@ -60,7 +61,8 @@ def jobs(
     for row in rows:
         size = f"{row.width or '?'}x{row.height or '?'}"
         done = f"{100 * row.progress:.0f} %"
-        table.add_row(row.id, row.state, done, size, str(row.spp or ""), escape(row.name or row.scene))
+        frames = f"{row.shot.states.get('finished', 0)} of {row.shot.count}" if row.shot else ""
+        table.add_row(row.id, row.state, done, frames, size, str(row.spp or ""), escape(row.name or row.scene))
     out.print(table)
     for row in rows:
         if why := row.error or row.message:

@@ -13,6 +13,7 @@ from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, CommandError
 from rayfarm.frame import Order, camera_words, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.movie import render_movie
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.rendering import Clock, load_kernels, load_scene, shown
@@ -25,6 +26,7 @@ from renderer.formats import SCENE_SUFFIXES
 from renderer.frames import parse_frames
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings
+from service.watching.movie import is_movie
 
 if TYPE_CHECKING:
     from renderer.render import RenderStats
@@ -47,7 +49,10 @@ def render(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear).", rich_help_panel=WRITTEN
+            "--output",
+            "-o",
+            help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear); of several frames also .mp4 .webm .webp.",
+            rich_help_panel=WRITTEN,
         ),
     ] = None,
     picture: Picture = Picture(),
@@ -99,6 +104,7 @@ def render(
       rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov albedo,normal --denoise
       rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
       rayfarm render shot.glb -o shot.####.exr --frames 0-99 --spp 64
+      rayfarm render shot.glb -o shot.mp4 --frames 0-99 --spp 64
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
     moment = Moment(frame or 0.0, fps, clip)
@@ -122,7 +128,11 @@ def render(
     _check(output, shot, order, stats)
     if shot is not None:
         with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter()) as stage:
-            found = render_sequence(shot, stage, order)
+            if is_movie(output):
+                about = (picture, variant, turntable, exposure, tonemap, tile, first)
+                found = render_movie(shot, stage, order, about)
+            else:
+                found = render_sequence(shot, stage, order)
         if stats is not None:
             _write(stats, found)
         if found["failed"]:
@@ -159,7 +169,10 @@ def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None
             check_writable(path)
     if order.denoise and not is_available():
         raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
-    encode.format_of(output)
+    if shot is None or not is_movie(output):
+        encode.format_of(output)
+    elif order.denoise:
+        raise CommandError("--denoise writes pictures beside pictures, and a film has none: name pictures by -o out.####.png")
     if order.curve not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {order.curve!r}; known are {', '.join(tonemaps.CURVES)}")
 

@@ -17,6 +17,9 @@ from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.scene_files import belonging, is_numbered
+from rayfarm.shot import FarmShot, fetch_shot
+from renderer.frames import frames_text
+from service.watching.movie import MOVIES
 
 __all__ = ["register", "server_url"]
 
@@ -44,9 +47,22 @@ def submit(
     scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it names are taken along.")],
     server: options.Server = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Wait, and write the picture: .png .exr or .jpg.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Wait, and write the picture: .png .exr or .jpg; of several frames also .mp4 .webm or .webp."
+        ),
+    ] = None,
     picture: Picture = Picture(),
     variant: options.Variant = None,
+    frame: options.Frame = None,
+    frames: options.Frames = None,
+    overwrite: options.Overwrite = False,
+    fps: options.Fps = None,
+    clip: options.Clip = None,
+    turntable: options.Turntable = None,
+    order: options.Order = None,
+    every: options.Every = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
@@ -61,21 +77,40 @@ def submit(
       rayfarm submit scene.glb
       rayfarm submit scene.glb --wait -o out.exr
       rayfarm submit folder/ -o out.png --denoise --noise 0.02
+      rayfarm submit shot.glb --frames 0-99 --wait -o out.####.png
+      rayfarm submit shot.glb --frames 0-99 --order breadth-first -o out.mp4
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
     """
+    moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
+    if output is not None and output.suffix.lower().lstrip(".").replace("jpeg", "jpg") not in FORMATS:
+        given = FORMATS if frames is None else (*FORMATS, *MOVIES)
+        if output.suffix.lower().lstrip(".") not in given:
+            raise CommandError(f"{output.name}: a farm gives .{', .'.join(given)}; end the name with one of these")
+    shot = FarmShot.of(frames, frame, moving, output, aov, denoise, overwrite)
+    if shot is not None and picture.is_partly_a_view():
+        raise CommandError(
+            "A farm's frames are seen by a camera of the scene, or by a view of your own: give --eye and --target too"
+        )
+    if overwrite and frames is None:
+        raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
+    if shot is not None and not shot.frames:
+        err.print(f"All {len(shot.all_frames)} frames are there; --overwrite renders them again", markup=False)
+        return
     if output is not None:
-        if output.suffix.lower().lstrip(".").replace("jpeg", "jpg") not in FORMATS:
-            raise CommandError(f"{output.name}: a farm gives .{', .'.join(FORMATS)}; end the name with one of these")
-        check_writable(output)
-        if denoise:
-            check_writable(options.denoised_name(output))
+        if shot is None:
+            check_writable(output)
+            if denoise:
+                check_writable(options.denoised_name(output))
         if aov and output.suffix.lower() != ".exr":
             raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
         wait = True
     elif aov or denoise:
         raise CommandError("--aov and --denoise say what to write; name the picture with -o")
-    if is_numbered(scene):
-        raise CommandError(f"{scene.name} is a file for each frame, and a farm renders stills: name one of them")
+    if shot is not None and len(shot.frames) < len(shot.all_frames):
+        kept = len(shot.all_frames) - len(shot.frames)
+        err.print(f"{kept} of {len(shot.all_frames)} frames are there and kept; --overwrite renders them again", markup=False)
+    if is_numbered(scene) and frames is None:
+        raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
     environment = picture.environment().image
     files: dict[str, Path] = belonging(scene)
     inside = None
@@ -83,9 +118,13 @@ def submit(
         inside = f"rayfarm-environment{environment.suffix.lower()}"
         files[inside] = environment
 
+    named = is_numbered(scene) or (inside is not None and scene.is_file())
     with Client(server_url(server)) as farm:
         uploaded = farm.upload(
-            files, main=scene.name if inside and scene.is_file() else None, environment=inside, name=scene.name
+            files,
+            main=scene.name if named else None,
+            environment=inside,
+            name=scene.name,
         )
         ready = _prepared(farm, uploaded)
         for warning in options.told(ready.warnings, picture.environment()):
@@ -93,10 +132,12 @@ def submit(
         asked = picture.request([asdict(camera) for camera in ready.cameras])
         if variant is not None:
             asked["variant"] = variant
+        if shot is not None:
+            asked |= {**shot.request, "frames": frames_text(shot.frames)}
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
         if wait:
-            _wait(farm, job.id, output, aov, denoise)
+            _wait(farm, job.id, output, aov, denoise, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
 
@@ -111,9 +152,14 @@ def _prepared(farm: Client, uploaded: Scene) -> Scene:
         return farm.wait_for_scene(uploaded.id, watch=show)
 
 
-def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool) -> None:
+def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise: bool, shot: FarmShot | None = None) -> None:
     ticker = Ticker()
     try:
+        if shot is not None:
+            ended = fetch_shot(farm, job, shot)
+            if ended.state != "finished":
+                raise CommandError(f"The job {job} {_outcome(ended)}")
+            return
         with bar() as progress:
             task = progress.add_task("rendering", total=1.0)
 

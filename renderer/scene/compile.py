@@ -34,7 +34,7 @@ from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
 from renderer.threads import Team
 
-__all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "summarise", "summarise_again"]
+__all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "own_cameras", "summarise", "summarise_again"]
 
 AUTO_CAMERA = "auto"
 
@@ -184,7 +184,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
-    cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up))]
+    cameras = [*own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up))]
     return {
         "cameras": [_camera_dict(c) for c in cameras],
         "counts": {
@@ -218,7 +218,7 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
     """
     low, high = compiled.bounds
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
-    cameras = [*_own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
+    cameras = [*own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
     return {
         **before,
         "cameras": [_camera_dict(c) for c in cameras],
@@ -233,7 +233,8 @@ def camera_names(description: SceneDescription) -> list[str]:
     return [*own, AUTO_CAMERA]
 
 
-def _own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
+def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
+    """The file's own cameras, as `summarise` gives them."""
     names = camera_names(description)
     bounds = compiled.bounds
     return [

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, cast
 
 from sqlalchemy import select
@@ -11,21 +13,25 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
+from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
-from service.api.schemas import BadSampleOut, FrameOut, JobOut, SceneOut, SceneStatus, WorkerOut
+from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, SceneOut, SceneStatus, ShotOut, WorkerOut
 from service.errors import FarmError
+from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
-from service.scheduling.snapshot import Snapshot
+from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.scheduling.workers import Roster
+from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job, Scene
 from worker.contract import WorkerReport
 from worker.reproduce import sample_command
 
-__all__ = ["UNREADABLE", "job_out", "scene_out", "snapshot", "worker_out"]
+__all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "scene_out", "snapshot", "worker_out"]
 
 log = logging.getLogger(__name__)
 
 BAD_SHOWN = 16
+_RECORDED = [f.name for f in fields(FrameNumbers)]  # of a frame's row
 UNREADABLE = (
     "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
     "Delete it, or go back to that release."
@@ -84,6 +90,8 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         counts=info.get("counts", {}),
         bounds=info.get("bounds"),
         animations=info.get("animations", []),
+        fps=info.get("fps"),
+        clips=info.get("clips", []),
         variants=info.get("variants", []),
         variant=scene.variant,
         environment=scene.environment,
@@ -96,18 +104,17 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
 def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
     known = engine.snapshot.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
-    frames = [
-        FrameOut(number=f.number, samples=f.samples, bad_samples=f.bad_samples, bad=[], progress=f.progress)
-        for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number))
-    ]
-    if known is not None:
-        # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
-        # the database has of a job that is over may be less than what was told of it before.
-        numbers = {"samples": known.samples, "bad_samples": known.bad_samples, "progress": known.progress}
-        is_newer = [f.number == known.frame and (live is not None or known.samples > f.samples) for f in frames]
-        frames = [f.model_copy(update=numbers) if newer else f for f, newer in zip(frames, is_newer, strict=True)]
-    for f in frames:
-        f.bad = _bad_samples(job, f, engine)
+    shot = Shot.of(job.shot)
+    about: ShotOut | None = None
+    if shot is None:
+        frames = _still_frames(job, session, known, live is not None)
+        for f in frames:
+            f.bad = _bad_samples(job, f, engine)
+        sums = _Sums(sum(f.samples for f in frames), sum(f.bad_samples for f in frames), sum(f.progress for f in frames))
+    else:
+        first = session.scalar(select(Frame.number).where(Frame.job == job.id).order_by(Frame.number).limit(1))
+        frames = frames_out(job, session, engine, [] if first is None else [first])
+        sums, about = _shot_out(job, shot, session, known)
     size = job.settings or job.request
     return JobOut(
         **{
@@ -117,17 +124,107 @@ def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
                 *("spp", "noise", "seconds", "tile_size", "kind", "settings"),
             )
         },
-        message=_message(job, engine.snapshot),
+        message=_message(job, engine.snapshot) or _holes(job, about),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
-        progress=sum(f.progress for f in frames) / max(len(frames), 1),
+        progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
-        samples=sum(f.samples for f in frames),
+        samples=sums.samples,
         samples_per_s=live.samples_per_s if live else 0.0,
-        bad_samples=sum(f.bad_samples for f in frames),
+        bad_samples=sums.bad_samples,
         width=size.get("width"),
         height=size.get("height"),
         frames=frames,
+        shot=about,
     )
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Over all frames of a job."""
+
+    samples: int
+    bad_samples: int
+    progress: float
+
+
+def _still_frames(job: Job, session: Session, known: JobNumbers | None, is_live: bool) -> list[FrameOut]:
+    state = job.state if job.state in ("running", "finished", "failed") else "queued"
+    found = []
+    for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number)):
+        numbers = FrameNumbers(state, f.samples, f.target, f.bad_samples, f.progress, f.noise, None)
+        # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
+        # the database has of a job that is over may be less than what was told of it before.
+        if known is not None and (is_live or known.samples > f.samples):
+            numbers = replace(numbers, samples=known.samples, bad_samples=known.bad_samples, progress=known.progress)
+        found.append(_frame_out(job, f.number, numbers))
+    return found
+
+
+def frames_out(job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None) -> list[FrameOut]:
+    """The frames of a job, or those of these keys, with the engine's latest numbers."""
+    known = engine.snapshot.jobs.get(job.id)
+    if job.shot is None:
+        return _still_frames(job, session, known, job.state in ACTIVE)
+    columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
+    query = select(*columns).where(Frame.job == job.id).order_by(Frame.number)
+    if keys is not None:
+        query = query.where(Frame.number.in_(list(keys)))
+    rows = session.execute(query)
+    return [_frame_out(job, f.number, _latest(job, known, f.number, FrameNumbers(*f[1:]))) for f in rows]
+
+
+def _latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
+    """How far a frame of a shot is. For a moment after a job was cancelled the database has less than was told before."""
+    live = known.frames.get(key) if known is not None else None
+    if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
+        return recorded
+    return live
+
+
+def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
+    """One of them, with the first of its bad samples; None where the job has no such frame."""
+    found = next((f for f in frames_out(job, session, engine, [key]) if frame_key(f.number) == key), None)
+    if found is not None:
+        found.bad = _bad_samples(job, found, engine)
+    return found
+
+
+def _frame_out(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
+    size = job.settings or {}
+    return FrameOut(
+        number=frame_number(key),
+        state=cast(FrameState, numbers.state),
+        samples=numbers.samples,
+        spp=round(numbers.samples / (size.get("width", 1) * size.get("height", 1)), 3),
+        bad_samples=numbers.bad_samples,
+        bad=[],
+        progress=numbers.progress,
+        noise=numbers.noise,
+        error=numbers.error,
+    )
+
+
+def _shot_out(job: Job, shot: Shot, session: Session, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
+    if known is not None and job.state in ACTIVE:
+        now = [(frame_number(key), known.frames[key]) for key in sorted(known.frames)]
+    else:
+        columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
+        rows = session.execute(select(*columns).where(Frame.job == job.id).order_by(Frame.number))
+        now = [(frame_number(row.number), _latest(job, known, row.number, FrameNumbers(*row[1:]))) for row in rows]
+    noises = [each.noise for _, each in now if each.state != "failed"]
+    noise = max((n for n in noises if n is not None), default=None) if None not in noises else None
+    about = ShotOut(
+        frames=frames_text([number for number, _ in now]),
+        count=len(now),
+        **{name: getattr(shot, name) for name in ("fps", "clip", "turntable", "order", "every")},
+        first=None if shot.first is None else frame_number(shot.first),
+        states=cast("dict[FrameState, int]", dict(Counter(each.state for _, each in now))),
+        failed=frames_text([number for number, each in now if each.state == "failed"]),
+        noise=noise,
+        forecast=noise if job.state == "finished" else known.forecast if known is not None else None,
+    )
+    samples, bad = sum(each.samples for _, each in now), sum(each.bad_samples for _, each in now)
+    return _Sums(samples, bad, sum(each.progress for _, each in now)), about
 
 
 def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
@@ -135,7 +232,7 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
         return []
     try:
         settings = RenderSettings.from_json(job.settings)
-        bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame.number)[1]
+        bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame_key(frame.number))[1]
     except (FarmError, SettingsError):
         return []  # the job is being deleted, its film is broken or of another release: the job's error says so
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
@@ -143,7 +240,13 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
 
 def worker_out(report: WorkerReport, why: str | None) -> WorkerOut:
     """A worker. One that is told to pause (why) counts as paused, though it may still finish what it has in hand."""
-    return WorkerOut(**{**asdict(report), "state": report.state if why is None else "paused"}, message=why)
+    current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
+    return WorkerOut(**{**asdict(report), "current": current, "state": report.state if why is None else "paused"}, message=why)
+
+
+def _counts(doing: dict[str, Any]) -> bool:
+    """Whether it names a frame, which workers count in halves."""
+    return isinstance(doing.get("frame"), int)
 
 
 def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
@@ -169,6 +272,8 @@ def _message(job: Job, view: Snapshot) -> str | None:
         return "Waits for its scene to be prepared."
     if why := _in_the_way(view.roster):
         return why
+    if job.shot is not None and view.roster.shooting_kind() is None:
+        return "Waits for a worker of this release: those that are connected prepare no frames of shots."
     if job.kind is not None and not view.roster.slots(job.kind):
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
@@ -179,6 +284,14 @@ def _message(job: Job, view: Snapshot) -> str | None:
     if ahead := view.ahead.get(job.id):
         return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
     return None
+
+
+def _holes(job: Job, shot: ShotOut | None) -> str | None:
+    """Which frames a job was finished without."""
+    if shot is None or not shot.failed or job.state != "finished":
+        return None
+    which = f"frame {shot.failed}" if shot.states.get("failed") == 1 else f"the frames {shot.failed[:200]}"
+    return f"Finished without {which}. Set the job to running to try again."
 
 
 def _why_preparing(scene: str, view: Snapshot) -> str:

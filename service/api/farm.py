@@ -73,10 +73,10 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
 def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
-    """A frame's means for a denoiser: worker.contract.DenoiseFrame says how they are laid out."""
+    """The means of a frame (in halves) for a denoiser: worker.contract.DenoiseFrame says how they are laid out."""
     found = find_job(job, farm)
     film = farm.film(found)
-    if film is None or frame != 0:
+    if film is None or not farm.records.has_frame(job, frame):
         raise NotFound("The job has no such picture yet.")
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")

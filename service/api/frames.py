@@ -19,9 +19,12 @@ from starlette.concurrency import run_in_threadpool
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAME, frame_key, frame_name
 from renderer.image import tonemap
-from service.api.lookup import find_job
-from service.errors import Conflict, Invalid, NotFound
+from service.api.describe import frame_out, frames_out
+from service.api.lookup import find_job, no_frame
+from service.api.schemas import FrameOut, FrameState
+from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
 from service.scheduling.denoising import Denoised
 from service.store import bands
@@ -32,9 +35,9 @@ from worker.contract import SAMPLES_HEADER
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/jobs/{id}/frames/{n}", tags=["frames"])
+router = APIRouter(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
-Number = Annotated[int, Path(ge=0, le=65535, description="the frame; a still is 0")]
+Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = f"color, or one of {', '.join(aovs.AOVS)}; for exr also a list as color,normal, or all: layers beside the colour"
@@ -65,7 +68,27 @@ class Digest(BaseModel):
     samples: int
 
 
-@router.get("/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
+@router.get("", response_model=list[FrameOut])
+def list_frames(id: str, farm: FarmDependency, state: FrameState | None = None) -> list[FrameOut]:
+    """All frames of a job, in their order: the state, samples, noise and error of each."""
+    job = find_job(id, farm)
+    with farm.sessions() as session:
+        found = frames_out(job, session, farm.engine)
+    return [frame for frame in found if state is None or frame.state == state]
+
+
+@router.get("/{n}", response_model=FrameOut)
+def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
+    """One frame of a job, with the first of its samples that were left out."""
+    job = find_job(id, farm)
+    with farm.sessions() as session:
+        found = frame_out(job, session, farm.engine, frame_key(n))
+    if found is None:
+        raise no_frame(n)
+    return found
+
+
+@router.get("/{n}/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
 async def image(
     id: str,
     n: Number,
@@ -101,25 +124,25 @@ async def image(
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
     folder = farm.settings.data / "tmp"
-    made = await farm.pictures.make((id, headers["ETag"]), memory(film, wish), picture, film, n, wish, folder)
+    made = await farm.pictures.make((id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder)
     kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
-    headers["Content-Disposition"] = f'inline; filename="{id}-{n:04d}{kind}.{extension}"'
+    headers["Content-Disposition"] = f'inline; filename="{frame_name(f"{id}-####{kind}.{extension}", n)}"'
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 
 
-@router.get("/pixel", response_model=Pixel)
+@router.get("/{n}/pixel", response_model=Pixel)
 async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
     """The exact values of a pixel, counted from the upper left, and how many samples it has."""
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
 
-def _pixel(id: str, n: int, farm: Farm, x: int, y: int) -> Pixel:
+def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
     film = _film(id, n, farm)
     if x >= film.width or y >= film.height:
         raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
-    sums = film.tile_sums(n, at)
+    sums = film.tile_sums(frame_key(n), at)
     sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
     values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
     if not math.isfinite(values["error"]):
@@ -132,20 +155,22 @@ def _pixel(id: str, n: int, farm: Farm, x: int, y: int) -> Pixel:
     return Pixel(x=x, y=y, color=film_math.mean(sums, film.film_exponent)[0, 0].tolist(), **values)
 
 
-@router.get("/digest", response_model=Digest)
+@router.get("/{n}/digest", response_model=Digest)
 async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
     folder = farm.settings.data / "tmp"
-    made = await farm.pictures.make((id, n, "digest", version), bands.digest_memory(film), bands.digest, film, n, folder)
+    made = await farm.pictures.make(
+        (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder
+    )
     return Digest(digest=made, samples=samples)
 
 
-async def _denoised(id: str, n: int, film: Film, samples: int, farm: Farm) -> Denoised:
+async def _denoised(id: str, n: float, film: Film, samples: int, farm: Farm) -> Denoised:
     """Waits without a thread of its own: many readers may wait at a time."""
     if not samples:
         raise Conflict("The picture has no samples yet. Try again when its first tiles are there.")
-    made = await run_in_threadpool(farm.engine.denoise, id, n, film)
+    made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a reader that leaves must not take the picture from those who wait for the same.
     return await asyncio.shield(asyncio.wrap_future(made))
 
@@ -160,17 +185,17 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     return tuple(dict.fromkeys(names)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 
-def _state(id: str, n: int, farm: Farm) -> tuple[Film, str, int]:
+def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """A frame's film, the version of its content, and its samples."""
     film = _film(id, n, farm)
-    return film, film.version(n), film.samples(n)
+    return film, film.version(frame_key(n)), film.samples(frame_key(n))
 
 
-def _film(id: str, n: int, farm: Farm) -> Film:
+def _film(id: str, n: float, farm: Farm) -> Film:
     job = find_job(id, farm)
-    if n != 0:
-        raise NotFound(f"The job has no frame {n}; it has frame 0.")
-    film = farm.film(job)
+    if not farm.records.has_frame(id, frame_key(n)):
+        raise no_frame(n)
+    film = farm.film(job, frame_key(n))
     if film is None:
         raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
     return film

@@ -9,8 +9,10 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Header, Query, Response
 from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
+from renderer.frames import frame_key
 from service.api.describe import job_out
 from service.api.lookup import find_job, find_scene, no_job
 from service.api.problem import Problem
@@ -20,7 +22,9 @@ from service.farm import Farm, FarmDependency
 from service.intake.record import record
 from service.intake.resolve import resolve
 from service.intake.uploads import changed
+from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
+from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
 __all__ = ["router"]
@@ -52,6 +56,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         spp=request.spp,
         noise=request.noise,
         seconds=request.seconds,
+        shot=_shot(request).to_json() if request.is_shot else None,
         idempotency_key=idempotency_key or None,
     )
     try:
@@ -60,7 +65,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
             _check(job, scene, farm)
             session.add(job)
             session.flush()
-            session.add(Frame(job=job.id, number=0))
+            session.add_all(Frame(job=job.id, number=key) for key in _keys(request))
             session.flush()
             answer = job_out(job, session, farm.engine)
     except IntegrityError:
@@ -105,7 +110,8 @@ def get_job(id: str, farm: FarmDependency) -> JobOut:
 def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
-    A job that is over and set to running renders what its picture lacks; a film that is damaged is set aside first.
+    A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
+    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others.
     """
     may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
     is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
@@ -115,7 +121,14 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             raise no_job(id)
         if change.priority is not None:
             job.priority = change.priority
-        if change.spp is not None or change.more is not None:
+        shot = Shot.of(job.shot)
+        if shot is not None:
+            frames = {frame.number: frame for frame in session.scalars(select(Frame).where(Frame.job == id))}
+            wish = ShotWish(**change.model_dump(include=set(ShotWish.__dataclass_fields__)))
+            session.add_all(change_shot(job, shot, frames, wish))
+        elif change.is_of_frames:
+            raise Conflict("The job is a still: it has no frames to choose from. Make a new job, with frames.")
+        elif change.spp is not None or change.more is not None:
             frame = session.get(Frame, (id, 0))
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
         if change.state is not None:
@@ -130,18 +143,31 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
 
-    def forget() -> None:
-        with farm.sessions.begin() as session:
-            job = session.get(Job, id)
-            if job is None:
-                raise no_job(id)
-            for frame in session.scalars(select(Frame).where(Frame.job == id)):
-                session.delete(frame)
-            session.flush()
-            session.delete(job)
+    def forget(session: Session) -> set[str]:
+        job = session.get(Job, id)
+        if job is None:
+            raise no_job(id)
+        own: set[str] = set()
+        for frame in session.scalars(select(Frame).where(Frame.job == id)):
+            own |= frame.blobs
+            session.delete(frame)
+        session.flush()
+        session.delete(job)
+        return own
 
-    farm.reserve.spend_on(forget)
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
     farm.changed("job", id)  # which removes the film, once it is out of its hands
+
+
+def _keys(request: JobIn) -> list[int]:
+    return sorted(map(frame_key, request.numbers()))
+
+
+def _shot(request: JobIn) -> Shot:
+    """As it is asked for; where only a time ends it, all frames are to have their share of that."""
+    only_time = request.seconds is not None and request.spp is None and request.noise is None
+    order = request.order or ("breadth-first" if only_time else IN_TURN)
+    return Shot(request.fps, request.clip, request.turntable, order, request.every)
 
 
 def _as_asked(request: JobIn, farm: Farm) -> str:

@@ -1,9 +1,10 @@
-"""WS /api/jobs/{id}/live: a job's state as JSON, and its tiles as they change.
+"""WS /api/jobs/{id}/live: a job's state as JSON, how its frames are, and the tiles of one of them as they change.
 
-The watcher gets a state, a snapshot of all tiles that have samples, and then what changes. Tiles come in rounds; every
-packet has a number, and the watcher answers with {"ack": number}, which acknowledges all up to it. At most two rounds are
-unacknowledged. Meanwhile changed tiles are only noted, and read from the film when their turn comes: so a slow watcher
-gets fewer pictures, never older ones.
+The watcher gets a state, a snapshot of all tiles of its frame that have samples, and then what changes; it may go on to another
+frame by {"frame": n}, of which it gets a snapshot in turn. Of a shot it is told of all frames first, and then of those that
+change. Tiles come in rounds; every packet has a number, and the watcher answers with {"ack": number}, which acknowledges all up
+to it. At most two rounds are unacknowledged. Meanwhile changed tiles are only noted, and read from the film when their turn
+comes: so a slow watcher gets fewer pictures, never older ones.
 """
 
 from __future__ import annotations
@@ -13,15 +14,19 @@ import contextlib
 import json
 import time
 from collections import deque
+from typing import Any
 
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
-from service.api.describe import snapshot
+from renderer.frames import MAX_FRAME, frame_key
+from service.api.describe import frames_out, snapshot
+from service.api.schemas import FrameOut
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
 from service.store.films import Film
-from service.store.models import Job
+from service.store.models import Frame, Job
 from service.watching import tile_packet
 from service.watching.broadcast import Listener
 
@@ -38,14 +43,20 @@ GONE = 4410
 
 
 @router.websocket("/api/jobs/{id}/live")
-async def live(socket: WebSocket, id: str, farm: FarmDependency, frame: int = Query(0, ge=0, le=65535)) -> None:
-    """Watch a job."""
+async def live(
+    socket: WebSocket,
+    id: str,
+    farm: FarmDependency,
+    frame: float | None = Query(None, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
+) -> None:
+    """Watch a job, and the tiles of one of its frames: the first, unless told."""
     await socket.accept()
-    if await run_in_threadpool(_job, farm, id) is None:
+    first = await run_in_threadpool(_first_frame, farm, id)
+    if first is None:
         await socket.close(NOT_FOUND, "There is no such job.")
         return
-    with farm.broadcast.listen(id, frame) as listener:
-        watcher = _Watcher(socket, id, frame, farm, listener)
+    with farm.broadcast.listen(id, first if frame is None else frame_key(frame)) as listener:
+        watcher = _Watcher(socket, id, farm, listener)
         sending = asyncio.create_task(watcher.send())
         receiving = asyncio.create_task(watcher.receive())
         done, pending = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
@@ -57,10 +68,9 @@ async def live(socket: WebSocket, id: str, farm: FarmDependency, frame: int = Qu
 
 
 class _Watcher:
-    def __init__(self, socket: WebSocket, job: str, frame: int, farm: Farm, listener: Listener) -> None:
+    def __init__(self, socket: WebSocket, job: str, farm: Farm, listener: Listener) -> None:
         self._socket = socket
         self._job = job
-        self._frame = frame
         self._farm = farm
         self._listener = listener
         self._film: Film | None = None
@@ -68,20 +78,35 @@ class _Watcher:
         self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
         self._spoke = 0.0
         self._state_at = 0.0
+        self._told: dict[float, FrameOut] = {}  # of a shot: what was said of its frames
 
     async def receive(self) -> None:
-        """Take in acknowledgements until the watcher leaves. Anything else is left out."""
+        """Take in acknowledgements, and which frame is watched, until the watcher leaves. Anything else is left out."""
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 raise WebSocketDisconnect(message["code"])
             try:
-                acknowledged = int(json.loads(message.get("text") or "")["ack"])
+                said = json.loads(message.get("text") or "")
+                if "frame" in said:
+                    self._turn_to(float(said["frame"]))
+                    continue
+                acknowledged = int(said["ack"])
             except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 continue
             while self._rounds and self._rounds[0] <= acknowledged:
                 self._rounds.popleft()
             self._listener.wake()
+
+    def _turn_to(self, frame: float) -> None:
+        """Watch another frame. Raises ValueError."""
+        if not 0 <= frame <= MAX_FRAME or not (2 * frame).is_integer():
+            raise ValueError(f"there is no frame {frame}")
+        self._listener.frame = frame_key(frame)
+        self._listener.tiles.clear()
+        if self._film is not None:
+            self._listener.tiles.update(dict.fromkeys(range(len(self._film.tiles))))
+        self._listener.wake()
 
     async def send(self) -> None:
         """Speak until the service ends or the job is gone."""
@@ -121,6 +146,13 @@ class _Watcher:
         if state is None:
             return False
         await self._socket.send_text(json.dumps({"type": "state", "job": state}))
+        if state["shot"] is not None:
+            frames = await run_in_threadpool(_frames, self._farm, self._job)
+            changed = [frame for frame in frames if self._told.get(frame.number) != frame]
+            self._told = {frame.number: frame for frame in frames}
+            if changed:
+                listed = [frame.model_dump() for frame in changed]
+                await self._socket.send_text(json.dumps({"type": "frames", "frames": listed}))
         return True
 
     async def _send_round(self, film: Film) -> None:
@@ -131,19 +163,31 @@ class _Watcher:
             del self._listener.tiles[tile]
             chosen.append(tile)
             pixels += film.tiles[tile].w * film.tiles[tile].h
-        packed = await run_in_threadpool(_pack, film, self._frame, chosen)
-        if not packed:
+        frame = self._listener.frame
+        packed = await run_in_threadpool(_pack, film, frame, chosen)
+        if not packed or frame != self._listener.frame:
             return
         self._rounds.append(self._sequence + len(packed))
         for tile, spp, words in packed:
             self._sequence += 1
-            await self._socket.send_bytes(tile_packet.packet(film, self._frame, tile, self._sequence, spp, words))
+            await self._socket.send_bytes(tile_packet.packet(film, frame, tile, self._sequence, spp, words))
         self._spoke = time.monotonic()
 
 
 def _pack(film: Film, frame: int, tiles: list[int]) -> list[tuple[int, int, bytes]]:
     bodies = ((tile, tile_packet.body(film, frame, tile)) for tile in tiles)
     return [(tile, *body) for tile, body in bodies if body is not None]
+
+
+def _first_frame(farm: Farm, id: str) -> int | None:
+    with farm.sessions() as session:
+        return session.scalar(select(Frame.number).where(Frame.job == id).order_by(Frame.number).limit(1))
+
+
+def _frames(farm: Farm, id: str) -> list[FrameOut]:
+    with farm.sessions() as session:
+        job = session.get(Job, id)
+        return [] if job is None else frames_out(job, session, farm.engine)
 
 
 def _job(farm: Farm, id: str) -> Job | None:
@@ -159,6 +203,6 @@ def _film(farm: Farm, id: str) -> Film | None:
         return None  # the job's state says why there is nothing to see
 
 
-def _state(farm: Farm, id: str) -> dict[str, object] | None:
+def _state(farm: Farm, id: str) -> dict[str, Any] | None:
     with farm.sessions() as session:
         return snapshot("job", id, session, farm.engine)

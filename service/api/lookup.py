@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from renderer.frames import frame_text
 from service.errors import NotFound
 from service.farm import Farm
 from service.store.models import Job, Scene
 
-__all__ = ["find_job", "find_scene", "no_job", "no_scene"]
+__all__ = ["find_job", "find_scene", "no_frame", "no_job", "no_scene"]
 
 
 def find_job(id: str, farm: Farm) -> Job:
@@ -30,6 +31,11 @@ def find_scene(id: str, farm: Farm) -> Scene:
 def no_job(id: str) -> NotFound:
     """There is no such job."""
     return NotFound(f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")
+
+
+def no_frame(frame: float) -> NotFound:
+    """The job has no such frame."""
+    return NotFound(f"The job has no frame {frame_text(frame)}. Its own are listed at /api/jobs/{{id}}/frames.")
 
 
 def no_scene(id: str) -> NotFound:

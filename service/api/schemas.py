@@ -8,8 +8,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAMES, parse_frames
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
-from renderer.work import WORK
+from renderer.work import ORDERS, SHOT, WORK
 from service.api.declared_fields import with_fields
 from service.errors import Invalid
 from service.intake.names import plain_title
@@ -18,11 +19,13 @@ __all__ = [
     "CameraOut",
     "EnvironmentIn",
     "FrameOut",
+    "FrameState",
     "JobIn",
     "JobOut",
     "JobPatch",
     "SceneOut",
     "SceneStatus",
+    "ShotOut",
     "SkyIn",
     "ViewModel",
     "WorkerOut",
@@ -30,7 +33,23 @@ __all__ = [
 ]
 
 SceneStatus = Literal["preparing", "ready", "failed"]
+FrameState = Literal["queued", "preparing", "running", "finished", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
+
+
+_WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before they go on
+
+
+def _frames_text(value: str | int | float) -> str:
+    """Frames as a person wrote them, where they can be read. Raises ValueError."""
+    text = str(value).strip()
+    try:
+        if len(text) > 10_000:
+            raise SettingsError(f"frames has {len(text)} characters; at most 10000 are read, and {MAX_FRAMES} frames")
+        parse_frames(text)
+    except SettingsError as error:
+        raise ValueError(str(error)) from None
+    return text
 
 
 class Strict(BaseModel):
@@ -81,6 +100,7 @@ class EnvironmentIn(Strict):
         return self
 
 
+@with_fields(SHOT)
 @with_fields(WORK)
 @with_fields({name: SETTINGS[name] for name in ("width", "height", *OPTIONAL)}, of_scene=True)
 class JobIn(Strict):
@@ -97,8 +117,15 @@ class JobIn(Strict):
     seconds: float | None = None
     tile_size: int | None = None
     priority: int = 0
-    frames: str | int = Field("0", description="only 0: a still")
-    fps: float = Field(24.0, gt=0.0, le=1000.0)
+    frames: str | int | float = Field("0", description="which frames of a shot, as 0-99 or 1-250x5,300; halves are frames too")
+    frame: float | None = Field(None, description="one of them: a still of that moment, in place of `frames`")
+    clip: str | None = Field(
+        None, max_length=200, description="of a glTF file's animations, by name or number, or `all`; the first unless told"
+    )
+    fps: float | None = None
+    turntable: float | None = None
+    order: str | None = None
+    every: int = 8
     environment: EnvironmentIn | None = None
     variant: str | None = Field(
         None,
@@ -124,20 +151,38 @@ class JobIn(Strict):
 
     @field_validator("frames")
     @classmethod
-    def _one_frame(cls, value: str | int) -> str:
-        if str(value).strip() != "0":
-            raise ValueError('animation is not rendered yet; leave frames out, or give "0"')
-        return "0"
+    def _frames(cls, value: str | int | float) -> str:
+        return _frames_text(value)
+
+    @field_validator("frame")
+    @classmethod
+    def _frame(cls, value: float | None) -> float | None:
+        if value is not None:
+            _frames_text(f"{value:f}".rstrip("0").rstrip("."))
+        return value
 
     @model_validator(mode="after")
     def _one_camera(self) -> JobIn:
         if self.view is not None and self.camera is not None:
             raise ValueError("give either camera or view, not both")
+        if self.frame is not None and self.frames != "0":
+            raise ValueError("give either frame or frames, not both")
+        if len(self.numbers()) > 1 and self.seconds and self.spp is None and self.noise is None and self.order in _WHOLE_FRAMES:
+            raise ValueError(f"order: {self.order} needs an end for each frame, by spp or noise, beside seconds for all of them")
         return self
+
+    def numbers(self) -> list[float]:
+        """The frames that are asked for."""
+        return parse_frames(str(self.frames)) if self.frame is None else [self.frame]
+
+    @property
+    def is_shot(self) -> bool:
+        """Whether it is more than a still of the scene's beginning."""
+        return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 
 class JobPatch(Strict):
-    """What can change in a job."""
+    """What can change in a job. Of frames, as in a request: 10-20 or 7,9."""
 
     state: Literal["running", "paused", "cancelled"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
@@ -148,6 +193,28 @@ class JobPatch(Strict):
         description="samples in every pixel, whatever noise or time said; a finished job goes on",
     )
     more: int | None = Field(None, ge=1, le=MAX_SPP, description="as spp: so many more than now")
+    frames: str | None = Field(None, description="of a shot: spp or more are for these frames alone")
+    extend: str | None = Field(None, description="of a shot: these frames too")
+    again: str | None = Field(None, description="of a shot: these frames anew, from nothing")
+    first: float | None = Field(None, ge=-1.0, description="of a shot: this frame before all others; -1: none")
+    order: str | None = Field(None, json_schema_extra={"enum": [*ORDERS, None]}, description="of a shot")
+
+    @property
+    def is_of_frames(self) -> bool:
+        """Whether it says anything that only a shot has."""
+        return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
+
+    @field_validator("frames", "extend", "again")
+    @classmethod
+    def _frames(cls, value: str | None) -> str | None:
+        return None if value is None else _frames_text(value)
+
+    @field_validator("order")
+    @classmethod
+    def _order(cls, value: str | None) -> str | None:
+        if value is not None and value not in ORDERS:
+            raise ValueError(f"there is no order {value[:60]!r}; known are {', '.join(ORDERS)}")
+        return value
 
 
 class CameraOut(BaseModel):
@@ -174,6 +241,8 @@ class SceneOut(BaseModel):
     counts: dict[str, int]
     bounds: list[list[float]] | None
     animations: list[str]
+    fps: float | None = Field(description="the file's own, else 24; null where that is not known")
+    clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
@@ -194,11 +263,32 @@ class BadSampleOut(BaseModel):
 class FrameOut(BaseModel):
     """One picture of a job."""
 
-    number: int
+    number: int | float
+    state: FrameState
     samples: int
+    spp: float = Field(description="samples that it has, of a pixel on the average")
     bad_samples: int
-    bad: list[BadSampleOut] = Field(description="the first of them")
+    bad: list[BadSampleOut] = Field(description="the first of them; of a shot's frames at /api/jobs/{id}/frames/{n}")
     progress: float
+    noise: float | None = Field(description="relative; of a shot's frames, from 8 samples on")
+    error: str | None
+
+
+class ShotOut(BaseModel):
+    """Of a job with several frames: how time runs, in which order they come, and how they are."""
+
+    frames: str = Field(description="which there are, as 0-99,120")
+    count: int
+    fps: float | None = Field(description="null: the file's own, else 24")
+    clip: str | None
+    turntable: float | None
+    order: str
+    every: int
+    first: int | float | None = Field(description="the frame that goes before all others")
+    states: dict[FrameState, int] = Field(description="how many frames are so")
+    failed: str = Field(description="the frames that failed, as 3,7-9")
+    noise: float | None = Field(description="the greatest of its frames; null while that of one is not known")
+    forecast: float | None = Field(description="the greatest that it is expected to end with")
 
 
 class JobOut(BaseModel):
@@ -229,7 +319,8 @@ class JobOut(BaseModel):
     tile_size: int | None
     kind: str | None
     settings: dict[str, Any] | None
-    frames: list[FrameOut]
+    frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
+    shot: ShotOut | None = Field(description="null: a still")
 
 
 class WorkerPatch(Strict):

@@ -10,15 +10,18 @@ from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
 from service.store.models import Job, Scene
 
-__all__ = ["default_tile_size", "resolve"]
+__all__ = ["default_tile_size", "frame_settings", "resolve"]
 
 
-def default_tile_size(width: int, height: int) -> int:
+def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
     """Tiles small enough that all slots have work and a watcher sees it grow, large enough that batches are few.
 
-    A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile.
+    A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile. of_shot: other
+    frames have work for all slots, so that tiles may be large.
     """
     pixels = width * height
+    if of_shot:
+        return 512 if pixels <= 1280 * 720 else 256
     return 32 if pixels <= 128 * 128 else 64 if pixels <= 256 * 256 else 128 if pixels <= 2200 * 1300 else 256
 
 
@@ -32,17 +35,28 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
     if request.get("shutter"):
         raise SettingsError(f"shutter is {request['shutter']:g}; a farm renders without motion blur, `rayfarm render` with it")
+    settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
+    job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
+    job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
+    job.settings = settings.to_json()
+
+
+def frame_settings(
+    request: dict[str, Any], of_job: RenderSettings, view: dict[str, Any], defaults: dict[str, Any]
+) -> RenderSettings:
+    """What fixes every sample of a frame. view, defaults: what its scene has at that moment. Raises SettingsError."""
+    return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults)
+
+
+def _settings(request: dict[str, Any], width: int, height: int, view: View, defaults: dict[str, Any]) -> RenderSettings:
     environment = request.get("environment") or {}
-    settings = RenderSettings(
+    return RenderSettings(
         width=width,
         height=height,
-        view=_view(request, info.get("cameras") or []),
+        view=view,
         **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
         **{**chosen(request, defaults), "shutter": 0.0},
     )
-    job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
-    job.tile_size = job.tile_size or default_tile_size(width, height)
-    job.settings = settings.to_json()
 
 
 def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:

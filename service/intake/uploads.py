@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
+from renderer.frames import frame_name, numbers_of
 from service.errors import Invalid
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
@@ -215,13 +216,14 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     main = form.fields.get("main", "").strip()
     if main:
         main = safe_name(main)
-        if main not in files:
-            raise Invalid(f"main: there is no file {main} in the upload.")
+        numbered = [frame_name(main, number) for number in numbers_of(main, files)]  # of smoke.####.obj
+        if main not in files and not numbered:
+            raise Invalid(f"main: there is no file {main} in the upload{', nor one with a number for #' if '#' in main else ''}.")
     try:
         picked, warnings = pick_main([main] if main else list(files))
     except SceneError as error:
         raise Invalid(str(error)) from None
-    if files[picked].size == 0:
+    if picked in files and files[picked].size == 0:
         raise Invalid(f"The scene file {picked} is empty.")
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None

@@ -1,16 +1,18 @@
-"""A job that is being rendered: its film, its plan, how fast it goes and what went wrong with its batches."""
+"""A job that is being rendered: its film, its frames, how fast it goes and what went wrong with its batches."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from renderer import film as film_math
-from renderer.settings import RenderSettings
-from service.scheduling.plan import FramePlan, Range
-from service.store.coverage import Coverage
+from renderer.settings import MAX_SPP, RenderSettings
+from service.scheduling.active_frame import ActiveFrame, FrameNumbers
+from service.scheduling.agenda import Agenda
+from service.scheduling.plan import Range
+from service.shot import IN_TURN, Shot
 from service.store.films import Film
-from service.store.models import Job
+from service.store.models import Frame, Job
 
 __all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
 
@@ -34,25 +36,28 @@ class Trouble:
 class ActiveJob:
     """One job in the hands of the scheduler. Only the engine's thread changes it; others read its numbers."""
 
-    def __init__(self, row: Job, film: Film, compiled: dict[str, str]) -> None:
-        """`compiled`: kind of worker -> SHA-256 of the scene compiled for it."""
+    def __init__(self, row: Job, frames: Sequence[Frame], film: Film, compiled: dict[str, str]) -> None:
+        """compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning."""
         assert row.settings is not None and row.spp is not None
         self.id = row.id
         self.scene = row.scene
         self.created = row.created
+        self.request = row.request
         self.film = film
         self.compiled = compiled
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority
         self.kind = row.kind
-        self.seconds = row.seconds
+        self.spp, self.noise, self.seconds = row.spp, row.noise, row.seconds
+        self.shot = Shot.of(row.shot)
         self.active_s = row.active_s
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
-        self.frame = 0
-        self.plan = self._plan(row.spp, row.noise)
-        self.bad_samples = film.bad_samples(self.frame)[0]
+        self.frames = {frame.number: self._frame(frame) for frame in frames}
+        order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
+        self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
+        self.agenda.first = self.shot.first if self.shot else None
         self.trouble: dict[Range, Trouble] = {}
         self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
         self.rests_until = 0.0
@@ -61,21 +66,78 @@ class ActiveJob:
         self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
         self._tile_cost: dict[int, float] = {}
         self._clock = time.monotonic()
-        self._rated = (self._clock, self.plan.samples)
+        self._rated = (self._clock, self.samples)
+        self._numbers: Mapping[int, FrameNumbers] = {}
+        self._touched = set(self.frames)
+
+    def _frame(self, row: Frame) -> ActiveFrame:
+        assert self.spp is not None
+        if self.shot is None:
+            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise)
+            frame.state = "queued"  # the job's state is the frame's
+            frame.plan  # noqa: B018 - a film that cannot be read is found out now
+            return frame
+        settings = None if row.settings is None else RenderSettings.from_json(row.settings)
+        own = {kind: str(ref["sha256"]) for kind, ref in (row.compiled or {}).items()} if settings is not None else {}
+        if row.state == "finished" and self.film.samples(row.number) < row.samples:
+            row.state = "queued"  # a power cut has taken the latest of the film
+        if self.shot.order == "noisiest-first":
+            most = min(MAX_SPP, max(64 * self.spp, self.spp))
+            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, share=min(self.spp, most))
+        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True)
 
     @property
     def done(self) -> bool:
-        """Whether the job has all that was asked for."""
-        if self.plan.done:
+        """Whether the job has all that was asked for; frames that failed are left out."""
+        if self.shot is None:
+            (frame,) = self.frames.values()
+            if frame.plan.done:
+                return True
+        elif all(frame.is_over for frame in self.frames.values()):
             return True
-        return self.seconds is not None and self.active_s >= self.seconds and self.plan.has_first_wave
+        return self.seconds is not None and self.active_s >= self.seconds and self._has_first_wave
+
+    @property
+    def _has_first_wave(self) -> bool:
+        return all(frame.has_first_wave for frame in self.frames.values() if frame.state != "failed")
+
+    @property
+    def samples(self) -> int:
+        """What all frames have together."""
+        return sum(frame.samples for frame in self.frames.values())
+
+    @property
+    def target_samples(self) -> int:
+        """What all frames are expected to come to."""
+        return sum(frame.target_samples for frame in self.frames.values() if frame.state != "failed")
+
+    @property
+    def bad_samples(self) -> int:
+        """How many samples were left out."""
+        return sum(frame.bad_samples for frame in self.frames.values())
 
     @property
     def progress(self) -> float:
         """0 ... 1, by samples or by time, whichever is further."""
-        by_samples = self.plan.samples / max(self.plan.target_samples, 1)
+        by_samples = self.samples / max(self.target_samples, 1)
         by_time = self.active_s / self.seconds if self.seconds else 0.0
         return 1.0 if self.done else min(max(by_samples, by_time), 0.9999)
+
+    @property
+    def noise_now(self) -> float | None:
+        """The greatest noise of its frames; None while that of one is not known."""
+        found = [frame.noise for frame in self.frames.values() if frame.state != "failed"]
+        known = [noise for noise in found if noise is not None]
+        return max(known, default=None) if len(known) == len(found) else None
+
+    @property
+    def forecast(self) -> float | None:
+        """The greatest noise at which its frames will end; None while that is not known."""
+        if self.agenda.forecast is not None or self.noise_now is None:
+            return self.agenda.forecast
+        left = [frame for frame in self.frames.values() if frame.state != "failed"]
+        ends = [(f.noise or 0.0) * (f.samples / max(f.target_samples, 1)) ** 0.5 for f in left]
+        return max(ends, default=None)
 
     @property
     def eta_s(self) -> float | None:
@@ -83,16 +145,28 @@ class ActiveJob:
         by_time = max(0.0, self.seconds - self.active_s) if self.seconds is not None else None
         if self.samples_per_s <= 0.0:
             return by_time
-        by_samples = (self.plan.target_samples - self.plan.samples) / self.samples_per_s
+        by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
 
-    def next(self, batch_seconds: float, slots: int) -> Range | None:
-        """The next batch for one of `slots` slots, to take about `batch_seconds`; less where the end is near.
+    def frame_numbers(self) -> Mapping[int, FrameNumbers]:
+        """How far each frame is. Never changed: what is made anew is another mapping, with new entries for what has changed."""
+        if self._touched:
+            self._numbers = {**self._numbers, **{key: self.frames[key].numbers() for key in self._touched}}
+            self._touched = set()
+        return self._numbers
+
+    def touch(self, frame: ActiveFrame) -> None:
+        """A frame has changed otherwise than by a batch that came back."""
+        frame.has_changed = True
+        self._touched.add(frame.key)
+
+    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
+        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
 
         Near the end a batch is at most a third of what is left for each slot, so that all slots end at about the same time.
         """
         cost = self._pixel_cost
-        left_s = (self.plan.target_samples - self.plan.samples) * cost / max(slots, 1)
+        left_s = max(self.target_samples - self.samples, 0) * cost / max(slots, 1)
         aim = min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
 
         def samples_wanted(tile: int) -> int:
@@ -100,7 +174,25 @@ class ActiveJob:
             a_sample = self._tile_cost.get(tile, cost) * rect.w * rect.h
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
-        return self.plan.next(samples_wanted)
+        while (frame := self.agenda.next(kind)) is not None:
+            batch = frame.next(samples_wanted)
+            if batch is not None:
+                return batch
+            if not self.agenda.passed(frame):
+                frame.is_idle = True
+                if frame.plan.done:  # its film had all from the beginning
+                    self._unsettled_frame(frame)
+        return None
+
+    def lose(self, batch: Range) -> None:
+        """A batch did not come back: it is among the first to be handed out again."""
+        if (frame := self.frames.get(batch.frame)) is not None:
+            frame.lose(batch)
+
+    def wants(self, batch: Range) -> bool:
+        """Whether these samples belong to the job."""
+        frame = self.frames.get(batch.frame)
+        return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
     def expected_s(self, batch: Range) -> float:
         """How long a batch is expected to take on one slot; 0 where nothing is known."""
@@ -114,20 +206,61 @@ class ActiveJob:
         self._unsettled.append(batch)
 
     def settle(self) -> None:
-        """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost; then it is to be called again."""
+        """Let the plans look at the film for what came back. Raises FilmWaits or FilmLost; then it is to be called again."""
         while self._unsettled:
-            self.plan.settle(self._unsettled[0])
+            batch = self._unsettled[0]
+            frame = self.frames.get(batch.frame)
+            if frame is not None:
+                frame.settle(batch)
+                self._unsettled_frame(frame)
             self._unsettled.pop(0)
+
+    def _unsettled_frame(self, frame: ActiveFrame) -> None:
+        if self.shot is not None:
+            self.agenda.settled(frame)
+        self._touched.add(frame.key)
+
+    def fail(self, frame: ActiveFrame, error: str) -> None:
+        """A frame cannot be rendered; the others go on. Raises FilmWaits or FilmLost."""
+        frame.fail(error)
+        self._unsettled_frame(frame)
+
+    def prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
+        """A frame can be rendered by workers of a kind. own: the BlobRef of what was compiled for it alone."""
+        frame.settings = settings
+        frame.compiled[kind] = self.compiled[kind] if own is None else str(own["sha256"])
+        if own is not None and not frame.is_over:
+            frame.own[kind] = own
+        self.touch(frame)
+
+    def release(self, all_frames: bool = False) -> set[str]:
+        """Let go of what was compiled for frames that need it no more; the hashes of those blobs."""
+        gone: set[str] = set()
+        for frame in self.frames.values():
+            for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
+                gone.add(str(frame.own.pop(kind)["sha256"]))
+                frame.compiled.pop(kind, None)
+                frame.has_changed = True
+        return gone
+
+    def finish_frames(self) -> None:
+        """The job is over: so are its frames, but for those that failed."""
+        for frame in self.frames.values():
+            if self.shot is not None and not frame.is_over:
+                frame.finish()
+                self._touched.add(frame.key)
 
     def asks_for(self, spp: int, noise: float | None, seconds: float | None) -> bool:
         """Whether this is other than what the job is rendered for now."""
-        return (spp, noise, seconds) != (self.plan.spp, self.plan.noise, self.seconds)
+        return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def ask(self, spp: int, noise: float | None, seconds: float | None) -> None:
-        """Take over what is asked for now. What is out counts as lost. Raises FilmWaits or FilmLost."""
-        self.plan = self._plan(spp, noise)
-        self.seconds = seconds
+        """Take over what is asked for now of a still. What is out counts as lost. Raises FilmWaits or FilmLost."""
+        self.spp, self.noise, self.seconds = spp, noise, seconds
         self._unsettled.clear()
+        for frame in self.frames.values():
+            frame.ask(spp, noise)
+            frame.plan  # noqa: B018
 
     def tick(self, rendering: bool) -> None:
         """Let the wall clock run, where the job is being rendered, and renew its speed about once a second."""
@@ -137,9 +270,9 @@ class ActiveJob:
         self._clock = now
         since, samples = self._rated
         if now - since >= 1.0:
-            rate = (self.plan.samples - samples) / (now - since)
+            rate = (self.samples - samples) / (now - since)
             self.samples_per_s += (rate - self.samples_per_s) * (SMOOTHING if self.samples_per_s else 1.0)
-            self._rated = (now, self.plan.samples)
+            self._rated = (now, self.samples)
 
     def _learn(self, batch: Range, seconds: float) -> None:
         rect = self.film.tiles[batch.tile]
@@ -147,13 +280,3 @@ class ActiveJob:
         if cost > 0.0:
             self._tile_cost[batch.tile] = cost
             self._pixel_cost += (cost - self._pixel_cost) * (SMOOTHING if self._pixel_cost else 1.0)
-
-    def _plan(self, spp: int, noise: float | None) -> FramePlan:
-        return FramePlan(self.film.tiles, spp, noise, self._coverage, self._tile_noise)
-
-    def _coverage(self, tile: int) -> Coverage:
-        return self.film.coverage(self.frame, tile)
-
-    def _tile_noise(self, tile: int) -> float:
-        sums = self.film.tile_sums(self.frame, tile)
-        return float("inf") if sums is None else film_math.noise(sums, self.settings.film_exponent)

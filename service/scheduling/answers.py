@@ -22,6 +22,9 @@ from service.scheduling.messages import (
     BatchReturned,
     DenoiseDone,
     DenoiseFailed,
+    FrameFailed,
+    FramePrepared,
+    FramesReturned,
     Message,
     PrepareDone,
     PrepareFailed,
@@ -31,6 +34,7 @@ from service.scheduling.messages import (
     Wake,
     understand,
 )
+from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler
@@ -63,6 +67,7 @@ class Answers:
         scheduler: Scheduler,
         lifecycle: Lifecycle,
         preparing: Preparing,
+        moments: Moments,
         denoising: Denoising,
         tell: Tell,
         tell_tiles: TellTiles,
@@ -72,6 +77,7 @@ class Answers:
         self._scheduler = scheduler
         self._lifecycle = lifecycle
         self._preparing = preparing
+        self._moments = moments
         self._denoising = denoising
         self._tell = tell
         self._tell_tiles = tell_tiles
@@ -142,18 +148,21 @@ class Answers:
         answers = self._kept[id]
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
-        tiles = set()
+        tiles: dict[int, set[int]] = {}
         for each in arrived:
             self.counts["merged" if each.taken else "dropped"] += 1
             self._scheduler.came_back(job, each.message.batch, each.batch, each.message.seconds, each.message.worker)
             if each.taken and each.batch is not None:
-                job.bad_samples += each.message.bad_count
-                tiles.add(each.batch.tile)
+                job.frames[each.batch.frame].bad_samples += each.message.bad_count
+                tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
         if arrived:
             job.tick(job.state == "running")
-            self._tell_tiles(id, job.frame, tiles)
+            for frame, changed in tiles.items():
+                self._tell_tiles(id, frame, changed)
             self._tell("job", id)
         job.settle()
+        if job.agenda.new_goals:
+            self._lifecycle.record(job)
 
     def _hear(self, message: Message) -> None:
         match message:
@@ -183,6 +192,13 @@ class Answers:
             case PrepareReturned():
                 self._preparing.returned(message.scene, message.kind, message.error)
                 self._tell("scene", message.scene)
+            case FramePrepared() | FrameFailed():
+                self._lifecycle.frame_answered(message)
+            case FramesReturned():
+                if (job := self._scheduler.jobs.get(message.job)) is not None:
+                    log.info("job %s: %s", job.id, message.error)
+                    self._moments.returned(job, message.work)
+                    self._tell("job", job.id)
 
     def _failed(self, message: BatchFailed) -> None:
         job = self._scheduler.jobs.get(message.job)
@@ -192,4 +208,5 @@ class Answers:
         self.counts["failed"] += 1
         trouble = self._scheduler.failed(job, message.batch, batch, message.worker, message.error, message.reproduce)
         if trouble is not None:
-            self._bulkheads.condemn(job.id, f"A batch failed {len(trouble.workers)} times: {trouble.error}", trouble.reproduce)
+            sentence = f"A batch failed {len(trouble.workers)} times: {trouble.error}"
+            self._scheduler.give_up(job, batch, sentence, trouble.reproduce)

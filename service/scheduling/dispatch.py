@@ -13,8 +13,10 @@ from kombu.exceptions import OperationalError
 from worker.contract import (
     DENOISE,
     PREPARE,
+    PREPARE_FRAMES,
     RENDER_BATCH,
     DenoiseFrame,
+    PrepareFrames,
     RenderBatch,
     celery_config,
     denoise_queue,
@@ -50,6 +52,10 @@ class Dispatcher:
     def send_prepare(self, scene: str, kind: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""
         self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease)
+
+    def send_frames(self, work: PrepareFrames, kind: str) -> None:
+        """Ask for frames of a shot to be prepared. Raises QueueError."""
+        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, prepare_queue(kind), work.work)
 
     def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
         """Ask for a frame to be denoised. Raises QueueError."""

@@ -16,12 +16,14 @@ from concurrent.futures import Future
 import redis
 
 from service.errors import FarmError
+from service.scheduling.active_job import ActiveJob
 from service.scheduling.answers import Answers, TellTiles
 from service.scheduling.bulkhead import Bulkheads
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoised, Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
-from service.scheduling.lifecycle import Lifecycle
+from service.scheduling.lifecycle import LetGo, Lifecycle
+from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
 from service.scheduling.results import Results
@@ -45,7 +47,14 @@ class Engine:
     """Runs jobs. `tell` and `tell_tiles` are called from its thread."""
 
     def __init__(
-        self, settings: Settings, records: Records, films: FilmStore, blobs: BlobStore, tell: Tell, tell_tiles: TellTiles
+        self,
+        settings: Settings,
+        records: Records,
+        films: FilmStore,
+        blobs: BlobStore,
+        tell: Tell,
+        tell_tiles: TellTiles,
+        let_go: LetGo,
     ) -> None:
         self.films = films
         self._records = records
@@ -60,14 +69,16 @@ class Engine:
         change = self._board.change
         self._workers = Workers(self._redis, lambda name: change("worker", name))
         self._preparing = Preparing(self._dispatcher, self._workers, settings.prepare_deadline)
+        self._moments = Moments(self._dispatcher, self._workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self._denoising = Denoising(self._dispatcher, self._workers, blobs)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads)
         self._lifecycle = Lifecycle(
-            records, films, self._scheduler, self._preparing, self._denoising, self._bulkheads, self._changes, change
+            *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
+            *(self._bulkheads, self._changes, change, let_go),
         )
         self._answers = Answers(
-            *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._denoising),
-            *(change, tell_tiles),
+            *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
+            *(self._denoising, change, tell_tiles),
         )
         self._has_begun = False
         self._looked_around = 0.0
@@ -151,6 +162,8 @@ class Engine:
             self._each_second()
         self._bulkheads.carry_out(self._lifecycle.end)
         self._preparing.fill()
+        for job in self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy()):
+            self._lifecycle.record(job)
         self._denoising.fill()
         self._scheduler.fill(self._lifecycle.start)
         self._answers.take_in(BLOCK_MS)
@@ -183,11 +196,19 @@ class Engine:
         self._scheduler.review(self._results)
         for scene, kind in self._preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)
+        for job, frame in self._moments.review(self._scheduler.jobs, self._results):
+            self._lifecycle.frame_lost(job, frame)
         for job in list(self._scheduler.jobs.values()):
             job.tick(job.state == "running" and bool(self._scheduler.leases.of(job.id)))
             if job.state == "running" or job.done:
                 self._lifecycle.record(job)
                 self._board.change("job", job.id)
+
+    def _shots(self) -> list[tuple[ActiveJob, str | None]]:
+        """The shots that are being rendered, in turn, and for which kind of workers."""
+        jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
+        jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
+        return [(job, self._scheduler.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))]
 
     def _publish(self) -> None:
         self._board.publish(self._scheduler.jobs, self._look)

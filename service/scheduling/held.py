@@ -22,14 +22,15 @@ class Held:
                 if isinstance(doing.get("batch"), str):
                     self._by_lease[doing["batch"]] = report.name
                 elif "job" in doing:
-                    self._by_range[_key(*(doing.get(name) for name in ("job", "tile", "first", "count")))] = report.name
+                    self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
 
     def by(self, lease: Lease, job: ActiveJob) -> str | None:
         """The worker that has it in hand; None where none says so."""
         if lease.batch is None:
             return None
-        tile, first, count = lease.batch
-        return self._by_lease.get(lease.id) or self._by_range.get(_key(job.id, list(job.film.tiles[tile]), first, count))
+        tile, first, count, frame = lease.batch
+        held = self._by_lease.get(lease.id)
+        return held or self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
 
 def _key(*about: Any) -> str:

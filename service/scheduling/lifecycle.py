@@ -6,23 +6,34 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
 
+from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError
+from service.intake.resolve import frame_settings
+from service.scheduling.active_frame import ActiveFrame
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
+from service.scheduling.messages import FrameFailed, FramePrepared
+from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
+from service.shot import Shot
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job
 from worker.contract import SceneInfo
 
-__all__ = ["Lifecycle"]
+__all__ = ["LetGo", "Lifecycle"]
+
+LetGo = Callable[[set[str]], None]  # of blobs that are no longer referred to here
 
 
 class Lifecycle:
@@ -34,19 +45,24 @@ class Lifecycle:
         films: FilmStore,
         scheduler: Scheduler,
         preparing: Preparing,
+        moments: Moments,
         denoising: Denoising,
         bulkheads: Bulkheads,
         changes: Changes,
         tell: Tell,
+        let_go: LetGo,
     ) -> None:
         self._records = records
         self._films = films
         self._scheduler = scheduler
         self._preparing = preparing
+        self._moments = moments
         self._denoising = denoising
         self._bulkheads = bulkheads
         self._changes = changes
         self._tell = tell
+        self._let_go = let_go
+        self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
 
     def apply(self, what: str, id: str) -> bool:
         """Apply what the database says of a job or a scene now. False where that has to wait or cannot be."""
@@ -70,6 +86,7 @@ class Lifecycle:
                 self._films.delete(id)
             elif job is not None:
                 self._records.progress(job)
+                self._give_back(job)
         elif job is None:
             self._take_up(row)
         else:
@@ -78,11 +95,18 @@ class Lifecycle:
 
     def _adjust(self, job: ActiveJob, row: Job) -> None:
         """Take over what a person changed in a job that is being rendered."""
+        shot = Shot.of(row.shot)
+        if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
+            self._records.progress(job)
+            self._drop(job)
+            self._take_up(row)
+            return
+        job.agenda.first = shot.first if shot else None
         if row.state == "paused" != job.state:
             self._scheduler.withdraw(job)
             self._records.progress(job)
         job.state, job.priority = row.state, row.priority
-        if row.spp and job.asks_for(row.spp, row.noise, row.seconds):
+        if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
             job.ask(row.spp, row.noise, row.seconds)
 
@@ -99,8 +123,16 @@ class Lifecycle:
         if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
             return
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
-        job = ActiveJob(resolved, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
+        shot = Shot.of(row.shot)
+        if shot is not None and shot.anew:
+            for key in shot.anew:
+                film.forget(key)
+            self._records.forgot(row.id, shot.anew)
+        frames = self._records.frames(row.id)
+        job = ActiveJob(resolved, frames, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
         self._scheduler.jobs[row.id] = job
+        if job.shot is not None:
+            self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
         self.record(job)
 
     def start(self, job: ActiveJob, kind: str) -> bool:
@@ -108,6 +140,8 @@ class Lifecycle:
         if kind not in job.compiled:
             self._preparing.want(job.scene, kind)
             return False
+        if job.shot is not None and not job.started and job.agenda.next(kind) is None:
+            return False  # its first frame is being prepared
         if not job.started or job.kind is None or job.state == "queued":
             if not self._records.started(job.id, kind):
                 return False
@@ -121,14 +155,56 @@ class Lifecycle:
         self._bulkheads.run(job.id, Step.RECORD, lambda: self._record(job), needs_database=True)
 
     def _record(self, job: ActiveJob) -> None:
+        if job.agenda.new_goals:
+            self.lay_out(job)
         is_over = job.done and job.state in ("queued", "running")
         if is_over:
             job.tick(job.started)
+            job.finish_frames()
+        gone = job.release()
         self._records.progress(job)
+        if gone:
+            self._let_go(gone)
         if is_over and self._records.finished(job):
             self._drop(job)
+            self._give_back(job)
             self._bulkheads.forget(job.id)
         self._tell("job", job.id)
+
+    def lay_out(self, job: ActiveJob) -> None:
+        """Begin a round in which noise is evened out, once it is written down what each frame gets of it."""
+        self._records.goals(job)
+        job.agenda.begin_round()
+
+    def auto_of(self, job: ActiveJob) -> dict[str, Any]:
+        """The view that frames a job's scene as it is at its beginning."""
+        return self._autos[job.id]
+
+    def frame_answered(self, message: FramePrepared | FrameFailed) -> None:
+        """A frame of a shot is prepared, or cannot be: then it is named, and the others go on."""
+        job = self._scheduler.jobs.get(message.job)
+        frame = job.frames.get(message.frame) if job is not None else None
+        if job is None or frame is None or message.kind not in job.compiled:
+            return
+        found = message.info if isinstance(message, FramePrepared) else None
+        self._moments.heard(job, message.work, message.frame, message.worker, found)
+        if isinstance(message, FrameFailed):
+            if not frame.is_over:
+                job.fail(frame, message.error)
+        else:
+            info = message.info
+            try:
+                settings = frame_settings(job.request, job.settings, info.view, info.defaults)
+            except SettingsError as error:
+                job.fail(frame, f"{error}.")
+                return
+            job.prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
+        self._tell("job", job.id)
+
+    def frame_lost(self, job: ActiveJob, frame: ActiveFrame) -> None:
+        """The workers that prepared a frame were lost too often."""
+        error = "The worker was lost three times while it prepared this frame. It may be too large."
+        self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail(frame, error))
 
     def end(self, id: str, verdict: Verdict) -> None:
         """Stop a job that cannot go on, or give up a scene; what a job has rendered stays."""
@@ -143,6 +219,7 @@ class Lifecycle:
         if self._records.failed(id, verdict.error, reproduce) or job is not None:
             if job is not None:
                 self._records.progress(job)
+                self._give_back(job)
             self._tell("job", id)
         else:
             self.prepare_failed(id, None, verdict.error)
@@ -192,7 +269,16 @@ class Lifecycle:
     def _drop(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
+        self._moments.forget(job.id)
+        self._autos.pop(job.id, None)
         self._rest(job.id)
+
+    def _give_back(self, job: ActiveJob) -> None:
+        """The job is over: let go of what was compiled for its frames."""
+        gone = job.release(all_frames=True)
+        if gone:
+            self._records.progress(job)
+            self._let_go(gone)
 
     def _rest(self, id: str) -> None:
         with suppress(FarmError):  # a film that cannot rest now rests later

@@ -27,7 +27,15 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
     """Add the batches that are wanted to the job's film. Raises FilmWaits or FilmLost; then none was added."""
     wanted = [_wanted(message, job) for message, _ in answers]
     parts = [
-        Part(job.frame, *batch, sums, [BadSample(*sample) for sample in message.bad], message.bad_count)
+        Part(
+            batch.frame,
+            batch.tile,
+            batch.first,
+            batch.count,
+            sums,
+            [BadSample(*sample) for sample in message.bad],
+            message.bad_count,
+        )
         for (message, sums), batch in zip(answers, wanted, strict=True)
         if batch is not None
     ]
@@ -38,11 +46,11 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
 
 
 def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
-    """The batch that a message is about; None where the job's film has no such tile."""
-    tile = job.film.index_of(Tile(*message.tile)) if message.frame == job.frame else None
-    return None if tile is None else Range(tile, message.first, message.count)
+    """The batch that a message is about; None where the job has no such frame or its film no such tile."""
+    tile = job.film.index_of(Tile(*message.tile)) if message.frame in job.frames else None
+    return None if tile is None else Range(tile, message.first, message.count, message.frame)
 
 
 def _wanted(message: BatchDone, job: ActiveJob) -> Range | None:
     batch = batch_of(message, job)
-    return batch if batch is not None and job.plan.wants(batch) else None
+    return batch if batch is not None and job.wants(batch) else None

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_valid
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
-from worker.contract import SceneInfo
+from worker.contract import FrameInfo, SceneInfo
 
 __all__ = [
     "BatchDone",
@@ -18,6 +18,9 @@ __all__ = [
     "BatchReturned",
     "DenoiseDone",
     "DenoiseFailed",
+    "FrameFailed",
+    "FramePrepared",
+    "FramesReturned",
     "Message",
     "PrepareDone",
     "PrepareFailed",
@@ -159,6 +162,48 @@ class PrepareReturned(_Prepare):
     error: Sentence
 
 
+class _Frames(BaseModel):
+    work: Id
+    job: Id
+    kind: Id
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.job
+
+
+class FramePrepared(_Frames):
+    """A frame of a shot is prepared for a kind of worker."""
+
+    type: Literal["frame-prepared"]
+    frame: Number
+    info: FrameInfo
+
+    @field_validator("info")
+    @classmethod
+    def _usable(cls, info: FrameInfo) -> FrameInfo:
+        if info.compiled is not None and not is_sha256(info.compiled.sha256):
+            raise ValueError(f"{info.compiled.sha256[:80]!r} is no hash")
+        return info
+
+
+class FrameFailed(_Frames):
+    """A frame of a shot cannot be prepared."""
+
+    type: Literal["frame-failed"]
+    frame: Number
+    error: Sentence
+
+
+class FramesReturned(_Frames):
+    """A worker hands back those of its frames that it has not answered."""
+
+    type: Literal["frames-returned"]
+    error: Sentence
+
+
 class Wake(BaseModel):
     """Says nothing: there is something else to do than to wait for messages."""
 
@@ -177,6 +222,9 @@ Message = (
     | PrepareDone
     | PrepareFailed
     | PrepareReturned
+    | FramePrepared
+    | FrameFailed
+    | FramesReturned
     | Wake
 )
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])

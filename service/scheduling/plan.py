@@ -23,11 +23,12 @@ GROWTH = 7  # a batch has at most this many times the samples that its tile has
 
 
 class Range(NamedTuple):
-    """Samples first ... first + count - 1 of a tile, by its index."""
+    """Samples first ... first + count - 1 of a tile, by its index, of a frame (renderer.frames.frame_key)."""
 
     tile: int
     first: int
     count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    frame: int = 0
 
 
 def checkpoints(covered: int, spp: int, noise: float | None) -> int:
@@ -50,9 +51,13 @@ class FramePlan:
         noise: float | None,
         coverage: Callable[[int], Coverage],
         tile_noise: Callable[[int], float],
+        frame: int = 0,
+        ceiling: int | None = None,
     ) -> None:
-        """What the film has already is planned around."""
+        """What the film has already is planned around. ceiling: samples of a tile beyond which nothing is handed out for now."""
         self.tiles = tiles
+        self.ceiling = spp if ceiling is None else ceiling
+        self._frame = frame
         self.spp = spp
         self.noise = noise
         self._coverage = coverage
@@ -84,6 +89,10 @@ class FramePlan:
         """Whether every tile has a sample."""
         return all(self.covered)
 
+    def has(self, samples: int) -> bool:
+        """Whether every tile has so many samples, or is complete with fewer."""
+        return all(self.covered[tile] >= samples for tile in self._open)
+
     @property
     def target_samples(self) -> int:
         """What the frame is expected to come to, all pixels together; exact where no noise level ends it."""
@@ -109,6 +118,8 @@ class FramePlan:
             self._lose_gaps(lost, covered)
         while self._heap:
             planned, _, tile = self._heap[0]
+            if planned >= self.ceiling:
+                return None
             is_current = tile in self._open and planned == self._planned[tile]
             gap = next(self._coverage(tile).gaps(planned, self._limit[tile]), None) if is_current else None
             heapq.heappop(self._heap)
@@ -119,12 +130,16 @@ class FramePlan:
                 continue
             start, end = gap
             most = 1 if start == 0 else min(max(1, samples_wanted(tile)), GROWTH * start)
-            left = end - start
+            left = min(end, self.ceiling) - start
+            if left <= 0:  # what lies under the ceiling is there; it is looked at again when that is raised
+                self._planned[tile] = start
+                self._push(tile)
+                continue
             count = left if left <= most else min(most, (left + 1) // 2 if left < 2 * most else most)
             self._planned[tile] = start + count
             if self._planned[tile] < self._limit[tile]:
                 self._push(tile)
-            return Range(tile, start, count)
+            return Range(tile, start, count, self._frame)
         return None
 
     def wants(self, batch: Range) -> bool:
@@ -168,7 +183,7 @@ class FramePlan:
 
     def _lose_gaps(self, of: Range, covered: Coverage) -> None:
         for start, end in covered.gaps(of.first, of.first + of.count):
-            self._lost.append(Range(of.tile, start, end - start))
+            self._lost.append(Range(of.tile, start, end - start, self._frame))
 
     def _is_complete(self, tile: int, covered: Coverage) -> bool:
         if covered.prefix >= self.spp:

@@ -4,13 +4,14 @@ in the meantime: a job that was cancelled stays so."""
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from sqlalchemy import select, update
 
 from renderer.errors import SettingsError
 from service.intake.resolve import resolve
 from service.scheduling.active_job import ActiveJob
+from service.shot import Shot
 from service.store.database import Sessions
 from service.store.models import ACTIVE, Frame, Job, Scene
 from worker.contract import SceneInfo
@@ -46,20 +47,31 @@ class Records:
             return list(session.scalars(select(Scene.id).where(Scene.status == "preparing")))
 
     def blobs(self) -> set[str]:
-        """The hashes of all blobs that scenes refer to."""
+        """The hashes of all blobs that scenes and frames refer to."""
         with self._sessions() as session:
-            return {sha256 for scene in session.scalars(select(Scene)) for sha256 in scene.blobs}
+            owners = [*session.scalars(select(Scene)), *session.scalars(select(Frame).where(Frame.compiled.is_not(None)))]
+            return {sha256 for owner in owners for sha256 in owner.blobs}
 
     def job(self, id: str) -> Job | None:
         """A job's row."""
         with self._sessions() as session:
             return session.get(Job, id)
 
-    def samples(self, job: str) -> int:
-        """The samples of a job's frame 0 that are in its film, as they were last written down."""
+    def samples(self, job: str, frame: int = 0) -> int:
+        """The samples of a job's frame that are in its film, as they were last written down."""
         with self._sessions() as session:
-            frame = session.get(Frame, (job, 0))
-            return frame.samples if frame is not None else 0
+            found = session.get(Frame, (job, frame))
+            return found.samples if found is not None else 0
+
+    def has_frame(self, job: str, frame: int) -> bool:
+        """Whether a job has a frame of this key."""
+        with self._sessions() as session:
+            return session.get(Frame, (job, frame)) is not None
+
+    def frames(self, job: str) -> list[Frame]:
+        """The frames of a job, in their order."""
+        with self._sessions() as session:
+            return list(session.scalars(select(Frame).where(Frame.job == job).order_by(Frame.number)))
 
     def scene(self, id: str) -> Scene | None:
         """A scene's row."""
@@ -89,24 +101,55 @@ class Records:
             return True
 
     def progress(self, job: ActiveJob) -> None:
-        """Write down how far a job is."""
+        """Write down how far a job is: of a shot those of its frames that have changed."""
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job.id).values(active_s=job.active_s))
-            frame = session.get(Frame, (job.id, job.frame))
-            if frame is not None:
-                frame.samples, frame.target = job.plan.samples, job.plan.target_samples
-                frame.bad_samples, frame.progress = job.bad_samples, job.progress
+            changed = [frame for frame in job.frames.values() if frame.has_changed or job.shot is None]
+            row = session.get(Job, job.id) if changed and job.shot is not None else None
+            shot = Shot.of(row.shot) if row is not None else None
+            is_known = shot is not None and job.shot is not None and shot.revision == job.shot.revision
+            for each in changed:
+                frame = session.get(Frame, (job.id, each.key))
+                if frame is not None:
+                    frame.samples, frame.target = each.samples, each.target_samples
+                    frame.bad_samples, frame.progress = each.bad_samples, job.progress if job.shot is None else each.progress
+                if frame is not None and job.shot is not None:
+                    frame.noise, frame.compiled = each.noise, each.own or None
+                    frame.settings = None if each.settings is None else each.settings.to_json()
+                    if is_known:  # else somebody has asked for something else, and the frame is what that made of it
+                        frame.state, frame.error = each.state, each.error
+        for each in changed:
+            each.has_changed = False
+
+    def forgot(self, id: str, keys: list[int]) -> None:
+        """The samples of these frames are removed from the film."""
+        with self._sessions.begin() as session:
+            row = session.get(Job, id, with_for_update=True)
+            shot = Shot.of(row.shot) if row is not None else None
+            if row is not None and shot is not None:
+                row.shot = replace(shot, anew=[key for key in shot.anew if key not in keys]).to_json()
+
+    def goals(self, job: ActiveJob) -> None:
+        """Write down what a round gives each frame of a job."""
+        with self._sessions.begin() as session:
+            for key, goal in job.agenda.new_goals.items():
+                session.execute(update(Frame).where(Frame.job == job.id, Frame.number == key).values(spp=goal))
 
     def finished(self, job: ActiveJob) -> bool:
-        """A job has all that was asked for. False where it was over already, or more was asked for in the meantime."""
+        """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
+        False where it was over already, or something else was asked for in the meantime."""
         with self._sessions.begin() as session:
-            changed = session.execute(
-                update(Job)
-                .where(Job.id == job.id, Job.state.in_(ACTIVE), Job.spp == job.plan.spp)
-                .where(Job.noise.is_not_distinct_from(job.plan.noise), Job.seconds.is_not_distinct_from(job.seconds))
-                .values(state="finished", finished=time.time(), active_s=job.active_s)
-            )
-            return bool(changed.rowcount)  # type: ignore[attr-defined]
+            row = session.get(Job, job.id, with_for_update=True)
+            if row is None or row.state not in ACTIVE or (row.spp, row.noise, row.seconds) != (job.spp, job.noise, job.seconds):
+                return False
+            shot = Shot.of(row.shot)
+            if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
+                return False
+            row.state, row.finished, row.active_s = "finished", time.time(), job.active_s
+            if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
+                first = next(iter(job.frames.values()))
+                row.state, row.error = "failed", f"No frame can be rendered. {first.error}"
+            return True
 
     def failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
         """A job cannot go on. False where it was over or gone already."""

@@ -90,7 +90,7 @@ class Scheduler:
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start) -> None:
         """Hand out the next batch of a job, if it has one for workers of this kind. Raises QueueError."""
-        batch = job.next(self._settings.batch_seconds, slots) if start(job, kind) else None
+        batch = job.next(self._settings.batch_seconds, slots, kind) if start(job, kind) else None
         if batch is None:
             return
         expected = job.expected_s(batch)
@@ -98,11 +98,13 @@ class Scheduler:
         patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
         lease = Lease(job.id, kind, batch, patience, expected)
         tile: Tile = job.film.tiles[batch.tile]
-        work = RenderBatch(lease.id, job.id, job.frame, job.compiled[kind], tile, batch.first, batch.count, job.settings)
+        frame = job.frames[batch.frame]
+        settings = frame.settings or job.settings
+        work = RenderBatch(lease.id, job.id, frame.key, frame.compiled[kind], tile, batch.first, batch.count, settings)
         try:
             self._dispatcher.send_batch(work, kind)
         except BaseException:
-            job.plan.lose(batch)
+            job.lose(batch)
             raise
         self.leases.add(lease)
         job.served = next(self._turn)
@@ -117,7 +119,7 @@ class Scheduler:
         """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
         ended = self.leases.end(lease)
         if ended is not None and ended.batch is not None and ended.batch != batch:
-            job.plan.lose(ended.batch)
+            job.lose(ended.batch)
         if batch is None:
             return
         trouble = job.trouble.pop(batch, None)
@@ -140,7 +142,7 @@ class Scheduler:
         is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
         if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
             return trouble
-        job.plan.lose(batch)
+        job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
         self._set_aside_if_alone(worker)
         return None
@@ -152,15 +154,18 @@ class Scheduler:
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why)
         job.handed_back = why
-        job.plan.lose(batch)
+        job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
         self._set_aside_if_alone(worker)
         if not self._others(worker):
             job.rests_until = time.monotonic() + REST_S
 
-    def withdraw(self, job: ActiveJob) -> None:
-        """Take back what waits of a job; what a worker has in hand comes back by itself, and is lost for the plan."""
-        mine = self.leases.of(job.id)
+    def withdraw(self, job: ActiveJob, frame: int | None = None) -> None:
+        """Take back what waits of a job, or of one of its frames; what a worker has in hand comes back by itself, and is lost
+        for the plan."""
+        mine = [
+            lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
+        ]
         for kind in {lease.kind for lease in mine}:
             try:
                 self._dispatcher.take_back(render_queue(kind), {lease.id for lease in mine})
@@ -169,7 +174,7 @@ class Scheduler:
         for lease in mine:
             self.leases.end(lease.id)
             if lease.batch is not None:
-                job.plan.lose(lease.batch)
+                job.lose(lease.batch)
 
     def review(self, results: Results) -> None:
         """Once a second: find batches that are overdue or lost, and hand them out again; one that is lost too often stops its
@@ -193,7 +198,7 @@ class Scheduler:
                 self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
             elif holder and self._is_straggler(job, lease):
                 lease.doubled = True
-                job.plan.lose(lease.batch)
+                job.lose(lease.batch)
 
     def _set_aside_if_alone(self, worker: str) -> None:
         """Pause a worker whose batches fail while others render theirs, unless nobody else is left."""
@@ -219,14 +224,24 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.losses += blame
         log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch)
-        job.plan.lose(batch)
+        job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
-            tile, first, count = batch
-            self._bulkheads.condemn(
-                job.id,
-                f"The samples {first} to {first + count - 1} of the tile at {job.film.tiles[tile][:2]} did not come back "
-                f"{trouble.losses} times. Look into the workers' logs; setting the job to running tries again.",
+            where = job.film.tiles[batch.tile][:2]
+            sentence = (
+                f"The samples {batch.first} to {batch.first + batch.count - 1} of the tile at {where} did not come back "
+                f"{trouble.losses} times. Look into the workers' logs; setting the job to running tries again."
             )
+            self.give_up(job, batch, sentence)
+
+    def give_up(self, job: ActiveJob, batch: Range, error: str, reproduce: str | None = None) -> None:
+        """A batch cannot be rendered: that ends a still, and of a shot the frame."""
+        if job.shot is None:
+            self._bulkheads.condemn(job.id, error, reproduce)
+            return
+        frame = job.frames[batch.frame]
+        self.withdraw(job, frame.key)
+        if not frame.is_over:
+            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, f"{error} {reproduce or ''}".strip()))
 
     def _is_straggler(self, job: ActiveJob, lease: Lease) -> bool:
         """Whether others stand idle while they wait for this batch alone: then a second worker may try it as well."""
@@ -245,12 +260,21 @@ class Scheduler:
                 before += len(same)
         return {id: before for id, before in found.items() if before}
 
+    def busy(self) -> set[tuple[str, int]]:
+        """The frames of jobs of which batches are out."""
+        return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
+
+    def kind_for(self, job: ActiveJob) -> str | None:
+        """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
+        roster = self._workers.roster
+        return job.kind or (roster.best_kind() if job.shot is None else roster.shooting_kind())
+
     def _kinds(self) -> set[str]:
         return {lease.kind for lease in self.leases}
 
     def _in_turn(self, kind: str) -> list[ActiveJob]:
         """The jobs that workers of a kind may render: higher priority first, then older first."""
         jobs = [job for job in self.jobs.values() if job.state in ("queued", "running") and not job.done]
-        jobs = [job for job in jobs if job.kind == kind or (job.kind is None and kind == self._workers.roster.best_kind())]
+        jobs = [job for job in jobs if kind == self.kind_for(job)]
         jobs.sort(key=lambda job: (-job.priority, job.created, job.id))
         return jobs

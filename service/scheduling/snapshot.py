@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.preparing import Progress
 from service.scheduling.workers import Roster
@@ -22,7 +23,6 @@ Tell = Callable[[str, str], None]  # what ("job", "scene", "worker") and which
 class JobNumbers:
     """How far a job is that is being rendered."""
 
-    frame: int
     state: str
     samples: int
     bad_samples: int
@@ -30,20 +30,25 @@ class JobNumbers:
     active_s: float
     eta_s: float | None
     samples_per_s: float
+    frames: Mapping[int, FrameNumbers] = field(default_factory=dict)
+    noise: float | None = None  # the greatest of its frames, of a shot
+    forecast: float | None = None  # and at its end
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
         """The job's numbers now."""
         return cls(
-            job.frame,
             job.state,
-            job.plan.samples,
+            job.samples,
             job.bad_samples,
             job.progress,
             job.active_s,
             job.eta_s,
             job.samples_per_s,
+            job.frame_numbers(),
+            job.noise_now if job.shot else None,
+            job.forecast if job.shot else None,
             job.handed_back,
         )
 

@@ -58,12 +58,15 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
 def begins_anew(job: Job, films: FilmStore) -> bool:
     """See to it that a job which is over can go on: a film that cannot be read is set aside. Returns whether its film is empty.
 
-    Reads all of the film, since only that shows what is damaged. Raises FilmWaits, and FilmLost where it cannot be set aside.
+    Reads all of a still's film, since only that shows what is damaged. Raises FilmWaits, and FilmLost where it cannot be set
+    aside.
     """
     if job.state not in FINAL or job.settings is None or job.tile_size is None:
         return False
     try:
         film = films.open(job.id, RenderSettings.from_json(job.settings), job.tile_size)
+        if job.shot is not None:
+            return film.is_empty  # to read all frames may take minutes; what is damaged is found where it is read
         for tile in range(len(film.tiles)):
             film.tile_sums(0, tile)
         return film.samples(0) == 0

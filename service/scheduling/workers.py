@@ -47,12 +47,18 @@ class Roster:
         kinds = {report.kind for report in self.ready()}
         return max(sorted(kinds), key=self.slots, default=None)
 
+    def shooting_kind(self) -> str | None:
+        """The kind of the workers that can prepare frames of shots, with most slots; None where none is ready."""
+        return self._kind_of([report for report in self.ready() if report.frames])
+
     def denoising_kind(self) -> str | None:
         """The kind of the workers that can denoise, with most slots; None where none is ready."""
+        return self._kind_of([report for report in self.ready() if report.denoises])
+
+    def _kind_of(self, reports: list[WorkerReport]) -> str | None:
         slots: dict[str, int] = {}
-        for report in self.ready():
-            if report.denoises:
-                slots[report.kind] = slots.get(report.kind, 0) + report.slots
+        for report in reports:
+            slots[report.kind] = slots.get(report.kind, 0) + report.slots
         return max(sorted(slots), key=lambda kind: slots[kind], default=None)
 
     def current(self) -> list[dict[str, Any]]:

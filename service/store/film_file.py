@@ -102,6 +102,12 @@ class FilmFile:
             self._database.execute("INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", (*where, first, count, found[3], sums))
         return True
 
+    def forget(self, frame: int) -> None:
+        """Remove the rows of a frame, and its bad samples."""
+        with film_faults(), self._transaction():
+            self._database.execute("DELETE FROM part WHERE frame = ?", (frame,))
+            self._database.execute("DELETE FROM bad_sample WHERE frame = ?", (frame,))
+
     @contextmanager
     def _transaction(self) -> Iterator[None]:
         self._database.execute("BEGIN IMMEDIATE")

@@ -27,11 +27,13 @@ log = logging.getLogger(__name__)
 class FilmStore(Protocol):
     """What the service asks of the place where films are."""
 
-    def open(self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0) -> Film:
+    def open(
+        self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
+    ) -> Film:
         """The job's film: the same object for all who hold it. Raises FilmWaits or FilmLost.
 
         pin: it is being rendered: made where it does not exist yet, and open until `unpin`.
-        recorded: the samples that it must have; FilmLost where it has fewer.
+        recorded: the samples that it must have of a frame; FilmLost where it has fewer.
         """
 
     def unpin(self, job: str) -> None:
@@ -64,7 +66,9 @@ class FilmFolder:
         self._lock = threading.Lock()
         folder.mkdir(parents=True, exist_ok=True)
 
-    def open(self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0) -> Film:
+    def open(
+        self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
+    ) -> Film:
         """See FilmStore."""
         with self._lock:
             film = self._films.get(job)
@@ -73,7 +77,7 @@ class FilmFolder:
                 film = Film(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache)
                 self._films[job] = film
         film.load(make=pin)  # takes its time, so without the lock that all films share
-        film.check(recorded)
+        film.check(recorded, frame)
         with self._lock:
             if self._films.get(job) is film:
                 self._latest[job] = film

@@ -88,9 +88,9 @@ class Film:
             elif self._file is not None and self._in_doubt:
                 self._take_in(self._file)
 
-    def check(self, recorded: int) -> None:
-        """Raise FilmLost where the film has fewer samples of frame 0 than were recorded."""
-        has = self.samples(0)
+    def check(self, recorded: int, frame: int = 0) -> None:
+        """Raise FilmLost where the film has fewer samples of a frame than were recorded."""
+        has = self.samples(frame)
         if has < recorded:
             raise incomplete(has, recorded)
 
@@ -114,13 +114,22 @@ class Film:
         """The samples of a frame that are in, all pixels together, bad ones included."""
         with self._lock:
             self._known()
-            return sum(c.total * self.tiles[t].w * self.tiles[t].h for (f, t), c in self._coverage.items() if f == frame)
+            known = ((tile, self._coverage.get((frame, i))) for i, tile in enumerate(self.tiles))
+            return sum(covered.total * tile.w * tile.h for tile, covered in known if covered is not None)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no sample of any frame is in."""
+        with self._lock:
+            self._known()
+            return not self._coverage
 
     def version(self, frame: int) -> str:
         """A name for the frame's content: it changes with every sample that is added."""
         with self._lock:
             self._known()
-            covered = sorted((t, c.ranges) for (f, t), c in self._coverage.items() if f == frame)
+            known = ((tile, self._coverage.get((frame, tile))) for tile in range(len(self.tiles)))
+            covered = [(tile, each.ranges) for tile, each in known if each is not None]
         return hashlib.sha256(repr(covered).encode()).hexdigest()[:20]
 
     def bad_samples(self, frame: int) -> tuple[int, list[BadSample]]:
@@ -159,6 +168,16 @@ class Film:
             for key in claimed:
                 self._fold(*key)
             return [s is not None for s in staged]
+
+    def forget(self, frame: int) -> None:
+        """Remove all samples of a frame."""
+        with self._lock:
+            self.load()
+            if self._file is None:
+                return
+            self._in_doubt = True
+            self._file.forget(frame)
+            self._take_in(self._file)
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
         """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet."""

@@ -1,4 +1,4 @@
-"""Which blobs may go: those that no scene refers to, and that nobody is about to refer to.
+"""Which blobs may go: those that no scene and no frame refers to, and that nobody is about to refer to.
 
 An upload pins its blobs until its scene is written down; what a worker stores is pinned until the news of it must have
 come. Blobs are deleted under the lock by which they are pinned, together with the row that let go of them. So whoever pins a
@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 from service.errors import FarmError
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
-from service.store.models import Scene
+from service.store.models import Frame, Scene
 
 __all__ = ["Garbage"]
 
@@ -38,7 +38,7 @@ class Garbage:
         self._patience_s = patience_s
         self._lock = threading.Lock()
         self._pins: Counter[str] = Counter()
-        self._promised: dict[str, float] = {}  # until when
+        self._promised: dict[str, list[float]] = {}  # until when, once for each time that it was stored
         self._left: set[str] = set()  # what would have gone, had it not been pinned
 
     @contextmanager
@@ -66,7 +66,14 @@ class Garbage:
         """A worker stores a blob, and will say for which scene."""
         with self._lock:
             self._forget_promises()
-            self._promised[sha256] = time.monotonic() + self._patience_s
+            self._promised.setdefault(sha256, []).append(time.monotonic() + self._patience_s)
+
+    def let_go(self, hashes: set[str]) -> None:
+        """Delete those of these blobs that nobody needs. A worker had promised them, and they were referred to since."""
+        with self._lock:
+            for sha256 in hashes & self._promised.keys():
+                self._promised[sha256].pop(0)
+        self.collect(lambda session: set(hashes))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
         """Change the database by a function that returns the blobs that it let go of, and delete those that nobody needs."""
@@ -76,6 +83,8 @@ class Garbage:
                 session.flush()
                 for scene in session.scalars(select(Scene)) if gone else ():
                     gone -= scene.blobs
+                for frame in session.scalars(select(Frame).where(Frame.compiled.is_not(None))) if gone else ():
+                    gone -= frame.blobs
             self._forget_promises()
             self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
             for sha256 in gone - self._left:
@@ -87,4 +96,5 @@ class Garbage:
 
     def _forget_promises(self) -> None:
         now = time.monotonic()
-        self._promised = {sha256: until for sha256, until in self._promised.items() if until > now}
+        left = {sha256: [until for until in untils if until > now] for sha256, untils in self._promised.items()}
+        self._promised = {sha256: untils for sha256, untils in left.items() if untils}

@@ -83,18 +83,33 @@ class Job(Base):
     kind: Mapped[str | None] = mapped_column(String(128))  # of the workers that render it, fixed at its first batch
     error: Mapped[str | None] = mapped_column(Text)
     reproduce: Mapped[str | None] = mapped_column(Text)  # a command that shows the error again
+    shot: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # see service/shot.py; None: a still at frame 0
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
 
 
 class Frame(Base):
-    """One picture of a job."""
+    """One picture of a job. Of a still, how it goes is said by the job."""
 
     __tablename__ = "frames"
     __table_args__ = (Index("frames_of_job", "job"),)
 
     job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
-    number: Mapped[int] = mapped_column(Integer, primary_key=True)
+    number: Mapped[int] = mapped_column(Integer, primary_key=True)  # in halves: renderer.frames.frame_key
     samples: Mapped[int] = mapped_column(BigInteger, default=0)  # in the film, all pixels together
     target: Mapped[int] = mapped_column(BigInteger, default=0)  # what the request comes to at most
     bad_samples: Mapped[int] = mapped_column(BigInteger, default=0)
     progress: Mapped[float] = mapped_column(Float, default=0.0)
+    state: Mapped[str] = mapped_column(String(16), server_default="queued", default="queued")  # running | finished | failed
+    error: Mapped[str | None] = mapped_column(Text)
+    noise: Mapped[float | None] = mapped_column(Float)
+    spp: Mapped[int | None] = mapped_column(Integer)  # where it is to have others than the job
+    # RenderSettings at its moment; None until that is known.
+    settings: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    # Kind -> BlobRef of what was compiled for this frame alone, for as long as it is needed.
+    compiled: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+    @property
+    def blobs(self) -> set[str]:
+        """The hashes of the blobs that it refers to."""
+        compiled = self.compiled if isinstance(self.compiled, dict) else {}
+        return {ref["sha256"] for ref in compiled.values() if isinstance(ref, dict) and isinstance(ref.get("sha256"), str)}

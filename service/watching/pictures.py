@@ -24,7 +24,7 @@ from service.store.films import Film
 from service.watching.made import Made
 from service.watching.smaller import side_of, smaller
 
-__all__ = ["MEDIA", "PictureWish", "memory", "picture"]
+__all__ = ["MEDIA", "PictureWish", "memory", "picture", "shown"]
 
 F32 = npt.NDArray[np.float32]
 ROWS = 64  # at a time, of a denoised picture
@@ -80,8 +80,16 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
     if wish.extension == "rgb9e5":
         words = _laid(np.empty((height, width), "<u4"), map(rgbe9995.pack, smaller(_values(film, frame, wish), side)))
         return Made.of(words.tobytes(), folder)
-    shown = smaller(_plane(film, frame, wish), side) if wish.planes else _toned(film, frame, wish, side)
-    return Made.of(encode_shown(_laid(np.empty((height, width, 3), np.uint8), shown), wish.extension), folder)
+    if not wish.planes:
+        return Made.of(encode_shown(shown(film, frame, wish), wish.extension), folder)
+    plane = _laid(np.empty((height, width, 3), np.uint8), smaller(_plane(film, frame, wish), side))
+    return Made.of(encode_shown(plane, wish.extension), folder)
+
+
+def shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
+    """The colour as a screen shows it, (h, w, 3)."""
+    side = side_of(wish.width, film.width, film.height)
+    return _laid(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
 
 
 def memory(film: Film, wish: PictureWish) -> int:

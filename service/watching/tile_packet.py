@@ -1,6 +1,7 @@
 """A live tile on the wire, little-endian:
 
-u8 version = 1, u8 kind = 1, u16 frame, u32 seq, u16 x, y, w, h, u32 spp, then w * h words RGB9E5, rows from the top.
+u8 version = 1, u8 kind = 1, u16 frame (its whole part, modulo 65536), u32 seq, u16 x, y, w, h, u32 spp, then w * h words RGB9E5,
+rows from the top.
 """
 
 from __future__ import annotations
@@ -30,4 +31,4 @@ def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
 def packet(film: Film, frame: int, tile: int, seq: int, spp: int, words: bytes) -> bytes:
     """The whole message."""
     x, y, w, h = film.tiles[tile]
-    return HEADER.pack(VERSION, KIND_TILE, frame, seq & 0xFFFFFFFF, x, y, w, h, spp) + words
+    return HEADER.pack(VERSION, KIND_TILE, frame // 2 & 0xFFFF, seq & 0xFFFFFFFF, x, y, w, h, spp) + words

@@ -9,12 +9,15 @@ from typing import Any
 import psutil
 import pytest
 
+from rayfarm.stage import Stage
 from renderer.film import digest
 from renderer.render import render_frame
+from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
-from renderer.scene.load import read
+from renderer.scene.load import Shot, read
 from renderer.settings import RenderSettings, View
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
+from tests.rayfarm.test_sequence import turning
 
 pytestmark = pytest.mark.farm
 
@@ -111,3 +114,73 @@ def test_what_is_killed_half_way_does_not_matter(chaos_farm: Farm, expected: str
     half_way(chaos_farm, job)
     kill(chaos_farm)
     assert finish(chaos_farm, job) == expected
+
+
+FRAMES = range(0, 24, 3)
+SHOT = {"width": 48, "height": 32, "spp": 96, "environment": {"color": [1.0, 1.0, 1.0]}}
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A triangle that goes to the right: each frame has a compiled scene of its own."""
+    path = tmp_path_factory.mktemp("shot") / "shot.glb"
+    path.write_bytes(turning().glb())
+    return path
+
+
+@pytest.fixture(scope="module")
+def stills(shot: Path) -> dict[float, str]:
+    """The frames' digests, each rendered in this process as a still of its moment."""
+    found: dict[float, str] = {}
+    for frame in FRAMES:
+        compiled, summary = Stage(Shot(shot.parent, shot.name)).at(Moment(frame))
+        view = View.from_json(summary["cameras"][0]["view"])
+        settings = RenderSettings(SHOT["width"], SHOT["height"], view, environment=(1.0, 1.0, 1.0))
+        found[frame] = digest(render_frame(compiled, settings, SHOT["spp"], threads=2))
+    assert len(set(found.values())) == len(found)
+    return found
+
+
+def shoot(farm: Farm, shot: Path, frames: str = "0-21x3", **more: Any) -> str:
+    with farm.client() as client:
+        scene = client.wait_for_scene(client.upload([shot]).id)
+        return str(client.submit(scene.id, frames=frames, **SHOT, **more).id)
+
+
+def finished_frames(farm: Farm, *jobs: str) -> dict[float, str]:
+    with farm.client() as client:
+        found = {}
+        for job in jobs:
+            final = client.wait(job, timeout_s=120)
+            assert final.state == "finished", f"{final}\n{farm.logs()}"
+            found |= {frame.number: client.digest(job, frame.number) for frame in client.frames(job)}
+        return found
+
+
+@pytest.mark.parametrize("order", ["in-turn", "breadth-first", "centre-out"])
+def test_the_order_of_frames_does_not_matter(chaos_farm: Farm, shot: Path, stills: dict[float, str], order: str) -> None:
+    assert finished_frames(chaos_farm, shoot(chaos_farm, shot, order=order)) == stills
+
+
+def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(chaos_farm: Farm, shot: Path, stills: dict[float, str]) -> None:
+    jobs = [shoot(chaos_farm, shot, frames) for frames in ("0-21x6", "3-21x6")]
+    assert finished_frames(chaos_farm, *jobs) == stills
+
+
+@pytest.mark.parametrize("kill", [pytest.param(kill_a_slot, id="a slot"), pytest.param(kill_part("service"), id="the service")])
+def test_what_is_killed_in_a_shot_does_not_matter(
+    chaos_farm: Farm, shot: Path, stills: dict[float, str], kill: Callable[[Farm], None]
+) -> None:
+    job = shoot(chaos_farm, shot, order="breadth-first")
+    half_way(chaos_farm, job)
+    kill(chaos_farm)
+    assert finished_frames(chaos_farm, job) == stills
+
+
+def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(chaos_farm: Farm, shot: Path) -> None:
+    request = {"order": "noisiest-first", "frames": "0-9x3"}
+    quiet = finished_frames(chaos_farm, shoot(chaos_farm, shot, **request))
+    job = shoot(chaos_farm, shot, **request)
+    half_way(chaos_farm, job)
+    kill_part("service")(chaos_farm)
+    assert finished_frames(chaos_farm, job) == quiet

@@ -31,6 +31,8 @@ ASKING: dict[str, Callable[[Client], Any]] = {
     "change": lambda farm: farm.change("j", priority=1),
     "wait": lambda farm: farm.wait("j"),
     "image": lambda farm: farm.image("j"),
+    "frames": lambda farm: farm.frames("j"),
+    "movie": lambda farm: farm.movie("j"),
     "digest": lambda farm: farm.digest("j"),
     "workers": lambda farm: farm.workers(),
 }

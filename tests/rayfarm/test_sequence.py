@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
@@ -201,7 +202,7 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
         missing = rayfarm("render", tmp_path / name, "-o", tmp_path / "x.#.png", "--frames", "1-4")
         assert missing.returncode == 1
         assert "There is no file" in missing.stderr
-    assert "a farm renders stills" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
+    assert "say which, by --frames" in rayfarm("submit", tmp_path / "drop.##.obj").stderr
     # Under an environment image from elsewhere all frames' files are taken along.
     from rayfarm.scene_files import belonging
 
@@ -247,3 +248,26 @@ def test_a_scene_file_may_ask_for_a_shutter_and_a_turntable_has_one(tmp_path: Pa
     assert np.array_equal(pictures["asked"], pictures["its own"])
     different = [pictures[name].tobytes() for name in ("asked", "trailing", "none", "turned", "not turned")]
     assert len(set(different)) == len(different)
+
+
+def test_frames_become_a_film_and_the_same_command_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> None:
+    common = ["render", shot, "-o", tmp_path / "out.mp4", *SMALL, "--fps=10"]
+    done = rayfarm(*common, "--frames", "0-4")
+    assert done.returncode == 0, done.stderr
+    with av.open(str(tmp_path / "out.mp4")) as container:
+        assert container.streams.video[0].average_rate == 10
+        assert len(list(container.decode(video=0))) == 5
+    assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == [], "the frames are gone when the film is whole"
+
+
+def test_a_film_of_a_shot_with_a_hole_keeps_its_frames(tmp_path: Path) -> None:
+    for number in (1, 3):
+        (tmp_path / f"smoke.{number}.obj").write_text("v -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n")
+    common = ["render", tmp_path / "smoke.#.obj", "-o", tmp_path / "out.mp4", "--frames", "1-3", *SMALL]
+    assert rayfarm(*common).returncode == 1
+    (tmp_path / "smoke.2.obj").write_text("v -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n")
+    healed = rayfarm(*common)
+    assert healed.returncode == 0, healed.stderr
+    assert "2 of 3 frames are there and kept" in healed.stderr
+    with av.open(str(tmp_path / "out.mp4")) as container:
+        assert len(list(container.decode(video=0))) == 3

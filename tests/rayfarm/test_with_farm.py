@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import av
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
@@ -18,6 +19,7 @@ from rayfarm.client import Client, ClientError
 from renderer.denoise import is_available
 from tests.helpers import ROOT, Farm, wait_until
 from tests.rayfarm.program import rayfarm
+from tests.rayfarm.test_sequence import turning
 from tests.renderer.scene.builders import shoe
 
 pytestmark = pytest.mark.farm
@@ -110,6 +112,60 @@ def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> Non
     code, _, err = here("submit", tmp_path / "shoe.glb", "--server", farm.url, "--variant=winter")
     assert code == 1
     assert "no variant 'winter'; its variants are 0: beach, 1: night, 2: day" in err
+
+
+def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "shot.glb").write_bytes(turning().glb())
+    shown = ["--size=24x16", "--spp=4", "--env=1,1,1"]
+    common = ["submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "far.###.exr", *shown]
+    code, out, err = here(*common, "--frames=0-3,6.5", "--order=centre-out")
+    assert code == 0, err
+    assert here("render", tmp_path / "shot.glb", "-o", tmp_path / "near.###.exr", "--frames=0-3,6.5", *shown)[0] == 0
+    for number in ("000", "001", "002", "003", "006.5"):
+        assert np.array_equal(pixels(tmp_path / f"far.{number}.exr"), pixels(tmp_path / f"near.{number}.exr"))
+    lines = here("jobs", "--server", farm.url)[1].splitlines()
+    assert any(out.strip() in line and "5 of 5" in line for line in lines), lines
+
+    (tmp_path / "far.002.exr").unlink()
+    code, out, err = here(*common, "--frames=0-3,6.5")
+    assert (code, "4 of 5 frames are there and kept" in err) == (0, True)
+    with farm.client() as client:
+        assert [frame.number for frame in client.frames(out.strip())] == [2]
+    code, out, err = here(*common, "--frames=0-3,6.5")
+    assert (code, out, "All 5 frames are there" in err) == (0, "", True)
+
+
+def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "shot.glb").write_bytes(turning().glb())
+    arguments = ["--size=64x48", "--spp=2", "--frames=0-5", "--fps=12"]
+    code, _, err = here("submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "shot.mp4", *arguments)
+    assert code == 0, err
+    with av.open(str(tmp_path / "shot.mp4")) as container:
+        assert container.streams.video[0].average_rate == 12
+        assert len(list(container.decode(video=0))) == 6
+
+
+def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(farm: Farm, tmp_path: Path) -> None:
+    for number in (0, 1, 3):
+        (tmp_path / f"smoke.{number}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + number} 0\nf 1 2 3\n")
+    (tmp_path / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
+    arguments = ["--size=16x16", "--spp=1", "--env=1,1,1", "--frames=0-3"]
+    code, _, err = here("submit", tmp_path, "--server", farm.url, "-o", tmp_path / "out.#.png", *arguments)
+    assert code == 1
+    assert "frame 2 failed" in err
+    assert "1 of 4 frames failed: 2" in err
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == ["out.0.png", "out.1.png", "out.3.png"]
+
+
+def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
+    for number in (1, 2):
+        (tmp_path / f"drop.{number:04d}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {3 * number} 0\nf 1 2 3\n")
+    arguments = ["--frames=1-2", "--size=16x16", "--spp=2", "--env=1,1,1"]
+    code, _, err = here("submit", tmp_path / "drop.####.obj", "--server", farm.url, "-o", tmp_path / "far.#.exr", *arguments)
+    assert code == 0, err
+    assert here("render", tmp_path / "drop.####.obj", "-o", tmp_path / "near.#.exr", *arguments)[0] == 0
+    for number in (1, 2):
+        assert np.array_equal(pixels(tmp_path / f"far.{number}.exr"), pixels(tmp_path / f"near.{number}.exr"))
 
 
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:

@@ -26,6 +26,8 @@ from worker.contract import (
     RESULTS,
     BlobRef,
     DenoiseFrame,
+    FrameInfo,
+    PrepareFrames,
     RenderBatch,
     Result,
     SceneInfo,
@@ -84,8 +86,11 @@ class PeerWorker:
         self.kind = kind
         self.slots = slots
         self.denoises = denoises
+        self.knows_frames = True
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
+        self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
+        self.frames: list[float] = []  # prepared
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
@@ -116,7 +121,8 @@ class PeerWorker:
     def report(self) -> None:
         current = [self.current, *[{}] * (self.slots - 1)]
         report = WorkerReport(
-            self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises
+            *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
+            frames=self.knows_frames,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -130,7 +136,7 @@ class PeerWorker:
 
     def answer(self, work: RenderBatch) -> None:
         """Render a batch and send its sums."""
-        sums = expected_sums(work.tile, work.first, work.count, work.settings.seed)
+        sums = expected_sums(work.tile, work.first, work.count, work.settings.seed + 1000 * work.frame)
         self.send(
             {"type": "batch", **self._about(work), "seconds": 0.001 * work.count, "bad": [], "bad_count": 0}, pack_sums(sums)
         )
@@ -158,7 +164,9 @@ class PeerWorker:
                 continue
             queue, message = found
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
-            if queue == prepare_queue(self.kind).encode():
+            if "frames" in arguments:
+                self._prepare_frames(PrepareFrames(**arguments["frames"]))
+            elif queue == prepare_queue(self.kind).encode():
                 self._prepare(arguments["scene"])
             elif queue == denoise_queue(self.kind).encode():
                 self._denoise(DenoiseFrame(**arguments["frame"]))
@@ -196,6 +204,26 @@ class PeerWorker:
     def _about(self, work: RenderBatch) -> dict[str, Any]:
         about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
         return {**about, "tile": list(work.tile), "worker": self.name}
+
+    def _prepare_frames(self, work: PrepareFrames) -> None:
+        """The camera goes a unit to the right with every frame. A frame that raises cannot be prepared."""
+        about = {"work": work.work, "job": work.job, "kind": self.kind, "worker": self.name}
+        self.current = {"scene": work.scene, "work": work.work}
+        for key in work.frames:
+            frame = key / 2
+            self.frames.append(frame)
+            try:
+                compiled = self.on_frame(frame)
+                ref = None
+                if compiled is not None:
+                    sha256 = hashlib.sha256(compiled).hexdigest()
+                    self.http.put(f"/api/farm/blobs/{sha256}", content=compiled).raise_for_status()
+                    ref = BlobRef("", sha256, len(compiled))
+                view = {**(work.view or work.base_auto), "eye": [frame, 0.0, 5.0]}
+                self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(FrameInfo(ref, view, {}, [], 0.01))})
+            except ValueError as error:
+                self.send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
+        self.current = {}
 
     def _prepare(self, scene: str) -> None:
         self.prepared.append(scene)

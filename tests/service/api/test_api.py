@@ -67,7 +67,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"spp": 1 << 21}, "spp", "less"),
         ({"noise": -1}, "noise", "greater"),
         ({"seconds": 0}, "seconds", "greater"),
-        ({"frames": "1-24"}, "frames", "animation is not rendered yet"),
+        ({"frames": "24-1"}, "frames", "the range 24-1 ends before it begins"),
         ({"camera": "nowhere"}, "camera", "0: front, 1: overview"),
         ({"camera": "²"}, "camera", "0: front, 1: overview"),
         ({"camera": "9" * 5000}, "camera", "0: front, 1: overview"),

@@ -248,7 +248,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
     worker.on_batch = slow
     one = under_way(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
-    plan = service.farm.engine._scheduler.jobs[one].plan
+    plan = service.farm.engine._scheduler.jobs[one].frames[0].plan
     monkeypatch.setattr(plan, "next", lambda *_: [][0])
     failed = service.wait_for(one, "failed")
     assert "IndexError" in failed["error"]

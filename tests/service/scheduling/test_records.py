@@ -31,7 +31,7 @@ def records(tmp_path: Path) -> Records:
 
 
 def active(spp: int) -> Any:
-    return SimpleNamespace(id="job", plan=SimpleNamespace(spp=spp, noise=None), seconds=None, active_s=1.5)
+    return SimpleNamespace(id="job", spp=spp, noise=None, seconds=None, shot=None, active_s=1.5)
 
 
 def test_a_job_to_which_samples_were_added_is_not_finished(records: Records) -> None:

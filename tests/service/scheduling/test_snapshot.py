@@ -14,10 +14,19 @@ from service.scheduling.snapshot import Board, JobNumbers, Snapshot
 
 
 def job(samples: int, state: str = "running") -> Any:
-    plan = SimpleNamespace(samples=samples)
-    about = {"frame": 0, "state": state, "bad_samples": 0, "progress": 0.5, "active_s": 1.0, "eta_s": None, "samples_per_s": 0.0}
+    about = {
+        "samples": samples,
+        "shot": None,
+        "frame_numbers": dict,
+        "state": state,
+        "bad_samples": 0,
+        "progress": 0.5,
+        "active_s": 1.0,
+        "eta_s": None,
+        "samples_per_s": 0.0,
+    }
     about["handed_back"] = None
-    return SimpleNamespace(plan=plan, **about)
+    return SimpleNamespace(**about)
 
 
 def look(numbers: Any) -> Snapshot:

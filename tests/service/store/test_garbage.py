@@ -131,7 +131,7 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
     collector.promise(sha256)
     collector.collect(lambda session: {sha256})
     assert blobs.exists(sha256)
-    collector._promised[sha256] = 0.0  # the news did not come
+    collector._promised[sha256] = [0.0]  # the news did not come
     collector.collect(lambda session: set())
     assert not blobs.exists(sha256)
 

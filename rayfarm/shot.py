@@ -1,0 +1,142 @@
+"""A shot that is rendered by a farm: which of its frames are asked for, and how they come to files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rayfarm import options
+from rayfarm.answers import Frame, Job
+from rayfarm.client import Client, ClientError
+from rayfarm.console import PROGRAM, Ticker, bar, err
+from rayfarm.errors import CommandError
+from rayfarm.output_files import check_writable, write
+from renderer.frames import frame_name, frame_text, frames_text, parse_frames
+from service.watching.movie import is_movie
+
+__all__ = ["FarmShot", "fetch_shot"]
+
+
+@dataclass(frozen=True)
+class FarmShot:
+    """Which frames of a scene are asked for, and where they go.
+
+    frames: those to render; `all_frames`: those that are asked for, of which some may be there already.
+    """
+
+    all_frames: list[float]
+    frames: list[float]
+    request: dict[str, Any]
+    output: Path | None
+    aov: str | None
+    denoise: bool
+
+    @classmethod
+    def of(
+        cls,
+        frames: str | None,
+        frame: float | None,
+        asked: dict[str, Any],
+        output: Path | None,
+        aov: str | None,
+        denoise: bool,
+        overwrite: bool,
+    ) -> FarmShot | None:
+        """What the options say; None for a still of the beginning. asked: fps, clip, turntable and so on; None where not given.
+
+        Raises CommandError where its files cannot be told apart or written.
+        """
+        request = {name: value for name, value in asked.items() if value is not None}
+        if frames is None and frame is None and not request:
+            return None
+        if frames is not None and frame is not None:
+            raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
+        numbers = parse_frames(frames) if frames is not None else [frame or 0.0]
+        shot = cls(numbers, numbers, request, output, aov, denoise)
+        if output is None:
+            return shot
+        if len(numbers) > 1 and not is_movie(output) and "#" not in output.name:
+            example = f"{output.stem}.####{output.suffix}"
+            raise CommandError(
+                f"-o names one file, and there are {len(numbers)} frames. Write #### for their numbers: -o {example}, or a film: "
+                f"-o {output.stem}.mp4"
+            )
+        check_writable(shot.file(numbers[0]))
+        if is_movie(output) or frames is None or overwrite:
+            return shot
+        return cls(numbers, [n for n in numbers if not all(map(_is_there, shot.files(n)))], request, output, aov, denoise)
+
+    def file(self, frame: float) -> Path:
+        """Where a frame goes."""
+        assert self.output is not None
+        return self.output.with_name(frame_name(self.output.name, frame))
+
+    def files(self, frame: float) -> list[Path]:
+        """All its pictures."""
+        return [self.file(frame), options.denoised_name(self.file(frame))] if self.denoise else [self.file(frame)]
+
+
+def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
+    """Wait for a shot; each frame is written as soon as it is finished, a film at the end. Returns the job when it is over.
+
+    Raises CommandError where frames failed, when the others are written; and ClientError.
+    """
+    ticker, fetched = Ticker(), set[float]()
+    writes_frames = shot.output is not None and not is_movie(shot.output)
+
+    def take(frames: list[Frame]) -> None:
+        for frame in frames:
+            if writes_frames and frame.state == "finished" and frame.number not in fetched:
+                _fetch(farm, job, shot, frame)
+                fetched.add(frame.number)
+
+    with bar("frames") as progress:
+        task = progress.add_task("rendering", total=len(shot.frames))
+
+        def show(state: Job) -> None:
+            try:
+                frames = farm.frames(job)
+                take(frames)
+            except ClientError as error:
+                if error.status is not None and error.status < 500:
+                    raise
+                return  # it is asked again
+            finished = sum(frame.state == "finished" for frame in frames)
+            so_far = sum(frame.progress for frame in frames if frame.state != "failed")
+            progress.update(task, description=state.message or state.state, completed=so_far)
+            ticker.tick(f"{state.message or state.state}: {finished} of {len(frames)} frames")
+
+        state = farm.wait(job, watch=show)
+    frames = farm.frames(job)
+    take(frames)
+    done = sum(frame.state == "finished" for frame in frames)
+    if shot.output is not None and not writes_frames and done:
+        write(shot.output, farm.movie(job, shot.output.suffix.lower().lstrip(".")))
+        err.print(f"{shot.output} written, of {done} frames", markup=False, soft_wrap=True)
+    elif writes_frames:
+        err.print(f"{done} frames written", markup=False, soft_wrap=True)
+    _tell_failed(job, frames)
+    return state
+
+
+def _tell_failed(job: str, frames: list[Frame]) -> None:
+    failed = [frame for frame in frames if frame.state == "failed"]
+    if not failed:
+        return
+    for why, number in {frame.error: frame.number for frame in reversed(failed)}.items():  # each reason once
+        err.print(f"frame {frame_text(number)} failed: {why}", markup=False, soft_wrap=True)
+    named = frames_text([frame.number for frame in failed])
+    raise CommandError(f"{len(failed)} of {len(frames)} frames failed: {named}. `{PROGRAM} jobs {job}` tells more.")
+
+
+def _fetch(farm: Client, job: str, shot: FarmShot, frame: Frame) -> None:
+    path = shot.file(frame.number)
+    format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
+    write(path, farm.image(job, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
+    if shot.denoise:
+        write(options.denoised_name(path), farm.image(job, format, frame.number, denoise=True))
+
+
+def _is_there(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0

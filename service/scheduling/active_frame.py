@@ -1,0 +1,198 @@
+"""A frame of a job that is being rendered: what it is rendered from, its plan, and how noisy it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from renderer import film as film_math
+from renderer.settings import RenderSettings
+from service.scheduling.plan import FramePlan, Range
+from service.store.coverage import Coverage
+from service.store.films import Film
+from service.store.models import Frame
+
+__all__ = ["ActiveFrame", "FrameNumbers"]
+
+FIRST_LOOK = 8  # samples: with fewer the noise says little
+LOOK_AGAIN = 4  # times as many
+
+
+@dataclass(frozen=True)
+class FrameNumbers:
+    """How far a frame is."""
+
+    state: str
+    samples: int
+    target: int
+    bad_samples: int
+    progress: float
+    noise: float | None
+    error: str | None
+
+
+class ActiveFrame:
+    """One frame in the hands of the scheduler. Only the engine's thread changes it."""
+
+    def __init__(
+        self,
+        row: Frame,
+        film: Film,
+        settings: RenderSettings | None,
+        compiled: dict[str, str],
+        spp: int,
+        noise: float | None,
+        is_measured: bool = False,
+        share: int | None = None,
+    ) -> None:
+        """settings: at its moment, None where that is not known yet. compiled: kind of worker -> SHA-256 of its scene.
+
+        is_measured: its noise is looked at while it is rendered, also where no noise level ends it.
+        share: samples a pixel that it is expected to come to, where `spp` is only the most that it may get.
+        """
+        self.key = row.number
+        self.film = film
+        self.settings = settings
+        self.compiled = compiled
+        self.own = dict(row.compiled or {})  # kind -> BlobRef of what was compiled for this frame alone
+        self.spp = spp
+        self.noise_asked = noise
+        self.state = row.state
+        self.error = row.error
+        self.noise = row.noise
+        self.bad_samples = row.bad_samples
+        self.ceiling = spp
+        self.is_idle = False  # nothing of it can be handed out before something comes back
+        self.is_preparing = False
+        self.has_changed = False  # since it was written down
+        self._is_measured = is_measured
+        self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
+        self._recorded = row.samples, row.target
+        self._share = share
+        self._plan: FramePlan | None = None
+        self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
+
+    @property
+    def plan(self) -> FramePlan:
+        """Made when it is needed: it looks at all of the frame's tiles. Raises FilmWaits or FilmLost."""
+        if self._plan is None:
+            self.bad_samples = self.film.bad_samples(self.key)[0]
+            self._plan = FramePlan(
+                *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._tile_noise, self.key, self.ceiling)
+            )
+            self._sums = None
+        return self._plan
+
+    def ask(self, spp: int, noise: float | None) -> None:
+        """Take over what is asked for now. What is out counts as lost."""
+        self.spp, self.noise_asked, self.ceiling = spp, noise, spp
+        self._plan, self._sums, self.is_idle = None, None, False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it is finished, or failed."""
+        return self.state in ("finished", "failed")
+
+    @property
+    def samples(self) -> int:
+        """What it has, all pixels together."""
+        return self._counted()[0]
+
+    @property
+    def target_samples(self) -> int:
+        """What it is expected to come to."""
+        return self._counted()[1]
+
+    def _counted(self) -> tuple[int, int]:
+        if self._sums is None:
+            pixels = self.film.width * self.film.height
+            if self._plan is None:
+                samples, target = self._recorded
+            else:
+                samples, target = self._plan.samples, self._plan.target_samples
+            if self._share is not None:
+                target = max(samples, max(self.ceiling, self._share) * pixels)
+            self._sums = samples, samples if self.state == "finished" else target or self.spp * pixels
+        return self._sums
+
+    @property
+    def has_first_wave(self) -> bool:
+        """Whether every tile has a sample."""
+        return self._plan.has_first_wave if self._plan is not None else self.state == "finished"
+
+    @property
+    def progress(self) -> float:
+        """0 ... 1, by samples."""
+        return 1.0 if self.state == "finished" else min(self.samples / max(self.target_samples, 1), 0.9999)
+
+    def numbers(self) -> FrameNumbers:
+        """How far it is now."""
+        state = "preparing" if self.state == "queued" and self.is_preparing else self.state
+        return FrameNumbers(*(state, self.samples, self.target_samples, self.bad_samples, self.progress, self.noise, self.error))
+
+    def rise_to(self, ceiling: int) -> None:
+        """Let it have so many samples."""
+        self.ceiling = self.plan.ceiling = ceiling
+        self.is_idle, self._sums = False, None
+
+    def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
+        """The next batch under its ceiling; None where that is handed out. Raises FilmWaits or FilmLost."""
+        return self.plan.next(samples_wanted)
+
+    def lose(self, batch: Range) -> None:
+        """A batch did not come back."""
+        self.plan.lose(batch)
+        self.is_idle = False
+
+    def settle(self, batch: Range) -> None:
+        """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost."""
+        self.plan.settle(batch)
+        self.is_idle, self._sums = False, None
+        self.has_changed = True
+        if self.state == "queued":
+            self.state = "running"
+        if self._is_measured:
+            covered = self._coverage(batch.tile)
+            done = self._measured.get(batch.tile, (FIRST_LOOK // LOOK_AGAIN, 0.0))[0]
+            if covered.prefix == covered.total and (
+                covered.total >= LOOK_AGAIN * done or (covered.total == self.ceiling and covered.total >= FIRST_LOOK)
+            ):
+                self._measure(batch.tile, covered.total)
+                self.noise = self._whole_noise()
+
+    def measured(self) -> float:
+        """Its noise as it is now, from all of its tiles. Raises FilmWaits or FilmLost."""
+        for tile, covered in enumerate(self.plan.covered):
+            if self._measured.get(tile, (0, 0.0))[0] != covered:
+                self._measure(tile, covered)
+        self.noise = self._whole_noise()
+        return math.inf if self.noise is None else self.noise
+
+    def fail(self, error: str) -> None:
+        """It cannot be rendered."""
+        self.state, self.error, self.has_changed = "failed", error, True
+
+    def finish(self) -> None:
+        """It has all that was asked for."""
+        self.state, self.has_changed, self._sums = "finished", True, None
+
+    def _measure(self, tile: int, samples: int) -> None:
+        self._measured[tile] = samples, self._tile_noise(tile)
+
+    def _whole_noise(self) -> float | None:
+        """The root mean square over its tiles, those that went on since they were looked at included."""
+        square = area = 0.0
+        for tile, (samples, noise) in self._measured.items():
+            t = self.film.tiles[tile]
+            square += noise**2 * samples / max(self.plan.covered[tile], 1) * t.w * t.h
+            area += t.w * t.h
+        found = math.sqrt(square / area) if area else math.inf
+        return found if math.isfinite(found) else None
+
+    def _coverage(self, tile: int) -> Coverage:
+        return self.film.coverage(self.key, tile)
+
+    def _tile_noise(self, tile: int) -> float:
+        sums = self.film.tile_sums(self.key, tile)
+        return math.inf if sums is None else film_math.noise(sums, self.film.film_exponent)

@@ -1,0 +1,115 @@
+"""Pictures as a film file: H.264 in MP4, AV1 in WebM, or an animated WebP.
+
+MP4 and WebM are 4:2:0 in the limited range and by the matrix of BT.709, and say so; each side is even, where it has to be by
+its last row or column twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SettingsError
+
+if TYPE_CHECKING:
+    import av
+
+__all__ = ["MOVIES", "MOVIE_MEDIA", "is_movie", "write_movie"]
+
+U8 = npt.NDArray[np.uint8]
+MOVIE_MEDIA = {"mp4": "video/mp4", "webm": "video/webm", "webp": "image/webp"}
+MOVIES = tuple(MOVIE_MEDIA)
+
+BT709 = 1  # of primaries, transfer and matrix alike (ITU-T H.273)
+LIMITED = 1  # AVCOL_RANGE_MPEG
+THREADS = 2  # of an encoder: workers want the others
+SVT = {"crf": "24", "preset": "8", "svtav1-params": f"lp={THREADS}"}
+# What is tried in turn, and with which options: visually lossless, and fast enough for a few cores.
+_CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
+    "mp4": (("libx264", {"crf": "17", "preset": "medium"}), ("libsvtav1", SVT)),
+    "webm": (("libsvtav1", SVT), ("libvpx-vp9", {"crf": "24", "b:v": "0", "cpu-used": "4"})),
+    "webp": (("libwebp_anim", {"quality": "90", "loop": "0"}),),
+}
+
+
+def is_movie(name: str | Path) -> bool:
+    """Whether a file of this name is a film, and not a picture."""
+    return Path(name).suffix.lower().lstrip(".") in MOVIES
+
+
+def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
+    """Writes pictures, (h, w, 3) as a screen shows them (sRGB), all of one size; returns how many there were.
+
+    path: ends with .mp4, .webm or .webp, which says what is written. Raises SettingsError where there are none, or where this
+    machine's FFmpeg cannot write it.
+    """
+    import av
+
+    kind = path.suffix.lower().lstrip(".")
+    count = 0
+    options = {"movflags": "+faststart"} if kind == "mp4" else {}
+    try:
+        with av.open(str(path), "w", options=options) as container:
+            stream: Any = None
+            for picture in pictures:
+                if stream is None:
+                    stream = _stream(container, kind, picture.shape, Fraction(fps).limit_denominator(1001))
+                frame = _frame(np.ascontiguousarray(picture), kind)
+                frame.pts = count
+                container.mux(stream.encode(frame))
+                count += 1
+            if stream is not None:
+                container.mux(stream.encode(None))
+    except av.FFmpegError as error:
+        raise SettingsError(f"{path.name}: the film cannot be written ({error})") from error
+    if not count:
+        raise SettingsError(f"{path.name}: there is no frame to show")
+    return count
+
+
+def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) -> Any:
+    import av
+
+    for name, options in _CODECS[kind]:
+        if name == "libsvtav1" and min(shape[:2]) < 64:
+            continue  # smaller ones it does not take
+        try:
+            stream = container.add_stream(name, rate=fps, options=options)
+        except (av.FFmpegError, ValueError):
+            continue
+        stream.time_base = 1 / fps
+        stream.thread_count = THREADS
+        height, width = shape[:2]
+        if kind == "webp":
+            stream.width, stream.height, stream.pix_fmt = width, height, "bgra"
+            return stream
+        stream.width, stream.height, stream.pix_fmt = width + width % 2, height + height % 2, "yuv420p"
+        context = stream.codec_context
+        context.color_primaries = context.color_trc = context.colorspace = BT709
+        context.color_range = LIMITED
+        return stream
+    raise SettingsError(f".{kind}: the FFmpeg of this machine has none of {', '.join(name for name, _ in _CODECS[kind])}")
+
+
+def _frame(picture: U8, kind: str) -> av.VideoFrame:
+    import av
+    from av.video.reformatter import ColorRange, Colorspace
+
+    if kind == "webp":
+        return av.VideoFrame.from_ndarray(picture, "rgb24").reformat(format="bgra")
+    height, width = picture.shape[:2]
+    even = np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+    frame = av.VideoFrame.from_ndarray(even, "rgb24").reformat(
+        format="yuv420p",
+        dst_colorspace=Colorspace.ITU709,
+        src_color_range=ColorRange.JPEG,
+        dst_color_range=ColorRange.MPEG,
+        interpolation="AREA",
+    )
+    frame.color_primaries = frame.color_trc = BT709
+    return frame

@@ -1,0 +1,313 @@
+"""Jobs of several frames, through a real Redis and the real contract: each is a picture of its own, and none stops another."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from renderer.frames import parse_frames
+from tests.helpers import running_redis
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.contract import RenderBatch
+
+SMALL = {"width": 32, "height": 24, "tile_size": 16}
+
+
+def shoot(service: Service, scene: str, frames: str, **request: Any) -> str:
+    return service.submit(scene, **{**SMALL, "spp": 4, "frames": frames, **request})
+
+
+def frames_of(service: Service, job: str) -> dict[float, dict[str, Any]]:
+    listed = service.http.get(f"/api/jobs/{job}/frames").raise_for_status().json()
+    return {frame["number"]: frame for frame in listed}
+
+
+def digest(service: Service, job: str, frame: float) -> str:
+    return str(service.http.get(f"/api/jobs/{job}/frames/{frame}/digest").raise_for_status().json()["digest"])
+
+
+def expected(frame: float, spp: int = 4) -> str:
+    return expected_digest(32, 24, spp, round(2000 * frame))
+
+
+def begun(batches: list[RenderBatch]) -> list[float]:
+    """The frames in the order in which their first batches came."""
+    return list(dict.fromkeys(batch.frame / 2 for batch in batches))
+
+
+ORDERS = ("in-turn", "every-nth", "centre-out", "breadth-first", "noisiest-first")
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker: PeerWorker, order: str) -> None:
+    job = shoot(service, service.ready_scene(), "0-3,7.5", order=order)
+    done = service.wait_for(job, "finished")
+    assert done["shot"]["states"] == {"finished": 5}
+    assert (done["shot"]["frames"], done["shot"]["count"], done["progress"]) == ("0-3,7.5", 5, 1.0)
+    if order != "noisiest-first":  # which spends the samples of all where the noise is
+        assert done["samples"] == 5 * 32 * 24 * 4
+        assert [digest(service, job, n) for n in (0, 1, 2, 3, 7.5)] == [expected(n) for n in (0, 1, 2, 3, 7.5)]
+    assert sorted(worker.frames) == [0, 1, 2, 3, 7.5], "each is prepared once"
+    assert {batch.frame: batch.settings.view.eye[0] for batch in worker.batches} == {0: 0, 2: 1, 4: 2, 6: 3, 15: 7.5}
+
+
+def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    jobs = [shoot(service, scene, frames) for frames in ("0-4", "0-1", "2-4", "3")]
+    for job in jobs:
+        service.wait_for(job, "finished")
+    one, first, second, third = jobs
+    assert [digest(service, first, n) for n in (0, 1)] == [digest(service, one, n) for n in (0, 1)]
+    assert [digest(service, second, n) for n in (2, 3, 4)] == [digest(service, one, n) for n in (2, 3, 4)]
+    assert digest(service, third, 3) == digest(service, one, 3)
+    still = service.submit(scene, **SMALL, spp=4, frame=3)
+    service.wait_for(still, "finished")
+    assert digest(service, still, 3) == digest(service, one, 3)
+
+
+@pytest.mark.parametrize(
+    ("order", "sequence"),
+    [
+        ({"order": "in-turn"}, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
+        ({"order": "every-nth", "every": 4}, [0, 4, 8, 2, 6, 1, 3, 5, 7]),
+        ({"order": "centre-out"}, [4, 3, 5, 2, 6, 1, 7, 0, 8]),
+    ],
+)
+def test_frames_are_begun_in_their_order(
+    service: Service, worker: PeerWorker, order: dict[str, Any], sequence: list[int]
+) -> None:
+    job = shoot(service, service.ready_scene(), "0-8", **order)
+    service.wait_for(job, "finished")
+    assert begun(worker.batches) == sequence
+
+
+def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-5", order="breadth-first", spp=8)
+    service.wait_for(job, "finished")
+    levels = [batch.first for batch in worker.batches]
+    assert levels == sorted(levels), "samples 0 of all, then 1, then 2 and 3, then 4 to 7"
+    assert [digest(service, job, n) for n in range(6)] == [expected(n, 8) for n in range(6)]
+
+
+def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+    def missing(frame: float) -> None:
+        if frame == 2:
+            raise ValueError("smoke.0002.png: there is no such file.")
+
+    worker.on_frame = missing
+    job = shoot(service, service.ready_scene(), "0-4")
+    done = service.wait_for(job, "finished")
+    assert done["shot"]["states"] == {"finished": 4, "failed": 1}
+    assert done["shot"]["failed"] == "2"
+    assert done["message"] == "Finished without frame 2. Set the job to running to try again."
+    frames = frames_of(service, job)
+    assert (frames[2]["state"], frames[2]["error"]) == ("failed", "smoke.0002.png: there is no such file.")
+    assert digest(service, job, 3) == expected(3)
+
+    worker.on_frame = lambda frame: None
+    service.patch(job, state="running")
+    healed = service.wait_for(job, "finished")
+    assert healed["shot"]["states"] == {"finished": 5}
+    assert digest(service, job, 2) == expected(2)
+
+
+def test_where_every_frame_fails_the_job_has_failed(service: Service, worker: PeerWorker) -> None:
+    def missing(frame: float) -> None:
+        raise ValueError("there is nothing to see.")
+
+    worker.on_frame = missing
+    job = shoot(service, service.ready_scene(), "0-2")
+    assert "there is nothing to see." in service.wait_for(job, "failed")["error"]
+
+
+def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker: PeerWorker) -> None:
+    def fails(batch: RenderBatch) -> None:
+        if batch.frame == 2:
+            raise ValueError("a fault of the scene")
+
+    worker.on_batch = fails
+    job = shoot(service, service.ready_scene(), "0-2")
+    done = service.wait_for(job, "finished", 30)
+    assert done["shot"]["failed"] == "1"
+    assert "a fault of the scene" in frames_of(service, job)[1]["error"]
+
+
+def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-2")
+    service.wait_for(job, "finished")
+    assert service.patch(job, extend="3-4")["state"] == "queued"
+    assert service.wait_for(job, "finished")["shot"]["frames"] == "0-4"
+    assert [digest(service, job, n) for n in range(5)] == [expected(n) for n in range(5)]
+    service.patch(job, frames="1-2", spp=8)
+    service.wait_for(job, "finished")
+    assert [digest(service, job, n) for n in range(5)] == [expected(n, 8 if n in (1, 2) else 4) for n in range(5)]
+    service.patch(job, spp=8)
+    assert service.wait_for(job, "finished")["samples"] == 5 * 32 * 24 * 8
+    assert [digest(service, job, n) for n in range(5)] == [expected(n, 8) for n in range(5)]
+
+
+def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-3")
+    service.wait_for(job, "finished")
+    worker.batches.clear()
+    worker.frames.clear()
+    service.patch(job, again="1,3")
+    service.wait_for(job, "finished")
+    assert sorted(worker.frames) == [1, 3]
+    assert {batch.frame for batch in worker.batches} == {2, 6}
+    assert [digest(service, job, n) for n in range(4)] == [expected(n) for n in range(4)]
+
+
+def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) -> None:
+    gate = threading.Event()
+    worker.on_batch = lambda batch: gate.wait(10) and None
+    job = shoot(service, service.ready_scene(), "0-40", spp=2)
+    until(lambda: bool(worker.batches), "it begins")
+    assert service.patch(job, first=33)["shot"]["first"] == 33
+    gate.set()
+    service.wait_for(job, "finished", 60)
+    assert begun(worker.batches).index(33) < 20
+
+
+def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
+    gate = threading.Event()
+    worker.on_batch = lambda batch: gate.wait(20) and None
+    worker.on_frame = lambda frame: b"frame %f" % frame + b"x" * 1000
+    job = shoot(service, service.ready_scene(), "0-99", spp=1)
+    until(lambda: bool(worker.batches), "it begins")
+    gate.set()
+    service.wait_for(job, "finished", 60)
+    assert [digest(service, job, n) for n in (0, 50, 99)] == [expected(n, 1) for n in (0, 50, 99)]
+    folder = service.options["data"] / "blobs"
+
+    def left() -> int:
+        return sum(b"frame" in path.read_bytes() for path in folder.glob("??/*"))
+
+    until(lambda: left() == 0, "what was compiled for frames is gone", say=left)
+
+
+def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = shoot(service, service.ready_scene(), "0-19", spp=8)
+    until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 3, "some frames are done")
+    service.restart()
+    done = service.wait_for(job, "finished", 60)
+    assert done["shot"]["states"] == {"finished": 20}
+    assert [digest(service, job, n) for n in range(20)] == [expected(n, 8) for n in range(20)]
+
+
+def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service) -> None:
+    with service.worker(name="old", kind="old-kind") as old:
+        old.knows_frames = False
+        old.report()
+        job = shoot(service, service.ready_scene(), "0-1")
+        until(lambda: "release" in (service.job(job)["message"] or ""), "it says what it waits for", say=lambda: service.job(job))
+        assert not old.frames
+        with service.worker(name="new", kind="new-kind"):
+            service.wait_for(job, "finished")
+
+
+def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    shot, still = shoot(service, scene, "0-2"), service.submit(scene)
+    for job, change, says in (
+        (shot, {"first": 7}, "the shot has no frame 7; it has 0-2"),
+        (shot, {"again": "2-3"}, "the shot has no frame 3"),
+        (shot, {"frames": "1", "spp": 1}, "samples are added, never taken away"),
+        (shot, {"extend": "9-1"}, "ends before it begins"),
+        (still, {"extend": "1-2"}, "The job is a still"),
+    ):
+        answer = service.http.patch(f"/api/jobs/{job}", json=change)
+        assert answer.status_code in (409, 422)
+        assert says in answer.text
+    refused = service.http.post("/api/jobs", json={"scene": scene, "frames": "0-9", "seconds": 5, "order": "in-turn"})
+    assert "needs an end for each frame" in refused.text
+
+
+def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "10-14x2,0.5", spp=1)
+    service.wait_for(job, "finished")
+    assert sorted(parse_frames("10-14x2,0.5")) == list(frames_of(service, job)) == [0.5, 10, 12, 14]
+    assert service.http.get(f"/api/jobs/{job}/frames/0.5/image.png").status_code == 200
+    assert service.http.get(f"/api/jobs/{job}/frames/11/image.png").status_code == 404
+    assert service.http.get(f"/api/jobs/{job}/frames/0.3/image.png").status_code == 422
+
+
+def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service: Service, worker: PeerWorker) -> None:
+    answer = worker.send
+    worker.send = lambda event, sums=None: None if event.get("frame") == 2 and "info" in event else answer(event, sums)  # type: ignore[method-assign]
+    job = shoot(service, service.ready_scene(), "0-2")
+    done = service.wait_for(job, "finished", 60)
+    assert done["shot"]["failed"] == "1"
+    assert "lost three times" in frames_of(service, job)[1]["error"]
+
+
+def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
+    service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
+    try:
+        with service.worker() as worker:
+            most = 0
+
+            def look(batch: RenderBatch) -> None:
+                nonlocal most
+                blobs = [path for path in (tmp_path / "data" / "blobs").glob("??/*") if path.stat().st_size == 1006]
+                most = max(most, len(blobs))
+                assert any(path.name == batch.compiled for path in blobs), "what is rendered is there"
+
+            def make(frame: float) -> bytes:
+                time.sleep(0.05)
+                return b"%06d" % frame + b"x" * 1000
+
+            worker.on_frame = make
+            worker.on_batch = look
+            job = shoot(service, service.ready_scene(), "0-19", order="breadth-first", spp=4)
+            service.wait_for(job, "finished", 60)
+            assert [digest(service, job, n) for n in range(20)] == [expected(n) for n in range(20)]
+            assert most < 12, "never all twenty"
+            assert len(worker.frames) > 20
+    finally:
+        service.stop()
+
+
+def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = shoot(service, service.ready_scene(), "0-9", spp=None, seconds=1.5)
+    done = service.wait_for(job, "finished")
+    assert done["shot"]["order"] == "breadth-first"
+    frames = frames_of(service, job).values()
+    least, most = min(frame["spp"] for frame in frames), max(frame["spp"] for frame in frames)
+    assert least >= 1
+    assert most <= 4 * least, "all have had their share"
+    assert {frame["state"] for frame in frames} == {"finished"}
+
+
+def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-2", spp=None, noise=0.5)
+    service.wait_for(job, "finished")
+    assert [frame["spp"] for frame in frames_of(service, job).values()] == [32, 32, 32], "the first look is enough"
+    assert all(0 < frame["noise"] < 0.5 for frame in frames_of(service, job).values())
+
+
+def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: Service, worker: PeerWorker) -> None:
+    job = shoot(service, service.ready_scene(), "0-3", spp=64, order="noisiest-first")
+    done = service.wait_for(job, "finished", 40)
+    assert 0.9 * 4 * 64 * 32 * 24 <= done["samples"] <= 4 * 64 * 32 * 24
+    assert done["shot"]["noise"] > 0
+    for number, frame in frames_of(service, job).items():
+        assert digest(service, job, number) == expected(number, int(frame["spp"]))
+
+
+def test_a_cancelled_shot_goes_on_with_the_kind_it_began_with(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = shoot(service, service.ready_scene(), "5-20", spp=8)
+    until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 2, "some frames are done")
+    cancelled = service.patch(job, state="cancelled")
+    assert cancelled["shot"]["states"]["finished"] >= 2
+    assert service.patch(job, state="running")["kind"] == "test-kind"
+    service.wait_for(job, "finished")
+    assert [digest(service, job, n) for n in range(5, 21)] == [expected(n, 8) for n in range(5, 21)]

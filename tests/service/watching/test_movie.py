@@ -1,0 +1,76 @@
+"""Film files as a player reads them: colours, size, speed and how they are tagged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from renderer.errors import SettingsError
+from service.watching.movie import MOVIES, is_movie, write_movie
+
+COLORS = [(220, 30, 40), (20, 200, 60), (40, 60, 230), (255, 255, 255), (0, 0, 0), (128, 128, 128)]
+
+
+def patches(shift: int = 0, width: int = 97, height: int = 65) -> np.ndarray:
+    """Vertical bars of plain colours, with sides that are not even."""
+    picture = np.zeros((height, width, 3), np.uint8)
+    for i in range(len(COLORS)):
+        picture[:, i * width // len(COLORS) : (i + 1) * width // len(COLORS)] = COLORS[(i + shift) % len(COLORS)]
+    return picture
+
+
+def shown(path: Path) -> list[np.ndarray]:
+    """The frames as a player shows them. FFmpeg reads no animated WebP."""
+    if path.suffix == ".webp":
+        with Image.open(path) as image:
+            return [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(image)]
+    with av.open(str(path)) as container:
+        frames = list(container.decode(container.streams.video[0]))
+        return [frame.reformat(format="rgb24").to_ndarray() for frame in frames]
+
+
+@pytest.mark.parametrize("kind", MOVIES)
+def test_a_film_shows_the_colours_that_went_in(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"out.{kind}"
+    assert write_movie(path, (patches(i) for i in range(6)), 12.0) == 6
+    found = shown(path)
+    assert len(found) == 6
+    for i, picture in enumerate(found):
+        for bar in range(len(COLORS)):
+            middle = picture[20:40, (2 * bar + 1) * 97 // 12].mean(axis=0)
+            np.testing.assert_allclose(middle, COLORS[(bar + i) % len(COLORS)], atol=6)
+
+
+@pytest.mark.parametrize("kind", MOVIES)
+def test_a_small_film_is_written_too(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"out.{kind}"
+    write_movie(path, (patches(i, 24, 16) for i in range(3)), 23.976)
+    assert [picture.shape for picture in shown(path)] == [(16, 24, 3)] * 3
+
+
+@pytest.mark.parametrize("kind", ["mp4", "webm"])
+def test_a_film_says_what_its_colours_and_its_speed_are(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"out.{kind}"
+    write_movie(path, (patches(i) for i in range(24)), 24.0)
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        frame = next(container.decode(stream))
+        assert (frame.width, frame.height, frame.format.name) == (98, 66, "yuv420p")
+        assert (int(frame.colorspace), int(frame.color_range)) == (1, 1), "BT.709, limited"
+        assert (int(frame.color_primaries), int(frame.color_trc)) == (1, 1)
+        assert stream.average_rate == 24
+        assert stream.codec_context.name in ({"mp4": ("h264",), "webm": ("libdav1d", "av1", "libaom-av1")}[kind])
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="no frame"):
+        write_movie(tmp_path / "out.mp4", iter(()), 24.0)
+
+
+def test_films_are_told_from_pictures_by_their_names() -> None:
+    assert is_movie("a.MP4")
+    assert not is_movie("a.png")

@@ -1,0 +1,174 @@
+"""Prepare frames of a shot: files are opened and pictures decoded once for all of them, and only what moves is compiled anew."""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+from renderer.cameras import camera_number
+from renderer.errors import RayfarmError
+from renderer.frames import frame_number
+from renderer.scene import compiled as compiled_file
+from renderer.scene.animation import Moment
+from renderer.scene.animation.orbit import orbit
+from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.description import SceneDescription
+from renderer.scene.load import Shot
+from renderer.scene.same import compiles_alike
+from renderer.settings import View
+from worker.bounded import Send, run_bounded
+from worker.context import WorkerContext
+from worker.contract import BlobRef, FrameInfo, Manifest, PrepareFrames
+from worker.errors import MachineError, WorkError, is_of_machine
+from worker.patience import patiently
+from worker.prepare import memory_budget, place_files
+from worker.render import mapped_scene
+
+__all__ = ["prepare_frames"]
+
+SECONDS = 600.0  # below Celery's task_time_limit
+PATIENCE_S = 60.0
+
+Answer = Callable[..., None]  # the type of an event, and more of it
+
+
+def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
+    """Prepare frames in their order, and answer for each as soon as what came of it is stored at the service.
+
+    Raises Trouble or RefusedError where the service or this machine cannot be used; what was answered stays.
+    """
+    open = list(work.frames)
+    stored: dict[str, BlobRef] = {}  # by the child's files
+
+    def take(message: dict[str, Any]) -> None:
+        frame = message["frame"]
+        if "failed" in message:
+            answer("frame-failed", frame=frame, error=message["failed"])
+        else:
+            path = message["file"] and Path(message["file"])
+            if path and str(path) not in stored:
+                stored[str(path)] = ref = patiently(lambda: worker.link.store(path), PATIENCE_S)
+                worker.cache.adopt(path, ref.sha256)
+                path.unlink()
+            info = FrameInfo(
+                stored[str(path)] if path else None, message["view"], message["defaults"], message["warnings"], message["seconds"]
+            )
+            answer("frame-prepared", frame=frame, info=asdict(info))
+        open.remove(frame)
+
+    base = patiently(lambda: mapped_scene(worker, work.base), PATIENCE_S)
+    try:
+        with tempfile.TemporaryDirectory(prefix="rayfarm-frames-") as name:
+            folder, out = Path(name) / "scene", Path(name) / "out"
+            out.mkdir()
+            place_files(worker, manifest, folder)
+            try:
+                run_bounded(
+                    lambda send: _work(folder, manifest, work, base, out, send),
+                    take,
+                    memory_bytes=memory_budget(),
+                    seconds=SECONDS,
+                    faults=(RayfarmError,),
+                    subject=manifest.main,
+                )
+            except WorkError as error:
+                if not open:
+                    return
+                answer("frame-failed", frame=open[0], error=str(error))  # it was at this one; the others may be better
+                answer("frames-returned", error=str(error))
+    except OSError as error:
+        if not is_of_machine(error):
+            raise
+        raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
+
+
+def _work(folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path, send: Send) -> dict[str, Any]:
+    """In the bounded child: says of each frame what came of it, or under `failed` why nothing did."""
+    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
+    begun = time.monotonic()
+    stage = _Stage(shot, work, base, out)
+    for frame in work.frames:
+        try:
+            said = stage.at(Moment(frame_number(frame), work.fps, work.clip))
+        except RayfarmError as error:
+            said = {"failed": str(error)}  # an `error` would end the child
+        now = time.monotonic()
+        send({"frame": frame, "seconds": now - begun, **said})
+        begun = now
+    return {}
+
+
+class _Stage:
+    """A scene over time. What it is at a moment does not depend on the moments asked for before."""
+
+    def __init__(self, shot: Shot, work: PrepareFrames, base: CompiledScene, out: Path) -> None:
+        self._shot = shot
+        self._work = work
+        self._base = base
+        self._out = out
+        self._start = shot.at(Moment(shot.start))
+        self._last: tuple[SceneDescription, CompiledScene, Path | None] = self._start, base, None
+        self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
+        self._still: SceneDescription | None = None  # what does not move is read once
+
+    def at(self, moment: Moment) -> dict[str, Any]:
+        """What is to be said of a frame. Raises SceneError, and SettingsError where its view cannot be."""
+        read = self._still or self._shot.at(moment)
+        self._still = None if read.moves else read
+        described, compiled, file = self._compiled(read, moment)
+        view = self._view(described, compiled)
+        if self._work.turntable is not None:
+            view = orbit(view, moment.seconds(described.fps) / self._work.turntable, described.up)
+        return {
+            "file": file and str(file),
+            "view": asdict(view),
+            "defaults": dict(described.defaults),
+            "warnings": list(described.warnings),
+        }
+
+    def _compiled(self, read: SceneDescription, moment: Moment) -> tuple[SceneDescription, CompiledScene, Path | None]:
+        """The description, what it compiles to, and the file of that; None where that is the base's."""
+        for known, compiled, file in ((self._start, self._base, None), self._last):
+            if compiles_alike(read, known):
+                return read, compiled, file
+        untouched = _untouched(read)
+        compiled = compile_scene(read)
+        file = self._out / f"{moment.frame:g}.safetensors"
+        compiled_file.save(compiled, file)
+        self._last = untouched, compiled, file
+        return read, compiled, file
+
+    def _view(self, description: SceneDescription, compiled: CompiledScene) -> View:
+        """The view that the request names: its own, or a camera of the scene as it stands at the moment."""
+        if self._work.view is not None:
+            return View.from_json(_given(self._work.view))
+        cameras = own_cameras(description, compiled)
+        number = camera_number([*(c.name for c in cameras), AUTO_CAMERA], self._work.camera)
+        return cameras[number].view if number < len(cameras) else self._auto_view()
+
+    def _auto_view(self) -> View:
+        """The camera that frames the scene stands as it does at the beginning; of another clip, at its own."""
+        if self._auto is None:
+            read = self._shot.at(Moment(self._shot.start, self._work.fps, self._work.clip))
+            if compiles_alike(read, self._start):
+                self._auto = View.from_json(_given(self._work.base_auto))
+            else:
+                self._auto = View.from_json(summarise(read, compile_scene(read))["cameras"][-1]["view"])
+        return self._auto
+
+
+def _untouched(description: SceneDescription) -> SceneDescription:
+    """A copy that compiling the description leaves as it is: that may add to its lists, and changes nothing in them."""
+    held = {f.name: getattr(description, f.name) for f in fields(description)}
+    copied: dict[str, Any] = {name: copy.copy(value) for name, value in held.items() if isinstance(value, list | dict)}
+    return replace(description, **copied)
+
+
+def _given(view: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in view.items() if value is not None}
