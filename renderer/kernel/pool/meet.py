@@ -33,7 +33,7 @@ from renderer.kernel.pool.lists import (
 from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, time_of, write
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
-from renderer.kernel.pool.ways import BLOCKED, set_out, three
+from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three
 from renderer.wide.values import as_floats, as_wide, nil, where3
 
 __all__ = ["meet", "see_lights"]
@@ -54,10 +54,10 @@ def meet(scene, alone, stack, pool, lists):
     for k in range(0, count, 8):
         rows = eight(lists, ACTIVE, k)
         ray, hit = read(pool, rows, RAY), read(pool, rows, HIT)
-        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]))
         zero = nil(ray[0])
+        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), zero + _INF)
         nobody = as_floats(as_wide(_NOBODY, zero))
-        write(pool, rows, HIT, (zero + _INF, zero, zero, nobody, nobody, hit[5], hit[6], hit[7]))
+        write(pool, rows, HIT, (zero, zero, zero, nobody, nobody, hit[5], hit[6], hit[7]))
     for k in range(count):
         put(lists, NODES, np.uintp(k), row(lists, ACTIVE, k))
     cut(lists, NODES, np.uintp(count))
@@ -67,6 +67,7 @@ def meet(scene, alone, stack, pool, lists):
     missed, on_triangles, on_spheres = np.uintp(0), np.uintp(0), np.uintp(0)
     for k in range(count):
         path = row(lists, ACTIVE, k)
+        pool[at(path, HIT)] = pool[at(path, BEST)]
         primitive = load_int(pool, at(path, _PRIMITIVE))
         put(lists, MISSED, missed, path)
         put(lists, TRIANGLES, on_triangles, path)
@@ -101,7 +102,7 @@ def _light(scene, alone, stack, pool, lists, options):
         rows = eight(lists, WAITING, k)
         way = read(pool, rows, SHADOW)
         start, end = (way[0], way[1], way[2]), (way[3], way[4], way[5])
-        set_out(pool, rows, start, vec.sub(end, start))
+        set_out(pool, rows, start, vec.sub(end, start), nil(way[0]))
     for k in range(count):
         put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
     cut(lists, NODES, np.uintp(count))

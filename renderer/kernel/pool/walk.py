@@ -58,6 +58,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _LANE = np.int32(WIDTH - 1)  # of a key: the lane
 _LEAF_KIND = np.int32(3)
+_NEARBY = 128  # nodes that the first cache holds: of fewer, nothing needs to be fetched beforehand
 _1, _2 = np.uintp(1), np.uintp(2)
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
@@ -91,11 +92,12 @@ def boxes(node, base, pool, path, t_max):
 @device
 def go_on(bvh, pool, lists, number, path, child, top, over):
     """Puts a ray on the list of what it does next; over: nothing."""
-    node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)
-    packet = address(bvh.packet, np.uintp(~child >> 2) * _PACKET)
-    there = select(child >= np.int32(0), node, packet)
-    for line in range(4):
-        fetch(there + np.uintp(64 * line))
+    if len(bvh.node) > _NEARBY:
+        node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)
+        packet = address(bvh.packet, np.uintp(~child >> 2) * _PACKET)
+        there = select(child >= np.int32(0), node, packet)
+        for line in range(4):
+            fetch(there + np.uintp(64 * line))
     store_int(pool, path + CHILD, child)
     store_int(pool, path + TOP, np.int32(top))
     leaf = select((~child & _LEAF_KIND) == np.int32(0), _PACKETS, _OTHERS)
@@ -231,7 +233,8 @@ def _look_into_others(bvh, motion, alone, pool, stack, lists):
 
 @device
 def walk(bvh, motion, alone, pool, stack, lists):
-    """The nearest hits of the rays on the list NODES, which have been set out (ways.py): into their rows' group HIT.
+    """The nearest hits of the rays on the list NODES, which have been set out (ways.py): into their rows' group HIT, and how far
+    they are into BEST.
 
     motion: of renderer/arrays/has.py; alone: from `new_stack`, for rays that go by themselves; stack: from `new_ways`.
     """

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from renderer.bvh.layout import MAX_LEVELS, WIDTH
 from renderer.bvh.simd import load_int
 from renderer.jit import device
-from renderer.kernel.pool.rows import HIT, ROWS, WAY, line_floats, write
+from renderer.kernel.pool.rows import ROWS, WAY, line_floats, write
 from renderer.wide.values import as_floats, as_wide, nil, where
 
 __all__ = [
@@ -44,8 +44,8 @@ PLANES = WAY + np.uintp(11)  # which rows of a node hold the near planes 3: thei
 AXES = WAY + np.uintp(14)  # of the watertight test (renderer/bvh/packet.py): which rows of a corner are x, y, z 3
 SHEAR = WAY + np.uintp(17)  # 3
 ORIGIN = WAY + np.uintp(20)  # by the same axes 3
-BLOCKED = WAY + np.uintp(23)  # of a shadow ray: whether something lies on its way
-BEST = HIT  # how far the nearest hit is so far
+BEST = WAY + np.uintp(23)  # how far the nearest hit is so far,
+BLOCKED = BEST  # or of a shadow ray: whether something lies on its way
 
 # The stack holds one entry a level and ray, those of all rays of one level side by side: rays are mostly on few levels. An entry:
 # the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
@@ -107,8 +107,10 @@ def _planes(inverse, axis):
 
 
 @device
-def set_out(pool, rows, o, d):
-    """Puts eight rays at the root of the tree: their rows, u32x8, and where they begin and go, three f32x8 each."""
+def set_out(pool, rows, o, d, best):
+    """Puts eight rays at the root of the tree: their rows, u32x8, and where they begin and go, three f32x8 each; what
+    BEST, or BLOCKED, is to begin with, f32x8.
+    """
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
@@ -129,4 +131,4 @@ def set_out(pool, rows, o, d):
     top = as_floats(rows * np.uint32(_ENTRY))
     write(pool, rows, WAY, (x[0], y[0], z[0], x[1], y[1], z[1], top, zero))
     write(pool, rows, WAY + np.uintp(8), (x[2], y[2], z[2], *planes, kx, ky))
-    write(pool, rows, WAY + np.uintp(16), (kz, sx, sy, scale, ox, oy, oz, zero))
+    write(pool, rows, WAY + np.uintp(16), (kz, sx, sy, scale, ox, oy, oz, best))

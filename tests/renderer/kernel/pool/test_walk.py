@@ -17,7 +17,7 @@ from renderer.kernel.pool.lists import ENDED, LIST_SIZE, LISTS, NODES, append, c
 from renderer.kernel.pool.rows import HIT, RAY, ROW, ROWS, SHADOW, at, line_floats, read, write
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
-from renderer.kernel.pool.ways import BLOCKED, new_ways, set_out
+from renderer.kernel.pool.ways import BEST, BLOCKED, new_ways, set_out
 from renderer.wide.values import as_floats, as_wide, nil
 from tests.renderer.builders import icosphere
 from tests.renderer.bvh.rays import Hits, trace
@@ -36,14 +36,15 @@ def _together(bvh, alone, stack, pool, lists, count, out):
     for k in range(0, pad(lists, NODES), 8):
         rows = eight(lists, NODES, k)
         ray = read(pool, rows, RAY)
-        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]))
         none = nil(ray[0])
+        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), none + _INF)
         nobody = as_floats(as_wide(_NOBODY, none))
-        write(pool, rows, HIT, (none + _INF, none, none, nobody, nobody, none, none, none))
+        write(pool, rows, HIT, (none, none, none, nobody, nobody, none, none, none))
     walk(bvh, None, alone, pool, stack, lists)
     for k in range(count):
-        for column in range(3):
-            out[k, column] = pool[at(k, HIT + np.uintp(column))]
+        out[k, 0] = pool[at(k, BEST)]
+        out[k, 1] = pool[at(k, HIT + np.uintp(1))]
+        out[k, 2] = pool[at(k, HIT + np.uintp(2))]
         out[k, 3] = load_int(pool, at(k, HIT + np.uintp(3)))
         out[k, 4] = load_int(pool, at(k, HIT + np.uintp(4)))
     return length(lists, ENDED)
@@ -59,7 +60,7 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
         rows = eight(lists, NODES, k)
         ends = read(pool, rows, SHADOW)
         start = (ends[0], ends[1], ends[2])
-        set_out(pool, rows, start, vec.sub((ends[3], ends[4], ends[5]), start))
+        set_out(pool, rows, start, vec.sub((ends[3], ends[4], ends[5]), start), nil(ends[0]))
     walk_in_shade(bvh, None, alone, pool, stack, lists)
     for k in range(count):
         out[k] = pool[at(k, BLOCKED)]
