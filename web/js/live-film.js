@@ -3,6 +3,7 @@
 import { putJob, setLink } from "./farm.js";
 import { Film } from "./film.js";
 import { Live } from "./live.js";
+import { firstFrame } from "./shot/shot-words.js";
 import { showError } from "./tray.js";
 
 /** @typedef {import("./types.js").Job} Job */
@@ -12,6 +13,8 @@ export class LiveFilm {
   /** @param {Job} job of known size */
   constructor(job) {
     this.job = job.id;
+    /** Which of its pictures this is. */
+    this.frame = firstFrame(job);
     /** Whether no more samples are to come. */
     this.finished = job.state === "finished";
     this.film = new Film(job.width ?? 1, job.height ?? 1);

@@ -15,6 +15,7 @@ import { outlinesOf } from "./tile-outlines.js";
  * @property {HTMLElement} element
  * @property {HTMLElement} statusBar
  * @property {import("./film-view.js").FilmView | null} view null where this browser cannot show a film
+ * @property {LiveFilm} live
  * @property {import("./film.js").Film} film
  * @property {(job: Job) => void} update
  * @property {() => void} renew fetches what is shown anew where it is older than the film
@@ -64,6 +65,7 @@ export function livePicture(job, display, life, changed) {
     element: stage.element,
     statusBar: stage.statusBar,
     view: stage.view,
+    live,
     film: live.film,
     update(next) {
       latest = next;

@@ -86,13 +86,13 @@ export class PictureSide {
     try {
       if (channel === DENOISED) {
         const { width, height } = this.live.film;
-        const { words, samples } = await fetchWords(this.live.job, { denoise: "true" }, signal);
+        const { words, samples } = await fetchWords(this.live, { denoise: "true" }, signal);
         if (signal.aborted) return;
         this.madeOf = samples;
         this.denoised = new Film(width, height, words);
         this.layer.setFilm(this.denoised);
       } else {
-        const { image, samples } = await fetchImage(this.live.job, { aov: channel }, signal);
+        const { image, samples } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();
         this.madeOf = samples;
         this.layer.setImage(image);

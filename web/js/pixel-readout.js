@@ -88,7 +88,7 @@ export class PixelReadout {
   async ask(at, channel) {
     this.asking = new AbortController();
     try {
-      const pixel = await getPixel(this.side.live.job, at.x, at.y, this.asking.signal);
+      const pixel = await getPixel(this.side.live, at.x, at.y, this.asking.signal);
       this.show(textsOf(pixel, channel), pixel.samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.

@@ -75,8 +75,8 @@ function open(page, job, life) {
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
   };
   const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
-  const save = savePanel(job, display);
   const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right));
+  const save = savePanel(job, display, () => picture.live);
   const actions = actionsPanel();
   const progress = progressPanel();
   const chip = stateChip(job.state);
