@@ -48,9 +48,10 @@ export function livePicture(job, display, life, changed, frame) {
   let latest = job;
   const outline = () => {
     const on = display.value.outlines && latest.state === "running";
-    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], job.id) : []);
+    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], live) : []);
   };
   life.add(workers.subscribe(outline));
+  life.add(live.onTurn(outline));
   life.add(
     display.subscribe((look) => {
       const denoised = look.denoise !== "off" && look.channel === "";

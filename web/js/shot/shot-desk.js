@@ -75,10 +75,10 @@ export function shotDesk(job, picture, display, life) {
     }, URL_MS);
   };
 
-  let began = false;
+  let began = false; // a store tells at once what it holds
   life.add(
     frames.current.subscribe(() => {
-      if (!began) return void (began = true);
+      if (!began) return;
       show();
       if (player.playing.value) return;
       const now = performance.now();
@@ -102,6 +102,7 @@ export function shotDesk(job, picture, display, life) {
       }
     }),
   );
+  began = true;
   life.add(frames.range.subscribe(() => (memory.replan(), memory.fill(), bar.showLoaded())));
   life.add(frames.numbers.subscribe(() => (memory.replan(), memory.fill())));
   life.add(addShortcuts(shotKeys(frames, player, panel.renderFirst)));

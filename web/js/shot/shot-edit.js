@@ -7,6 +7,7 @@ import { icon } from "../icons.js";
 import { change } from "../job-panel.js";
 import { settingOf } from "../settings-table.js";
 import { parseFrames } from "./frame-numbers.js";
+import { partText } from "./shot-save.js";
 
 /** @typedef {import("../types.js").Job} Job */
 /** @typedef {import("../api.js").JobChange} JobChange */
@@ -66,9 +67,7 @@ export function shotEdit(job, frames, life) {
   let typed = false;
   part.addEventListener("input", () => (typed = part.value !== ""));
   const suggest = () => {
-    const { value } = frames.numbers;
-    const [from, to] = frames.part;
-    if (!typed) part.value = frames.range.value ? `${value[from]}-${value[to]}` : String(frames.current.value);
+    if (!typed) part.value = frames.range.value ? partText(frames) : String(frames.current.value);
     part.dispatchEvent(new Event("check"));
   };
   life.add(frames.range.subscribe(suggest));

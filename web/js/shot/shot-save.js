@@ -32,7 +32,7 @@ export function shotSave(job, display, frames, life) {
       /** @type {Record<string, string | number>} */
       const query = { ...(format && { format }), ...(format !== "exr" && { exposure, tonemap: curve }), ...(part && { frames: part }) };
       anchor.href = shotUrl(job.id, file, query);
-      anchor.download = `${plainName(job)}${part ? `-${part}` : ""}${format ? `-${format}` : ""}.${file.split(".")[1]}`;
+      anchor.download = `${plainName(job)}${part ? `-${part}` : ""}.${file.split(".")[1]}`;
     };
     for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
     aim();
