@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 import zipfile
 from collections.abc import Callable
@@ -71,7 +70,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
     page.goto(f"{farm.url}/#/jobs/{job}")
     expect(page.get_by_role("region", name="Progress")).to_contain_text("of 8 frames")
     expect(page.locator(".frame-cell")).to_have_count(8)
-    expect(cell(page, 5)).to_have_attribute("aria-label", re.compile("^Frame 5 finished"))
+    expect(cell(page, 5)).to_have_accessible_name(re.compile("^Frame 5 finished"))
     expect(page.locator(".frame-picture img:visible")).to_have_count(8)
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/{n}/image.exr", tmp_path) for n in range(8)]
     assert np.abs(films[0] - films[5]).max() > 0.1, "the frames differ, or this test says nothing"
@@ -124,7 +123,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
     with page.expect_download() as download:
         page.get_by_role("link", name="MP4").click()
     assert download.value.suggested_filename == "shot.mp4"
-    with av.open(io.BytesIO(download.value.path().read_bytes())) as movie:
+    with av.open(str(download.value.path())) as movie:
         assert movie.streams.video[0].average_rate == 16
         assert len(list(movie.decode(video=0))) == 8
 
@@ -154,12 +153,17 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     job = asked(farm, scene, frames="0-3", spp=1)
     wait_until(finished(farm, job), 120, "the others are finished")
     page.goto(f"{farm.url}/#/jobs/{job}")
-    expect(cell(page, 2)).to_have_attribute("aria-label", re.compile(r"^Frame 2 failed: .*smoke"))
+    expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"))
     cell(page, 2).click()
     panel = page.get_by_role("region", name="Frame", exact=True)
     expect(panel).to_contain_text("smoke")
     expect(page.get_by_role("button", name="Try 1 failed frame again")).to_be_visible()
     expect(page.get_by_role("region", name="Progress")).to_contain_text("of 4 frames, 1 failed")
+
+    page.get_by_role("button", name="Try this frame again").click()
+    wait_until(lambda: told(farm, job)["shot"]["first"] == 2, 10, "it is tried first")
+    expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"), timeout=30_000)
+    expect(page.get_by_role("alert").filter(visible=True)).to_have_count(0)
 
     other = asked(farm, scene, frames="0,1,3", spp=16000)
     httpx.patch(f"{farm.url}/api/jobs/{other}", json={"state": "paused"}).raise_for_status()
@@ -211,7 +215,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
     expect(cell(page, 1999)).to_be_in_viewport()
     assert 2 < page.locator(".frame-cell").count() < 30
     active = page.get_by_role("listbox").get_attribute("aria-activedescendant")
-    expect(page.locator(f"[id='{active}']")).to_have_attribute("aria-label", "Frame 1999 is rendered, 50 %")
+    expect(page.locator(f"[id='{active}']")).to_have_accessible_name("Frame 1999 is rendered, 50 %")
 
 
 def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:

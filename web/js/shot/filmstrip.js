@@ -128,10 +128,12 @@ function makeCell(number, place, count) {
   const state = h("span", { class: "frame-state" });
   const noise = h("span", { class: "frame-noise" });
   const bar = h("div", { class: "frame-bar" }, h("div"));
+  const name = h("span", { class: "visually-hidden" });
   const element = h(
     "div",
     { class: "frame-cell", role: "option", "aria-setsize": String(count), "aria-posinset": String(place + 1) },
-    h("div", { class: "frame-picture" }, image, state),
+    name,
+    h("div", { class: "frame-picture", "aria-hidden": "true" }, image, state),
     bar,
     h("div", { class: "frame-words number", "aria-hidden": "true" }, h("span", null, number), noise),
   );
@@ -149,7 +151,7 @@ function makeCell(number, place, count) {
       const sentence = frameSentence(number, frame);
       if (sentence === shown) return;
       shown = sentence;
-      element.setAttribute("aria-label", sentence);
+      setText(name, sentence);
       element.title = frame?.error ?? "";
       element.classList.toggle("failed", frame?.state === "failed");
       element.classList.toggle("running", frame?.state === "running");
