@@ -34,7 +34,7 @@ router = APIRouter(prefix="/api/jobs/{id}", tags=["frames"])
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 LOOK_EVERY_S = 1.0
 DEFAULT_FPS = 24.0
-Frames = Query(None, max_length=10_000, description="these alone, as 10-20 or 7,9")
+Frames = Query(None, max_length=2000, description="these alone, as 10-20 or 7,9")
 Exposure = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")
 Curve = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg")
 
