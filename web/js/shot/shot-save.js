@@ -16,6 +16,9 @@ const FILES = /** @type {const} */ ([
   ["frames.zip", "EXRs", "The finished frames in a zip: scene-linear floats, untouched by exposure and curve", "exr"],
 ]);
 
+/** Characters in an address. */
+const LONGEST = 1000;
+
 /**
  * @param {Job} job
  * @param {import("../store.js").Store<import("../display-panel.js").Display>} display
@@ -28,7 +31,7 @@ export function shotSave(job, display, frames, life) {
     // The address is made when it is used: exposure, curve and the part that is played are those of that moment.
     const aim = () => {
       const { exposure, curve } = display.value;
-      const part = frames.range.value && partText(frames);
+      const part = frames.range.value && partAddress(frames);
       /** @type {Record<string, string | number>} */
       const query = { ...(format && { format }), ...(format !== "exr" && { exposure, tonemap: curve }), ...(part && { frames: part }) };
       anchor.href = shotUrl(job.id, file, query);
@@ -46,6 +49,20 @@ export function shotSave(job, display, frames, life) {
     }),
   );
   return element;
+}
+
+/**
+ * The part that is played as an address has it. One with many gaps is told by its ends: of what it names, files have what there is.
+ *
+ * @param {ShotFrames} frames
+ */
+function partAddress(frames) {
+  const text = partText(frames);
+  if (text.length < LONGEST) return text;
+  const { value } = frames.numbers;
+  const [from, to] = frames.part;
+  const halves = value.slice(from, to + 1).some((number) => !Number.isInteger(number));
+  return `${value[from]}-${value[to]}${halves ? "x0.5" : ""}`;
 }
 
 /** The part that is played, as text. @param {ShotFrames} frames */
