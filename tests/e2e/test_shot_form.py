@@ -67,6 +67,10 @@ def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
     assert submitted(page) == STILL
     page.get_by_label("Frame", exact=True).fill("12.5")
     assert submitted(page) == {**STILL, "frame": 12.5}
+    expect(page.get_by_label("Moment")).to_have_attribute("max", "50")
+    page.get_by_label("Moment").fill("40")
+    expect(page.get_by_label("Frame", exact=True)).to_have_value("40")
+    assert submitted(page) == {**STILL, "frame": 40}
 
 
 def test_what_does_not_move_is_turned_about(page: Page) -> None:

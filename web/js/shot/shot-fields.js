@@ -38,7 +38,14 @@ export function shotFields(scene, like, changed) {
   explain(framesField, "Frames", [frames]);
   const everyField = field("Every", every);
   const turnField = field("Once around, s", turn, setting("turntable").help);
-  const stillField = field("Frame", moment, "The moment that is shown; halves are frames too.");
+  const stillField = field("Frame", moment, "The moment that is shown; halves are frames too. Turn the view to see it while you choose.");
+  const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": "Moment" });
+  stillField.append(scrub);
+  moment.addEventListener("input", () => (scrub.value = moment.value));
+  scrub.addEventListener("input", () => {
+    moment.value = scrub.value;
+    moment.dispatchEvent(new Event("change", { bubbles: true })); // the view in the hand follows at once
+  });
   const shotPart = h(
     "div",
     { class: "stack" },
@@ -59,6 +66,9 @@ export function shotFields(scene, like, changed) {
     return typeof found === "string" ? [] : found;
   };
   const refill = () => {
+    const found = parseFrames(whole());
+    if (typeof found !== "string") scrub.max = String(found.at(-1) ?? 1);
+    scrub.value = moment.value;
     if (!typed) frames.value = whole();
     check();
   };
