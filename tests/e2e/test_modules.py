@@ -86,7 +86,7 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
         const news = [];
         await new Promise((done) => {
             setTimeout(done, 15000);
-            new m.Live("abc", {
+            new m.Live("abc", 0, {
                 tile(tile) { news.push(["tile", tile.spp]); if (tile.spp === 20) done(); },
                 message(message) { news.push(["state", message.job.id]); },
                 link(up) { news.push(["link", up]); },

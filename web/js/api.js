@@ -7,6 +7,19 @@
 /** @typedef {import("./types.js").Info} Info */
 /** @typedef {import("./types.js").Example} Example */
 /** @typedef {import("./types.js").PixelValue} PixelValue */
+/** @typedef {import("./types.js").Frame} Frame */
+
+/**
+ * @typedef {object} JobChange of frames as text: 10-20 or 7,9
+ * @property {"running" | "paused" | "cancelled"} [state]
+ * @property {number} [spp]
+ * @property {number} [more]
+ * @property {string} [frames] that spp or more are for
+ * @property {string} [extend]
+ * @property {string} [again]
+ * @property {number} [first] -1: none
+ * @property {string} [order]
+ */
 
 export class ApiError extends Error {
   /**
@@ -90,8 +103,11 @@ export const getJob = (id) => call("GET", `/jobs/${id}`);
 export const createJob = (request, idempotencyKey) =>
   call("POST", "/jobs", { json: request, headers: { "Idempotency-Key": idempotencyKey } });
 
-/** @param {string} id @param {{state?: "running" | "paused" | "cancelled", more?: number}} change @returns {Promise<Job>} */
+/** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
+
+/** @param {string} id @returns {Promise<Frame[]>} */
+export const getFrames = (id) => call("GET", `/jobs/${id}/frames`);
 
 /** @param {string} id @returns {Promise<void>} */
 export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
@@ -108,36 +124,53 @@ export const getExamples = () => call("GET", "/examples");
 /** @param {string} name @returns {Promise<Scene>} the scene that the example became */
 export const openExample = (name) => call("POST", `/examples/${encodeURIComponent(name)}`);
 
+/** A picture of a job. @typedef {{job: string, frame: number}} Place */
+
 /**
- * @param {string} job
+ * @param {Place} place
  * @param {number} x
  * @param {number} y
  * @param {AbortSignal} signal
  * @returns {Promise<PixelValue>}
  */
-export const getPixel = (job, x, y, signal) => call("GET", `/jobs/${job}/frames/0/pixel?x=${x}&y=${y}`, { signal });
+export const getPixel = ({ job, frame }, x, y, signal) =>
+  call("GET", `/jobs/${job}/frames/${frame}/pixel?x=${x}&y=${y}`, { signal });
 
 /** @param {string} scene */
 export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
- * @param {string} job
+ * @param {Place} place
  * @param {"png" | "exr" | "jpg" | "rgb9e5"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
-export function imageUrl(job, format, query = {}) {
+export function imageUrl({ job, frame }, format, query = {}) {
+  return `api/jobs/${job}/frames/${frame}/image.${format}${queryText(query)}`;
+}
+
+/** @param {Record<string, string | number>} query */
+function queryText(query) {
   const text = new URLSearchParams(Object.entries(query).map(([k, v]) => [k, String(v)])).toString();
-  return `api/jobs/${job}/frames/0/image.${format}${text ? `?${text}` : ""}`;
+  return text && `?${text}`;
 }
 
 /**
+ * Many frames in one file.
+ *
  * @param {string} job
+ * @param {"frames.zip" | "movie.mp4" | "movie.webm"} file
+ * @param {Record<string, string | number>} query
+ */
+export const shotUrl = (job, file, query) => `api/jobs/${job}/${file}${queryText(query)}`;
+
+/**
+ * @param {Place} place
  * @param {Parameters<typeof imageUrl>[1]} format
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
  */
-async function fetchPicture(job, format, query, signal) {
-  const response = await fetch(imageUrl(job, format, query), { signal });
+async function fetchPicture(place, format, query, signal) {
+  const response = await fetch(imageUrl(place, format, query), { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response;
 }
@@ -145,13 +178,13 @@ async function fetchPicture(job, format, query, signal) {
 /**
  * A plane of the film as a picture to look at, and how many samples of all pixels together it was made of.
  *
- * @param {string} job
+ * @param {Place} place
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
  * @returns {Promise<{image: ImageBitmap, samples: number}>}
  */
-export async function fetchImage(job, query, signal) {
-  const response = await fetchPicture(job, "png", query, signal);
+export async function fetchImage(place, query, signal) {
+  const response = await fetchPicture(place, "png", query, signal);
   const options = /** @type {const} */ ({ colorSpaceConversion: "none", premultiplyAlpha: "none" });
   return { image: await createImageBitmap(await response.blob(), options), samples: samplesOf(response) };
 }
@@ -159,13 +192,13 @@ export async function fetchImage(job, query, signal) {
 /**
  * A picture as linear light: RGB9E5 words, rows from the top, and how many samples it was made of.
  *
- * @param {string} job
+ * @param {Place} place
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
  * @returns {Promise<{words: Uint32Array, samples: number}>}
  */
-export async function fetchWords(job, query, signal) {
-  const response = await fetchPicture(job, "rgb9e5", query, signal);
+export async function fetchWords(place, query, signal) {
+  const response = await fetchPicture(place, "rgb9e5", query, signal);
   return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response) };
 }
 

@@ -54,7 +54,8 @@ export function explain(element, label, inputs) {
 }
 
 /** @param {HTMLInputElement} input @param {string} label @returns {string} a sentence */
-function problemOf({ validity, min, max }, label) {
+function problemOf({ validity, validationMessage, min, max }, label) {
+  if (validity.customError) return validationMessage;
   if (validity.badInput) return `${label}: this is not a number.`;
   if (validity.valueMissing) return `${label} needs a number.`;
   if (validity.stepMismatch) return `${label} is a whole number.`;

@@ -49,7 +49,7 @@ export class FilmCanvas {
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.build();
-      for (const layer of this.layers) layer.upload();
+      for (const layer of this.layers) layer.restore();
     });
   }
 

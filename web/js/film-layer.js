@@ -17,6 +17,8 @@ export class FilmLayer {
     this.image = null;
     /** @type {WebGLTexture | null} */
     this.texture = null;
+    /** What the texture has room for. */
+    this.room = "";
   }
 
   /** @returns {{width: number, height: number} | null} of what is shown */
@@ -48,17 +50,20 @@ export class FilmLayer {
     this.changed();
   }
 
-  /** Makes the texture anew; also after a lost context. */
+  /** The context was lost, and the texture with it. */
+  restore() {
+    this.room = "";
+    this.upload();
+  }
+
+  /** Fills the texture; a new one where the old one is of another size. */
   upload() {
     const { gl, film, image } = this;
-    gl.deleteTexture(this.texture);
-    this.texture = null;
+    this.makeRoom(image ? gl.RGBA8 : gl.RGB9_E5, image ?? film);
     if (image) {
-      this.texture = this.newTexture(gl.RGBA8, image);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, image);
     } else if (film) {
       const { width, height, words } = film;
-      this.texture = this.newTexture(gl.RGB9_E5, film);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, words);
     }
     this.changed();
@@ -66,16 +71,25 @@ export class FilmLayer {
 
   /**
    * @param {GLenum} format
-   * @param {{width: number, height: number}} size
+   * @param {{width: number, height: number} | null} size null: for nothing
    */
-  newTexture(format, { width, height }) {
+  makeRoom(format, size) {
     const { gl } = this;
-    const texture = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, texture);
+    const room = size ? `${format} ${size.width} ${size.height}` : "";
+    if (room && room === this.room) {
+      gl.bindTexture(gl.TEXTURE_2D, this.texture);
+      return;
+    }
+    gl.deleteTexture(this.texture);
+    this.texture = null;
+    this.room = room;
+    if (!size) return;
+    this.texture = gl.createTexture();
+    const { width, height } = size;
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
     gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-    return texture;
   }
 
   dropImage() {

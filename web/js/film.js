@@ -38,6 +38,25 @@ export class Film {
   }
 
   /**
+   * Begins anew: black, or with another picture in its place until there are samples.
+   *
+   * @param {Film | null} [other] of any size
+   */
+  restart(other = null) {
+    this.samples.fill(0);
+    this.total = 0;
+    if (!other) {
+      this.words.fill(0);
+      return;
+    }
+    for (let y = 0; y < this.height; y++) {
+      const row = Math.floor((y * other.height) / this.height) * other.width;
+      for (let x = 0; x < this.width; x++)
+        this.words[y * this.width + x] = other.words[row + Math.floor((x * other.width) / this.width)] ?? 0;
+    }
+  }
+
+  /**
    * @param {number} x
    * @param {number} y
    */

@@ -6,7 +6,8 @@ import { putJob } from "./farm.js";
 import { clock, compact, count, plural } from "./format.js";
 import { command } from "./hints.js";
 import { icon } from "./icons.js";
-import { settingOf, valueText } from "./settings-table.js";
+import { endOf, settingOf, valueText } from "./settings-table.js";
+import { framesDone, isShot } from "./shot/shot-words.js";
 import { progressBar } from "./state-chip.js";
 import { showError } from "./tray.js";
 
@@ -88,7 +89,7 @@ export function progressPanel() {
       latest = job;
       heard = performance.now();
       const pixels = (job.width ?? 1) * (job.height ?? 1);
-      setText(samples, count(Math.floor(job.samples / pixels)));
+      setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : count(Math.floor(job.samples / pixels)));
       setText(of, goal(job));
       bar.update(job.progress, job.state);
       const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? job.samples / job.active_s : 0);
@@ -127,6 +128,7 @@ function badSentence({ bad_samples: n, frames }) {
 
 /** @param {Job} job what "12" samples are out of */
 function goal(job) {
+  if (isShot(job) && job.shot) return `${framesDone(job.shot).replace(/^[\d,]+ /, "")}, ${endOf(job)}`;
   if (job.noise != null) return `samples per pixel, until the noise is ${valueText(settingOf("work", "noise"), job.noise)}`;
   if (job.seconds != null) return `samples per pixel, for ${clock(job.seconds)}`;
   return `of ${count(job.spp ?? 0)} samples per pixel`;

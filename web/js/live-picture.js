@@ -15,6 +15,8 @@ import { outlinesOf } from "./tile-outlines.js";
  * @property {HTMLElement} element
  * @property {HTMLElement} statusBar
  * @property {import("./film-view.js").FilmView | null} view null where this browser cannot show a film
+ * @property {LiveFilm} live
+ * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
  * @property {import("./film.js").Film} film
  * @property {(job: Job) => void} update
  * @property {() => void} renew fetches what is shown anew where it is older than the film
@@ -25,10 +27,11 @@ import { outlinesOf } from "./tile-outlines.js";
  * @param {DisplayStore} display
  * @param {import("./store.js").Disposer} life
  * @param {(state: {left: SideState | null, right: SideState | null}) => void} changed what is fetched, or is not
+ * @param {number} [frame] of a shot
  * @returns {LivePicture}
  */
-export function livePicture(job, display, life, changed) {
-  const live = new LiveFilm(job);
+export function livePicture(job, display, life, changed, frame) {
+  const live = new LiveFilm(job, frame);
   life.add(() => live.dispose());
   const stage = pictureStage(live.film, life, {
     wiped: (wipe) => display.update((look) => ({ ...look, wipe })),
@@ -45,9 +48,10 @@ export function livePicture(job, display, life, changed) {
   let latest = job;
   const outline = () => {
     const on = display.value.outlines && latest.state === "running";
-    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], job.id) : []);
+    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], live) : []);
   };
   life.add(workers.subscribe(outline));
+  life.add(live.onTurn(outline));
   life.add(
     display.subscribe((look) => {
       const denoised = look.denoise !== "off" && look.channel === "";
@@ -64,6 +68,8 @@ export function livePicture(job, display, life, changed) {
     element: stage.element,
     statusBar: stage.statusBar,
     view: stage.view,
+    live,
+    side: () => stage.side(0),
     film: live.film,
     update(next) {
       latest = next;

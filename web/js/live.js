@@ -22,11 +22,13 @@ const SILENCE_MS = 20_000;
 export class Live {
   /**
    * @param {string} job
+   * @param {number} frame whose tiles are sent
    * @param {LiveHandlers} handlers
    */
-  constructor(job, handlers) {
+  constructor(job, frame, handlers) {
     this.handlers = handlers;
     this.job = job;
+    this.frame = frame;
     this.backoff = new Backoff();
     /** @type {WebSocket | null} */
     this.socket = null;
@@ -39,6 +41,7 @@ export class Live {
     const url = new URL(`api/jobs/${this.job}/live`, location.href);
     url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     url.hash = "";
+    url.search = `frame=${this.frame}`;
     return url;
   }
 
@@ -47,7 +50,9 @@ export class Live {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.lastHeard = performance.now();
+    const asked = this.frame;
     socket.onopen = () => {
+      if (this.frame !== asked) this.turnTo(this.frame);
       this.backoff.succeeded();
       this.handlers.link(true);
     };
@@ -71,6 +76,12 @@ export class Live {
       this.handlers.link(false);
       this.backoff.schedule(() => this.connect());
     };
+  }
+
+  /** From now on the tiles of another frame, first all of them. @param {number} frame */
+  turnTo(frame) {
+    this.frame = frame;
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ frame }));
   }
 
   checkSilence() {

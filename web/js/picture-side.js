@@ -13,6 +13,7 @@ import { Store } from "./store.js";
 
 /** What is stale is renewed at most this often. */
 const EVERY_MS = 3000;
+const SETTLE_MS = 300;
 
 /**
  * @typedef {object} SideState
@@ -36,7 +37,12 @@ export class PictureSide {
     /** How many samples the shown picture was made of; none is older than one that is not here. */
     this.madeOf = Infinity;
     this.fetching = new AbortController();
+    /** A frame that is played, in the place of the live one. @type {Film | null} */
+    this.played = null;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.settling = undefined;
+    this.unturn = live.onTurn(() => this.turned());
     this.unlisten = live.onTile((tile) => {
       layer.putTile(live.film, tile);
       const { channel, stale } = this.state.value;
@@ -48,6 +54,7 @@ export class PictureSide {
   /** The film whose values are seen; null where a plane is. */
   get film() {
     const { channel } = this.state.value;
+    if (this.played) return null; // its pixels are others
     return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
   }
 
@@ -72,9 +79,32 @@ export class PictureSide {
       this.state.set({ channel, waiting: false, stale: false, error: null });
       void this.fetch();
     } else {
+      this.played = null;
       this.layer.setFilm(this.live.film);
       this.state.set({ channel, waiting: false, stale: false, error: null });
     }
+  }
+
+  /** @param {Film | null} film shown instead of the live one; null: that again */
+  play(film) {
+    if (film === this.played) return;
+    this.played = film;
+    if (this.state.value.channel === "") this.layer.setFilm(film ?? this.live.film);
+  }
+
+  /** Another frame of the shot is shown. What is fetched of it waits until nobody goes on to the next. */
+  turned() {
+    const { channel } = this.state.value;
+    if (channel === "") {
+      if (this.played) this.play(null);
+      else this.layer.upload();
+      return;
+    }
+    this.fetching.abort();
+    this.madeOf = Infinity;
+    this.state.set({ channel, waiting: true, stale: false, error: null });
+    clearTimeout(this.settling);
+    this.settling = setTimeout(() => void this.fetch(), SETTLE_MS);
   }
 
   /** Fetches the channel as it is now; what is shown stays until it is here. */
@@ -86,13 +116,13 @@ export class PictureSide {
     try {
       if (channel === DENOISED) {
         const { width, height } = this.live.film;
-        const { words, samples } = await fetchWords(this.live.job, { denoise: "true" }, signal);
+        const { words, samples } = await fetchWords(this.live, { denoise: "true" }, signal);
         if (signal.aborted) return;
         this.madeOf = samples;
         this.denoised = new Film(width, height, words);
         this.layer.setFilm(this.denoised);
       } else {
-        const { image, samples } = await fetchImage(this.live.job, { aov: channel }, signal);
+        const { image, samples } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();
         this.madeOf = samples;
         this.layer.setImage(image);
@@ -106,6 +136,8 @@ export class PictureSide {
 
   dispose() {
     clearInterval(this.timer);
+    clearTimeout(this.settling);
+    this.unturn();
     this.fetching.abort();
     this.unlisten();
     this.layer.clear();

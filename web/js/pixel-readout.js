@@ -46,6 +46,7 @@ export class PixelReadout {
     );
     const unlisten = [
       side.state.subscribe(() => this.refresh()),
+      side.live.onTurn(() => this.refresh()),
       side.live.onTile(({ x, y, w, h }) => {
         const { at } = this;
         if (at && at.x >= x && at.y >= y && at.x < x + w && at.y < y + h) this.refresh();
@@ -74,7 +75,8 @@ export class PixelReadout {
   refresh() {
     clearTimeout(this.timer);
     this.asking.abort();
-    const { at, side } = this;
+    const { side } = this;
+    const at = side.played ? null : this.at;
     this.hint.hidden = at !== null;
     this.line.hidden = at === null;
     if (!at) return;
@@ -88,7 +90,7 @@ export class PixelReadout {
   async ask(at, channel) {
     this.asking = new AbortController();
     try {
-      const pixel = await getPixel(this.side.live.job, at.x, at.y, this.asking.signal);
+      const pixel = await getPixel(this.side.live, at.x, at.y, this.asking.signal);
       this.show(textsOf(pixel, channel), pixel.samples, true);
     } catch {
       // Moved on, or the connection is lost (the banner says so): the page's own value stays.

@@ -7,6 +7,7 @@ import { createJob, deleteJob } from "./api.js";
 import { setHidden } from "./farm.js";
 import { Film } from "./film.js";
 import { LiveFilm } from "./live-film.js";
+import { parseFrames } from "./shot/frame-numbers.js";
 
 /** @typedef {import("./types.js").Job} Job */
 /** @typedef {import("./types.js").JobRequest} JobRequest */
@@ -43,9 +44,9 @@ export class Preview {
     addEventListener("pagehide", this.leave);
   }
 
-  /** The job whose picture is shown, where all of it is there. */
-  get job() {
-    return this.current?.whole ? this.current.job : null;
+  /** The picture that is shown, where all of it is there. */
+  get place() {
+    return this.current?.whole ? this.current.live : null;
   }
 
   /** @param {JobRequest} request whose view is wanted now */
@@ -63,9 +64,10 @@ export class Preview {
     this.drop();
     try {
       const depth = Math.min(request.max_depth ?? DEPTH, DEPTH);
+      /** @type {JobRequest} */
       const small = { ...request, ...this.size, spp: SPP, max_depth: depth, name: PREVIEW_NAME, priority: PRIORITY };
-      delete small.noise;
-      delete small.seconds;
+      if (small.frames) small.frame = firstOf(small.frames);
+      for (const name of ["noise", "seconds", "frames", "order", "every"]) delete small[name];
       const job = await createJob(small, `preview-${Date.now()}-${Math.random()}`);
       setHidden(job.id, true);
       if (this.closed) void remove(job.id);
@@ -106,6 +108,12 @@ export class Preview {
     this.closed = true;
     this.drop();
   }
+}
+
+/** @param {string} frames of a shot */
+function firstOf(frames) {
+  const numbers = parseFrames(frames);
+  return typeof numbers === "string" ? 0 : (numbers[0] ?? 0);
 }
 
 /** @param {string} job */

@@ -9,11 +9,12 @@ import { announce } from "./tray.js";
 
 /** @typedef {import("./shortcuts.js").Shortcut} Shortcut */
 
+/** In a shot the arrows go to other frames, and vi's keys read pixels. */
 const ARROWS = /** @type {const} */ ([
-  ["ArrowLeft", -1, 0],
-  ["ArrowRight", 1, 0],
-  ["ArrowUp", 0, -1],
-  ["ArrowDown", 0, 1],
+  ["ArrowLeft", "H", -1, 0],
+  ["ArrowRight", "L", 1, 0],
+  ["ArrowUp", "K", 0, -1],
+  ["ArrowDown", "J", 0, 1],
 ]);
 
 /**
@@ -24,18 +25,19 @@ const ARROWS = /** @type {const} */ ([
  * @param {import("./film-view.js").FilmView | null} parts.view
  * @param {import("./store.js").Store<T>} parts.display
  * @param {() => void} parts.normalise
+ * @param {boolean} [parts.inShot] the arrows go to other frames
  * @returns {Shortcut[]}
  */
-export function stageKeys({ view, display, normalise }) {
+export function stageKeys({ view, display, normalise, inShot = false }) {
   /** @param {number} exposure */
   const expose = (exposure) => {
     display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
     announce(`Exposure ${display.value.exposure} stops`);
   };
-  const inspect = ARROWS.flatMap(([key, dx, dy]) =>
+  const inspect = ARROWS.flatMap(([arrow, letter, dx, dy]) =>
     [1, 10].map((by) => ({
-      keys: by > 1 ? `Shift+${key}` : key,
-      shown: key === "ArrowLeft" && by === 1 ? "Arrows" : null, // one line for all eight
+      keys: `${by > 1 ? "Shift+" : ""}${inShot ? letter : arrow}`,
+      shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : "Arrows") : null, // one line for all eight
       does: "Read pixels by keys; with Shift ten at a time",
       run: () => view?.moveCursor(dx * by, dy * by),
     })),
@@ -59,9 +61,10 @@ export function stageKeys({ view, display, normalise }) {
  * @param {object} parts
  * @param {() => import("./types.js").Job} parts.job
  * @param {import("./store.js").Store<import("./display-panel.js").Display>} parts.display
+ * @param {boolean} [parts.inShot] Space plays it
  * @returns {Shortcut[]}
  */
-export function jobKeys({ job, display }) {
+export function jobKeys({ job, display, inShot = false }) {
   const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
   const denoise = () => {
     if (!canDenoise(workers.value)) {
@@ -75,7 +78,7 @@ export function jobKeys({ job, display }) {
     { keys: "D", does: "Denoised: off, beside, instead", run: denoise },
     { keys: "C", does: "Compare with another picture", run: () => go("compare", job().id) },
     { keys: "T", does: "Outline the tiles being rendered", run: outline },
-    { keys: "Space", does: "Pause or resume", run: () => pauseOrResume(job()) },
+    { keys: inShot ? "P" : "Space", does: inShot ? "Pause or resume rendering" : "Pause or resume", run: () => pauseOrResume(job()) },
     { keys: "M", does: "More samples", run: () => moreSamples(job()) },
   ];
 }

@@ -16,16 +16,17 @@ const FORMATS = /** @type {const} */ ([
 /**
  * @param {Job} job
  * @param {DisplayStore} display
+ * @param {() => import("./api.js").Place} place which of its pictures
  * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
  */
-export function savePanel(job, display) {
+export function savePanel(job, display, place) {
   const raw = row(
     "",
-    FORMATS.map(([format, hint]) => link(job, display, format, hint, false)),
+    FORMATS.map(([format, hint]) => link(job, display, place, format, hint, false)),
   );
   const clean = row(
     "Denoised",
-    FORMATS.map(([format, hint]) => link(job, display, format, hint, true)),
+    FORMATS.map(([format, hint]) => link(job, display, place, format, hint, true)),
   );
   let can = false;
   const show = () => {
@@ -50,8 +51,11 @@ export function savePanel(job, display) {
   };
 }
 
+/** A file of a job is called so. @param {Job} job */
+export const plainName = ({ name }) => name.replace(/\.[a-z]+$/i, "");
+
 /** @param {string} text @param {HTMLElement[]} links */
-function row(text, links) {
+export function row(text, links) {
   const label = h("span", { class: "quiet small" }, text);
   return { label, element: h("div", { class: "stack tight" }, label, h("div", { class: "triple" }, links)) };
 }
@@ -59,11 +63,12 @@ function row(text, links) {
 /**
  * @param {Job} job
  * @param {DisplayStore} display
+ * @param {() => import("./api.js").Place} place
  * @param {"png" | "exr" | "jpg"} format
  * @param {string} hint
  * @param {boolean} denoise
  */
-function link(job, display, format, hint, denoise) {
+function link(job, display, place, format, hint, denoise) {
   const name = `${format.toUpperCase()}${denoise ? ", denoised" : ""}`;
   const anchor = h("a", { class: "button", title: hint, "aria-label": name }, icon("download"), format.toUpperCase());
   // The address is made when it is used: exposure and channel are those of that moment.
@@ -72,9 +77,10 @@ function link(job, display, format, hint, denoise) {
     /** @type {Record<string, string | number>} */
     const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
     if (denoise) query.denoise = "true";
-    anchor.href = imageUrl(job.id, format, query);
+    anchor.href = imageUrl(place(), format, query);
     const kind = denoise ? "denoised" : channel;
-    anchor.download = `${job.name.replace(/\.[a-z]+$/i, "")}${kind && `-${kind}`}.${format}`;
+    const number = job.shot ? `-${String(place().frame).padStart(4, "0")}` : "";
+    anchor.download = `${plainName(job)}${number}${kind && `-${kind}`}.${format}`;
   };
   for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
   aim();

@@ -7,6 +7,7 @@ import { compact, plural, roughly } from "./format.js";
 import { icon } from "./icons.js";
 import { qualityFields } from "./quality-fields.js";
 import { expectedSpeed } from "./render-presets.js";
+import { shotFields } from "./shot/shot-fields.js";
 import { settingFields } from "./setting-fields.js";
 import { sizeFields } from "./size-fields.js";
 import { variantField } from "./variant-field.js";
@@ -35,13 +36,16 @@ export function settingsForm(scene, submit, like = null) {
   /** @type {Record<string, any>} */
   const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
   const estimate = h("p", { class: "quiet small number" });
-  const update = () => setText(estimate, costOf(scene, size.get(), quality.get()));
+  let update = () => {};
+  const shot = shotFields(scene, like?.shot ?? null, () => update());
+  update = () => setText(estimate, costOf(scene, size.get(), quality.get() * shot.count()));
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
   const quality = qualityFields({ ...defaults, ...first }, () => update());
   const others = settingFields(defaults, first);
   const variant = variantField(scene);
-  if (like?.settings) camera.turn(like.settings.view);
+  // Of a shot the scene's own camera may move; a view of one's own would stand still.
+  if (like?.settings && !like.shot) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
   const request = () => ({
     scene: scene.id,
@@ -49,6 +53,7 @@ export function settingsForm(scene, submit, like = null) {
     ...camera.get(),
     ...size.get(),
     spp: quality.get(),
+    ...shot.get(),
     ...others.get(),
   });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
@@ -68,6 +73,7 @@ export function settingsForm(scene, submit, like = null) {
   const element = h(
     "form",
     { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
+    shot.elements,
     camera.elements,
     variant.elements,
     size.elements,

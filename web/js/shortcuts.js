@@ -46,6 +46,8 @@ function isTyping(target) {
   );
 }
 
+const MOVED = "input[type=range], input[type=radio], [role=slider]";
+
 /** @param {KeyboardEvent} event */
 function dispatch(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || isTyping(event.target)) return;
@@ -58,6 +60,8 @@ function dispatch(event) {
     event.target.matches("button, a, summary, input")
   )
     return;
+  // So do the arrows to what they move.
+  if (/^(Shift\+)?(Arrow|Home|End)/.test(name) && event.target instanceof HTMLElement && event.target.matches(MOVED)) return;
   const found = [...active].findLast((shortcut) => shortcut.keys === name);
   if (!found) return;
   event.preventDefault();

@@ -32,8 +32,12 @@
  * @property {string[]} [variants] of a glTF file's materials
  * @property {string | null} [variant] the one that is shown; null: the file's own
  * @property {string | null} [environment] in place of its own: an image among its files, or sky:ELEVATION,AZIMUTH
+ * @property {Clip[]} [clips] of its animations
+ * @property {number | null} [fps] the file's own, else 24
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
+ *
+ * @typedef {{name: string, start: number, end: number}} Clip from when to when it moves, in seconds
  *
  * @typedef {SettingsTable & {formats: string[]}} Info what this farm takes; formats: suffixes of what may be uploaded
  *
@@ -53,7 +57,8 @@
  * @property {number} samples in the film: every pixel of every frame counted
  * @property {number} samples_per_s of the moment; 0 where it is not being rendered
  * @property {number} bad_samples that were NaN or infinite, and left out
- * @property {{bad?: {x: number, y: number, sample: number, reproduce?: string}[]}[]} [frames] with the first samples that were left out
+ * @property {Frame[]} [frames] the only one of a still, the first of a shot
+ * @property {Shot | null} [shot] null: a still
  * @property {number} created unix seconds
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height
@@ -61,6 +66,32 @@
  * @property {number | null} noise
  * @property {number | null} seconds
  * @property {Record<string, any> | null} settings
+ *
+ * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
+ *
+ * @typedef {object} Frame one picture of a job
+ * @property {number} number in steps of a half
+ * @property {FrameState} state
+ * @property {number} samples all pixels together
+ * @property {number} spp a pixel, on the average
+ * @property {number} progress 0..1
+ * @property {number | null} noise relative
+ * @property {string | null} error
+ * @property {{x: number, y: number, sample: number, reproduce?: string}[]} [bad] the first samples that were left out
+ *
+ * @typedef {object} Shot
+ * @property {string} frames which there are, as 0-99,120
+ * @property {number} count
+ * @property {number | null} fps null: the scene file's own, else 24
+ * @property {string | null} clip
+ * @property {number | null} turntable seconds
+ * @property {string} order
+ * @property {number} every
+ * @property {number | null} first the frame that goes before all others
+ * @property {Partial<Record<FrameState, number>>} states how many frames are so
+ * @property {string} failed which
+ * @property {number | null} noise the greatest of its frames
+ * @property {number | null} forecast
  *
  * @typedef {object} EnvironmentRequest
  * @property {number} [strength]
@@ -83,6 +114,8 @@
  * @property {number} [noise] relative
  * @property {number} [seconds]
  * @property {EnvironmentRequest} [environment] in place of the scene's own, or times its strength
+ * @property {number} [frame] a still of that moment
+ * @property {string} [frames] of a shot
  *
  * @typedef {object} Worker
  * @property {string} name
@@ -113,7 +146,7 @@
  * @property {string[] | null} projections that look at it; null: all
  * @property {string} phrase names a picture by the value, in place of {}
  *
- * @typedef {{settings: Setting[], view: Setting[], work: Setting[]}} SettingsTable
+ * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[]}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string}} Example
  *

@@ -125,15 +125,15 @@ export function viewTurner(form, aspect, meanwhile, done) {
 
   /** @param {PointerEvent} event */
   const focusAt = async (event) => {
-    const { job } = preview;
-    if (!job) return;
+    const { place } = preview;
+    if (!place) return;
     const box = surface.getBoundingClientRect();
     const at = {
       x: Math.floor(((event.clientX - box.left) / box.width) * size.width),
       y: Math.floor(((event.clientY - box.top) / box.height) * size.height),
     };
     try {
-      const { depth } = await getPixel(job, at.x, at.y, new AbortController().signal);
+      const { depth } = await getPixel(place, at.x, at.y, new AbortController().signal);
       if (typeof depth !== "number" || depth <= 0) {
         setText(said, "Nothing is there to focus on. Click an object.");
         return;

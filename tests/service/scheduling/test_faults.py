@@ -63,9 +63,8 @@ def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: Peer
         until(lambda: "is locked" in (service.job(held)["message"] or ""), "the job says what it waits for")
         service.wait_for(other, "finished")
         assert service.job(held)["state"] == "running"
-        ready = service.http.get("/readyz")
-        assert ready.status_code == 503
-        assert "is locked" in ready.json()["detail"], "of all unfinished jobs none goes on"
+        until(lambda: service.http.get("/readyz").status_code == 503, "of all unfinished jobs none goes on")
+        assert "is locked" in service.http.get("/readyz").json()["detail"]
         time.sleep(2.5)  # longer than what is lost takes to be called lost
     service.wait_for(held, "finished")
     assert service.http.get("/readyz").status_code == 200

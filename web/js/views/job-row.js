@@ -2,11 +2,12 @@
 
 import { deleteJob, imageUrl } from "../api.js";
 import { h, setText } from "../dom.js";
-import { setHidden } from "../farm.js";
+import { scenes, setHidden } from "../farm.js";
 import { ago, clock } from "../format.js";
 import { icon } from "../icons.js";
 import { linkTo } from "../router.js";
 import { endOf } from "../settings-table.js";
+import { firstFrame, framesDone, isShot, shotName } from "../shot/shot-words.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { showError, undoable } from "../tray.js";
 
@@ -56,7 +57,7 @@ export function jobRow(job, life) {
       latest = next;
       setText(name, next.name);
       remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
-      setText(size, next.width && next.height ? `${next.width}×${next.height} · ${endOf(next)}` : "");
+      setText(size, next.width && next.height ? sizeLine(next) : "");
       chip.update(next.state);
       bar.update(next.progress, next.state);
       setText(far, progressLine(next));
@@ -66,10 +67,16 @@ export function jobRow(job, life) {
       if (next.samples > 0 && due) {
         picturedAt = now;
         picturedState = next.state;
-        image.src = imageUrl(next.id, "jpg", { width: 320, v: next.samples });
+        image.src = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples });
       }
     },
   };
+}
+
+/** @param {Job} job */
+function sizeLine(job) {
+  const fps = scenes.value?.find(({ id }) => id === job.scene)?.fps;
+  return [`${job.width}×${job.height}`, shotName(job, fps), endOf(job)].filter(Boolean).join(" · ");
 }
 
 /** @param {Job} job */
@@ -77,7 +84,7 @@ function progressLine(job) {
   if (job.state === "failed") return job.error ?? "";
   if (job.message) return job.message;
   if (job.state === "finished") return `in ${clock(job.active_s)}`;
-  const done = `${Math.floor(job.progress * 100)} %`;
+  const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
   return job.state === "running" && job.eta_s != null ? `${done}, ${clock(job.eta_s)} left` : done;
 }
 

@@ -3,16 +3,19 @@
 import { getJob } from "../api.js";
 import { canDenoise } from "../denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
-import { fill, h } from "../dom.js";
-import { adoptJob, jobs, workers } from "../farm.js";
+import { fill, h, setText } from "../dom.js";
+import { adoptJob, jobs, scenes, workers } from "../farm.js";
 import { emptyState, noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { actionsPanel, progressPanel } from "../job-panel.js";
 import { livePicture } from "../live-picture.js";
 import { jobKeys, stageKeys } from "../render-keys.js";
-import { go, linkTo, setTitle } from "../router.js";
+import { go, here, linkTo, setTitle } from "../router.js";
 import { savePanel } from "../save-panel.js";
 import { isRead, known, labelOf, valueText } from "../settings-table.js";
+import { parseFrames } from "../shot/frame-numbers.js";
+import { shotDesk } from "../shot/shot-desk.js";
+import { isShot, shotName } from "../shot/shot-words.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
@@ -75,8 +78,11 @@ function open(page, job, life) {
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
   };
   const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
-  const save = savePanel(job, display);
-  const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right));
+  const asked = isShot(job) ? askedFrame(job) : undefined;
+  const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right), asked);
+  const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
+  page.classList.toggle("with-shot", shot !== null);
+  const save = savePanel(job, display, () => picture.live);
   const actions = actionsPanel();
   const progress = progressPanel();
   const chip = stateChip(job.state);
@@ -95,8 +101,9 @@ function open(page, job, life) {
       save.offerDenoised(canDenoise(all));
     }),
   );
-  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise })));
-  life.add(addShortcuts(jobKeys({ job: () => latest, display })));
+  if (shot) save.element.append(shot.files);
+  life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, inShot: shot !== null })));
+  life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const remove = () => {
     removeJob(latest);
@@ -125,8 +132,10 @@ function open(page, job, life) {
     ),
     h("div", { class: "job-line" }, line.element),
     picture.element,
+    shot?.bar,
+    shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, look.element, save.element, details(job)),
+    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, shot?.panel, look.element, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
@@ -135,15 +144,16 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress]) part.update(next);
+    for (const part of [picture, actions, progress, shot]) part?.update(next);
   };
 }
 
-/** @param {Job} job */
-function details(job) {
+/** @param {Job} job @param {Disposer} life */
+function details(job, life) {
   /** @type {[string, import("../dom.js").Child][]} */
   const rows = [
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
+    ...shotRows(job, life),
     ["Size", `${job.width}×${job.height}`],
     ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
@@ -167,6 +177,27 @@ function details(job) {
         .map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
     ),
   );
+}
+
+/** @param {Job} job the frame that the address names @returns {number | undefined} */
+function askedFrame({ shot }) {
+  const { params } = here();
+  const numbers = parseFrames(shot?.frames ?? "");
+  return typeof numbers === "string" ? undefined : numbers.find((number) => String(number) === params.get("frame"));
+}
+
+/** @param {Job} job @param {Disposer} life @returns {[string, import("../dom.js").Child][]} */
+function shotRows(job, life) {
+  const { shot } = job;
+  if (!shot) return [];
+  const name = h("span");
+  // Scenes are told after jobs, and know how fast a shot is that was not asked to be of any speed.
+  life.add(scenes.subscribe((all) => setText(name, shotName(job, all?.find(({ id }) => id === job.scene)?.fps))));
+  return [
+    ["Shot", name],
+    ["Clip", shot.clip],
+    ["Turntable", shot.turntable ? `around in ${shot.turntable} s` : null],
+  ];
 }
 
 /**

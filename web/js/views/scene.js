@@ -9,6 +9,7 @@ import { icon } from "../icons.js";
 import { isPassing } from "../preview.js";
 import { go, here, linkTo, setTitle } from "../router.js";
 import { settingsForm } from "../settings-form.js";
+import { firstFrame } from "../shot/shot-words.js";
 import { addShortcuts } from "../shortcuts.js";
 import { progressBar, stateChip } from "../state-chip.js";
 import { Disposer } from "../store.js";
@@ -159,7 +160,7 @@ function ready(page, scene, life) {
     showJobs(own);
     pictures.hidden = own.length === 0;
     const finished = own.find(({ state }) => state === "finished");
-    picture.update(scene, finished && imageUrl(finished.id, "jpg", { width: 800, v: finished.samples }));
+    picture.update(scene, finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, v: finished.samples }));
   };
   const submit = async (/** @type {import("../types.js").JobRequest} */ request) => {
     try {
@@ -253,6 +254,9 @@ function facts(scene) {
     .filter(([, n]) => n > 0)
     .map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
   if (scene.cameras.length > 1) rows.push(["Cameras", count(scene.cameras.length - 1)]); // the automatic one left out
+  const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
+  if (end) rows.push(["Moves", `${Number(end.toFixed(2))} s at ${scene.fps} fps`]);
+  if ((scene.clips?.length ?? 0) > 1) rows.push(["Clips", count(scene.clips?.length ?? 0)]);
   const [lo, hi] = scene.bounds ?? [];
   if (lo && hi) rows.push(["Extent", extent(hi.map((v, i) => v - (lo[i] ?? 0)))]);
   rows.push(["Files", bytes(scene.bytes)]);

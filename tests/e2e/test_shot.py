@@ -1,0 +1,266 @@
+"""A shot on its page: the filmstrip, each frame by a click or a key, playing, files, and what can be changed."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import av
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import assert_shows, read_exr
+from tests.e2e.site import call
+from tests.helpers import Farm, wait_until
+from tests.rayfarm.test_sequence import turning
+
+pytestmark = pytest.mark.browser
+
+WIDTH, HEIGHT = 96, 64
+# Frames of 0 to 1999; what of a shot's job the page's modules read.
+MANY = {"shot": {"frames": "0-1999", "count": 2000, "fps": 24}, "frames": []}
+
+
+def uploaded(farm: Farm, *files: tuple[str, bytes]) -> str:
+    """The id of a scene that is ready."""
+    parts = [("files", (name, content)) for name, content in files]
+    scene: str = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    return scene
+
+
+def asked(farm: Farm, scene: str, **request: Any) -> str:
+    """The id of a shot's job."""
+    size = {"width": WIDTH, "height": HEIGHT, "environment": {"color": [1, 1, 1]}}
+    job: str = httpx.post(f"{farm.url}/api/jobs", json={"scene": scene, **size, **request}).raise_for_status().json()["id"]
+    return job
+
+
+def told(farm: Farm, job: str) -> dict[str, Any]:
+    found: dict[str, Any] = httpx.get(f"{farm.url}/api/jobs/{job}").raise_for_status().json()
+    return found
+
+
+def finished(farm: Farm, job: str) -> Callable[[], bool]:
+    return lambda: bool(told(farm, job)["state"] == "finished")
+
+
+def cell(page: Page, number: int | float) -> Any:
+    return page.get_by_role("option", name=re.compile(rf"^Frame {number}\b"))
+
+
+@pytest.mark.farm
+def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    scene = uploaded(farm, ("shot.glb", turning().glb()))
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    page.get_by_text("Shot", exact=True).click()
+    expect(page.get_by_label("Frames", exact=True)).to_have_value("0-24")
+    job = asked(farm, scene, frames="0-7", fps=16, spp=4)
+    wait_until(finished(farm, job), 120, "the shot is finished")
+
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    expect(page.get_by_role("region", name="Progress")).to_contain_text("of 8 frames")
+    expect(page.locator(".frame-cell")).to_have_count(8)
+    expect(cell(page, 5)).to_have_accessible_name(re.compile("^Frame 5 finished"))
+    expect(page.locator(".frame-picture img:visible")).to_have_count(8)
+    films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/{n}/image.exr", tmp_path) for n in range(8)]
+    assert np.abs(films[0] - films[5]).max() > 0.1, "the frames differ, or this test says nothing"
+
+    def shows(number: int) -> None:
+        expect(page.locator(".frame-number")).to_have_text(str(number))
+        page.mouse.move(5, 5)
+        assert_shows(page, films[number], 0, "neutral")
+
+    page.keyboard.press("1")
+    shows(0)
+    cell(page, 5).click()
+    shows(5)
+    expect(page).to_have_url(re.compile("frame=5"))
+    page.keyboard.press("ArrowRight")
+    shows(6)
+    page.keyboard.press("End")
+    shows(7)
+    page.keyboard.press("Home")
+    shows(0)
+    page.keyboard.press("ArrowRight")
+    expect(page).to_have_url(re.compile("frame=1"))
+    page.reload()
+    expect(cell(page, 1)).to_have_attribute("aria-selected", "true")
+
+    page.keyboard.press("1")
+
+    # In and out: only what lies between is played, and fetched.
+    for _ in range(3):
+        page.keyboard.press("Shift+ArrowRight")
+    expect(page.locator(".part")).to_contain_text("1–4")
+    page.keyboard.press("Space")
+    expect(page.locator(".loaded")).to_contain_text("4 of 4 in memory")
+    numbers: set[str] = set()
+    for _ in range(40):
+        numbers.add(page.locator(".frame-number").inner_text())
+        page.wait_for_timeout(30)
+    assert len(numbers) >= 2, "it goes on"
+    assert numbers <= {"1", "2", "3", "4"}
+    page.keyboard.press("Space")
+    shows(int(page.locator(".frame-number").inner_text()))
+
+    with page.expect_download() as download:
+        page.get_by_role("link", name="PNGs").click()
+    assert download.value.suggested_filename == "shot.zip"
+    with zipfile.ZipFile(download.value.path()) as archive:
+        assert len(archive.namelist()) == 4
+    page.keyboard.press("x")
+    expect(page.locator(".part")).to_be_hidden()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="MP4").click()
+    assert download.value.suggested_filename == "shot.mp4"
+    with av.open(str(download.value.path())) as movie:
+        assert movie.streams.video[0].average_rate == 16
+        assert len(list(movie.decode(video=0))) == 8
+
+    # More of it.
+    page.get_by_text("Change the shot").click()
+    page.get_by_label("More frames").get_by_role("textbox").fill("8-9")
+    page.get_by_role("form", name="More frames").get_by_role("button", name="Add").click()
+    expect(page.locator(".frame-cell")).to_have_count(10)
+    samples = page.get_by_role("form", name="More samples for frames")
+    samples.get_by_role("textbox").fill("0-1")
+    samples.get_by_label("Samples", exact=True).fill("4")
+    samples.get_by_role("button", name="Add").click()
+    expect(page.locator(".frame-bar.finished")).to_have_count(10, timeout=60_000)
+    wait_until(finished(farm, job), 60, "the shot is finished again")
+    spp = [frame["spp"] for frame in httpx.get(f"{farm.url}/api/jobs/{job}/frames").json()]
+    assert spp == [8, 8, *[4] * 8]
+    page.goto(f"{farm.url}/#/jobs")
+    expect(page.get_by_text("frames 0-9 at 16 fps").first).to_be_visible()
+    assert watched.errors == []
+
+
+@pytest.mark.farm
+def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    files = [(f"smoke.{n}.obj", f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + n} 0\nf 1 2 3\n".encode()) for n in (0, 1, 3)]
+    scene = uploaded(farm, ("scene.yaml", b"shapes: [{type: mesh, file: smoke.#.obj}]\n"), *files)
+    job = asked(farm, scene, frames="0-3", spp=1)
+    wait_until(finished(farm, job), 120, "the others are finished")
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"))
+    cell(page, 2).click()
+    panel = page.get_by_role("region", name="Frame", exact=True)
+    expect(panel).to_contain_text("smoke")
+    expect(page.get_by_role("button", name="Try 1 failed frame again")).to_be_visible()
+    expect(page.get_by_role("region", name="Progress")).to_contain_text("of 4 frames, 1 failed")
+
+    page.get_by_role("button", name="Try this frame again").click()
+    wait_until(lambda: told(farm, job)["shot"]["first"] == 2, 10, "it is tried first")
+    expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"), timeout=30_000)
+    expect(page.get_by_role("alert").filter(visible=True)).to_have_count(0)
+
+    other = asked(farm, scene, frames="0,1,3", spp=16000)
+    httpx.patch(f"{farm.url}/api/jobs/{other}", json={"state": "paused"}).raise_for_status()
+    page.goto(f"{farm.url}/#/jobs/{other}")
+    cell(page, 3).click()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("button", name="Is rendered first")).to_be_disabled()
+    assert told(farm, other)["shot"]["first"] == 3
+    httpx.delete(f"{farm.url}/api/jobs/{other}").raise_for_status()
+    assert watched.errors == []
+
+
+@pytest.mark.farm
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
+    job = asked(farm, uploaded(farm, ("shot.glb", turning().glb())), frames="0-7", fps=16, spp=4)
+    wait_until(finished(farm, job), 120, "the shot is finished")
+    context = browser.new_context(viewport={"width": 375, "height": 812}, color_scheme=scheme, has_touch=True)
+    try:
+        page = context.new_page()
+        page.goto(f"{farm.url}/#/jobs/{job}?frame=3")
+        expect(cell(page, 3)).to_have_attribute("aria-selected", "true")
+        assert page.evaluate("document.documentElement.scrollWidth") == 375
+        stage, bar, strip = (page.locator(name).bounding_box() for name in (".stage-box", ".play-bar", ".filmstrip"))
+        assert stage and bar and strip
+        assert stage["y"] + stage["height"] <= bar["y"] + 1 and bar["y"] + bar["height"] <= strip["y"] + 1
+        cell(page, 4).tap()
+        expect(page.locator(".frame-number")).to_have_text("4")
+        page.get_by_role("button", name="Play", exact=True).tap()
+        expect(page.locator(".loaded")).to_contain_text("8 of 8 in memory")
+    finally:
+        context.close()
+
+
+def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> None:
+    body = """
+        document.head.innerHTML += '<link rel="stylesheet" href="/css/tokens.css"><link rel="stylesheet" href="/css/shot.css">';
+        const { ShotFrames } = await import("/js/shot/shot-frames.js");
+        const { Disposer } = await import("/js/store.js");
+        window.frames_ = new ShotFrames(a, 3);
+        const frame = (number) => ({ number, state: "running", samples: 0, spp: 0, progress: 0.5, noise: null, error: null });
+        window.frames_.take(Array.from({ length: 2000 }, (_, i) => frame(i)));
+        document.body.append(m.filmstrip("job", window.frames_, new Disposer()));"""
+    call(page, "shot/filmstrip", body, MANY)
+    expect(cell(page, 3)).to_have_attribute("aria-selected", "true")
+    assert 5 < page.locator(".frame-cell").count() < 30
+    expect(cell(page, 3)).to_have_attribute("aria-setsize", "2000")
+    page.evaluate("window.frames_.go(1999)")
+    expect(cell(page, 1999)).to_be_in_viewport()
+    assert 2 < page.locator(".frame-cell").count() < 30
+    active = page.get_by_role("listbox").get_attribute("aria-activedescendant")
+    expect(page.locator(f"[id='{active}']")).to_have_accessible_name("Frame 1999 is rendered, 50 %")
+
+
+def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
+    body = """
+        const { ShotFrames } = await import("/js/shot/shot-frames.js");
+        const frames = new ShotFrames(a);
+        const memory = { loaded: () => ({ here: 1, of: 1 }), fill() {}, wanted: false };
+        const player = new m.Player(frames, memory, () => 100);
+        const seen = [];
+        frames.current.subscribe((number) => seen.push([performance.now(), number]));
+        player.play();
+        await new Promise((done) => setTimeout(done, 150));
+        const busy = performance.now();
+        while (performance.now() - busy < 300);
+        await new Promise((done) => setTimeout(done, 150));
+        player.pause();
+        frames.range.set([10, 19]);
+        player.play();
+        await new Promise((done) => setTimeout(done, 500));
+        player.pause();
+        player.loop.set(false);
+        const looped = seen.length;
+        player.play();
+        await new Promise((done) => setTimeout(done, 400));
+        return { seen, looped, playing: player.playing.value, last: frames.current.value };"""
+    done = call(page, "shot/player", body, MANY)
+    first = [(at, number) for at, number in done["seen"][: done["looped"]] if number > 0]
+    run = first[: next(i for i in range(1, len(first)) if first[i][1] < first[i - 1][1])]
+    (begin, zero), (end, last) = run[0], run[-1]
+    assert last - zero == pytest.approx((end - begin) / 10, abs=3), "a hundred frames a second, whatever came between"
+    assert max(b[1] - a[1] for a, b in pairwise(run)) >= 25, "those that came too late were left out"
+    part = {number for _, number in first[len(run) :]}
+    assert part <= set(range(10, 20)) and len(part) > 3
+    assert (done["playing"], done["last"]) == (False, 19)
+
+
+@pytest.mark.parametrize(("size", "count"), [((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)])
+def test_what_is_held_stays_within_its_bound(page: Page, size: tuple[int, int], count: int) -> None:
+    body = "return m.planOf({ width: a.size[0], height: a.size[1] }, a.count, 2 ** 29);"
+    plan = call(page, "shot/frame-memory", body, {"size": size, "count": count})
+    side = max(1, min(size[0] // plan["wanted"], size[1]))
+    assert (plan["width"], plan["height"]) == (size[0] // side, size[1] // side), "as the service makes it"
+    assert plan["fits"] * 4 * plan["width"] * plan["height"] <= 2**29
+    assert plan["width"] >= min(size[0], 80)
+    if count <= 250:
+        assert plan["fits"] >= count, "all of a usual shot"
+    if count == 96:
+        assert plan["width"] == size[0], "in full where there is room"

@@ -1,0 +1,93 @@
+"""Asking for a shot: which frames are meant, and what of it a request says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from renderer.errors import SettingsError
+from renderer.frames import frames_text, parse_frames
+from tests.e2e.site import call
+from tests.e2e.test_settings_form import SCENE, open_form, submitted
+
+pytestmark = pytest.mark.browser
+
+MOVES = {
+    **SCENE,
+    "fps": 25.0,
+    "clips": [
+        {"name": "walk", "start": 0.0, "end": 2.0},
+        {"name": "jump", "start": 0.5, "end": 1.5},
+        {"name": "walk", "start": 0, "end": 9},
+    ],
+}
+STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
+
+
+@pytest.mark.parametrize(
+    "text", ["0-99", "7", "1-250x5,300", "0-2x0.5", "12.5, 3-4", "5,5,4-6", "9-3", "3-", "", "a", "1-9x0", "0-100000"]
+)
+def test_frames_are_what_the_renderer_takes_them_for(page: Page, text: str) -> None:
+    got = call(page, "shot/frame-numbers", "return m.parseFrames(a);", text)
+    try:
+        wanted = parse_frames(text)
+    except SettingsError:
+        assert isinstance(got, str), "a sentence"
+    else:
+        assert got == wanted
+        assert call(page, "shot/frame-numbers", "return m.framesText(a);", wanted) == frames_text(wanted)
+
+
+def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
+    open_form(page, scene=MOVES)
+    expect(page.get_by_label("Frames", exact=True)).to_be_hidden()
+    page.get_by_text("Shot", exact=True).click()
+    frames = page.get_by_label("Frames", exact=True)
+    expect(frames).to_have_value("0-50")
+    page.get_by_label("Clip").select_option("jump")
+    expect(frames).to_have_value("13-37")
+    page.get_by_label("Frames a second").fill("50")
+    expect(frames).to_have_value("25-75")
+    page.get_by_label("Clip").select_option("2")
+    expect(frames).to_have_value("0-450")
+    frames.fill("0-9")
+    page.get_by_label("Frames a second").fill("25")
+    expect(frames).to_have_value("0-9")
+    expect(page.get_by_text("10 frames, 0.4 s")).to_be_visible()
+    expect(page.get_by_text("30 M samples")).to_be_visible()
+    page.get_by_label("Order").select_option("every-nth")
+    page.get_by_label("Every", exact=True).fill("4")
+    assert submitted(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
+
+
+def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
+    open_form(page, scene=MOVES)
+    assert submitted(page) == STILL
+    page.get_by_label("Frame", exact=True).fill("12.5")
+    assert submitted(page) == {**STILL, "frame": 12.5}
+    expect(page.get_by_label("Moment")).to_have_attribute("max", "50")
+    page.get_by_label("Moment").fill("40")
+    expect(page.get_by_label("Frame", exact=True)).to_have_value("40")
+    assert submitted(page) == {**STILL, "frame": 40}
+
+
+def test_what_does_not_move_is_turned_about(page: Page) -> None:
+    open_form(page)
+    expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
+    page.get_by_text("Shot", exact=True).click()
+    expect(page.get_by_label("Frames", exact=True)).to_have_value("0-95")
+    page.get_by_label("Once around").fill("2")
+    assert submitted(page) == {**STILL, "frames": "0-47", "fps": 24, "turntable": 2, "order": "in-turn"}
+
+
+def test_frames_that_cannot_be_are_said_beside_their_field(page: Page) -> None:
+    open_form(page, scene=MOVES)
+    page.get_by_text("Shot", exact=True).click()
+    page.get_by_label("Frames", exact=True).fill("9-3")
+    assert submitted(page) is None
+    expect(page.get_by_role("alert").filter(has_text="The range 9-3 ends before it begins.")).to_be_visible()
+    page.get_by_label("Frames", exact=True).fill("3-9")
+    asked: dict[str, Any] = submitted(page)
+    assert asked["frames"] == "3-9"

@@ -1,0 +1,164 @@
+/** The filmstrip: every frame small, with its number, state and noise. Only what is in sight is there, however long the shot. */
+
+import { imageUrl } from "../api.js";
+import { h, setText } from "../dom.js";
+import { freshId } from "../fields.js";
+import { percent } from "../format.js";
+import { icon } from "../icons.js";
+import { Thumbnails } from "./thumbnails.js";
+
+/** @typedef {import("../types.js").Frame} Frame */
+/** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
+
+/** Pixels from one frame to the next, as css/shot.css has it. */
+const PITCH = 116;
+const AROUND = 3;
+const THUMB_WIDTH = 160;
+/** The picture of a frame that goes on is renewed when it has so many times the samples. */
+const WORTH = 2;
+
+/** @type {Record<import("../types.js").FrameState, string>} */
+const WORDS = { queued: "waits", preparing: "is prepared", running: "is rendered", finished: "finished", failed: "failed" };
+
+/**
+ * What a screen reader says of a frame.
+ *
+ * @param {number} number
+ * @param {Frame | undefined} frame
+ */
+export function frameSentence(number, frame) {
+  if (!frame) return `Frame ${number}`;
+  const { state, progress, noise, error } = frame;
+  const far = state === "running" || (state === "queued" && progress > 0) ? `, ${Math.floor(progress * 100)} %` : "";
+  return `Frame ${number} ${WORDS[state]}${far}${noise == null ? "" : `, noise ${percent(noise)}`}${error ? `: ${error}` : ""}`;
+}
+
+/**
+ * @param {string} job
+ * @param {ShotFrames} frames
+ * @param {import("../store.js").Disposer} life
+ * @returns {HTMLElement}
+ */
+export function filmstrip(job, frames, life) {
+  const queue = new Thumbnails();
+  const stem = freshId("frame");
+  const track = h("div", { class: "strip-track", role: "presentation" });
+  const strip = h("div", { class: "filmstrip", role: "listbox", tabindex: "0", "aria-label": "Frames", "aria-orientation": "horizontal" }, track);
+  /** By place. @type {Map<number, Cell>} */
+  const cells = new Map();
+
+  const show = () => {
+    const { value } = frames.numbers;
+    track.style.width = `${value.length * PITCH}px`;
+    const from = Math.max(0, Math.floor(strip.scrollLeft / PITCH) - AROUND);
+    const to = Math.min(value.length - 1, Math.ceil((strip.scrollLeft + strip.clientWidth) / PITCH) + AROUND);
+    for (const [place, cell] of cells) {
+      if (place >= from && place <= to && cell.number === value[place]) continue;
+      queue.forget(cell.image);
+      cell.element.remove();
+      cells.delete(place);
+    }
+    for (let place = from; place <= to; place++) {
+      const number = value[place] ?? 0;
+      let cell = cells.get(place);
+      if (!cell) {
+        cell = makeCell(number, place, value.length);
+        cell.element.id = `${stem}-${place}`;
+        cells.set(place, cell);
+        track.append(cell.element);
+      }
+      update(cell, place);
+    }
+  };
+
+  /** @param {Cell} cell @param {number} place */
+  const update = (cell, place) => {
+    const frame = frames.known.get(cell.number);
+    cell.update(frame);
+    const [first, last] = frames.part;
+    cell.element.setAttribute("aria-selected", String(cell.number === frames.current.value));
+    cell.element.classList.toggle("outside", frames.range.value !== null && (place < first || place > last));
+    const samples = frame?.samples ?? 0;
+    const finished = frame?.state === "finished";
+    if (samples && (samples >= cell.pictured * WORTH || (finished && samples !== cell.pictured) || samples < cell.pictured)) {
+      cell.pictured = samples;
+      queue.ask(cell.image, imageUrl({ job, frame: cell.number }, "jpg", { width: THUMB_WIDTH, v: samples }));
+    }
+  };
+
+  /** Brings the frame that is looked at into sight. */
+  const follow = () => {
+    const left = frames.at * PITCH;
+    const margin = Math.min(PITCH, strip.clientWidth / 4);
+    if (left - margin < strip.scrollLeft || left + PITCH + margin > strip.scrollLeft + strip.clientWidth) {
+      const ahead = left + PITCH > strip.scrollLeft + strip.clientWidth ? margin : strip.clientWidth - PITCH - margin;
+      strip.scrollLeft = Math.max(0, left - (left < strip.scrollLeft + margin ? ahead : margin));
+    }
+    show();
+    strip.setAttribute("aria-activedescendant", `${stem}-${frames.at}`);
+  };
+
+  let drawn = 0;
+  const soon = () => (drawn ||= requestAnimationFrame(() => ((drawn = 0), show())));
+  strip.addEventListener("scroll", soon, { passive: true });
+  strip.addEventListener("click", (event) => {
+    const cell = event.target instanceof Element ? event.target.closest(".frame-cell") : null;
+    if (cell instanceof HTMLElement) frames.go(Number(cell.dataset.place));
+  });
+  const resizing = new ResizeObserver(soon);
+  resizing.observe(strip);
+  life.add(() => {
+    resizing.disconnect();
+    cancelAnimationFrame(drawn);
+    for (const { image } of cells.values()) queue.forget(image);
+  });
+  life.add(frames.numbers.subscribe(soon));
+  life.add(frames.news.subscribe(soon));
+  life.add(frames.range.subscribe(soon));
+  life.add(frames.current.subscribe(() => strip.isConnected && follow()));
+  requestAnimationFrame(follow); // when it has its size
+  return strip;
+}
+
+/** @typedef {ReturnType<typeof makeCell>} Cell */
+
+/** @param {number} number @param {number} place @param {number} count */
+function makeCell(number, place, count) {
+  const image = h("img", { alt: "", hidden: true, draggable: false });
+  const state = h("span", { class: "frame-state" });
+  const noise = h("span", { class: "frame-noise" });
+  const bar = h("div", { class: "frame-bar" }, h("div"));
+  const name = h("span", { class: "visually-hidden" });
+  const element = h(
+    "div",
+    { class: "frame-cell", role: "option", "aria-setsize": String(count), "aria-posinset": String(place + 1) },
+    name,
+    h("div", { class: "frame-picture", "aria-hidden": "true" }, image, state),
+    bar,
+    h("div", { class: "frame-words number", "aria-hidden": "true" }, h("span", null, number), noise),
+  );
+  element.dataset.place = String(place);
+  element.style.transform = `translateX(${place * PITCH}px)`;
+  let shown = "";
+  return {
+    number,
+    element,
+    image,
+    /** Samples of the picture that is shown. */
+    pictured: 0,
+    /** @param {Frame | undefined} frame */
+    update(frame) {
+      const sentence = frameSentence(number, frame);
+      if (sentence === shown) return;
+      shown = sentence;
+      setText(name, sentence);
+      element.title = frame?.error ?? "";
+      element.classList.toggle("failed", frame?.state === "failed");
+      element.classList.toggle("running", frame?.state === "running");
+      state.replaceChildren(...(frame?.state === "failed" ? [icon("warning")] : []));
+      setText(noise, frame?.state === "failed" ? "failed" : frame?.noise == null ? "" : percent(frame.noise));
+      bar.className = `frame-bar ${frame?.state ?? ""}`;
+      /** @type {HTMLElement} */ (bar.firstElementChild).style.transform = `scaleX(${frame?.progress ?? 0})`;
+    },
+  };
+}

@@ -1,0 +1,42 @@
+/** Frames as people write them: which ones, `0-99`, `1-250x5,300` or `0-10x0.5`. As renderer/frames.py has it. */
+
+export const MOST_FRAMES = 100_000;
+const PART = /^(\d{1,8}(?:\.[05])?)(?:-(\d{1,8}(?:\.[05])?)(?:[x:](\d{1,8}(?:\.[05])?))?)?$/;
+
+/**
+ * @param {string} text
+ * @returns {number[] | string} in the order written, each once; or a sentence that says what is wrong
+ */
+export function parseFrames(text) {
+  /** @type {Set<number>} */
+  const found = new Set();
+  for (const part of text.replaceAll(" ", "").split(",")) {
+    const match = PART.exec(part);
+    if (!match) return "Frames are numbers and ranges as 0-99 or 1-250x5,300.";
+    const first = Number(match[1]);
+    const last = Number(match[2] ?? first);
+    const step = Number(match[3] ?? 1);
+    if (last < first) return `The range ${part} ends before it begins.`;
+    if (step === 0) return "A range goes in steps from 0.5.";
+    const count = Math.floor((last - first) / step) + 1;
+    if (found.size + count > MOST_FRAMES) return `At most ${MOST_FRAMES} frames are rendered in one shot.`;
+    for (let i = 0; i < count; i++) found.add(first + step * i);
+  }
+  return [...found];
+}
+
+/**
+ * Runs of whole numbers as ranges: [0, 1, 2, 7] is "0-2,7".
+ *
+ * @param {number[]} frames
+ */
+export function framesText(frames) {
+  /** @type {[number, number][]} */
+  const runs = [];
+  for (const frame of [...frames].sort((a, b) => a - b)) {
+    const last = runs.at(-1);
+    if (last && frame === last[1] + 1) last[1] = frame;
+    else runs.push([frame, frame]);
+  }
+  return runs.map(([a, b]) => (a === b ? String(a) : `${a}-${b}`)).join(",");
+}

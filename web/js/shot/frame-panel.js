@@ -1,0 +1,57 @@
+/** The frame that is looked at: how it is, and that it be rendered first, again, or finer. */
+
+import { h, setText } from "../dom.js";
+import { compact, percent } from "../format.js";
+import { icon } from "../icons.js";
+import { change } from "../job-panel.js";
+import { stateChip } from "../state-chip.js";
+import { announce } from "../tray.js";
+
+/** @typedef {import("../types.js").Job} Job */
+
+/**
+ * @param {() => Job} job
+ * @param {import("./shot-frames.js").ShotFrames} frames
+ * @param {import("../store.js").Disposer} life
+ * @returns {{element: HTMLElement, renderFirst: () => void, update: () => void}}
+ */
+export function framePanel(job, frames, life) {
+  const title = h("h2");
+  const chip = stateChip("queued");
+  const facts = h("p", { class: "quiet small number" });
+  const error = h("p", { class: "problem frame-error", role: "status", hidden: true });
+  const renderFirst = () => {
+    const number = frames.current.value;
+    const state = frames.frame?.state;
+    if (state === "finished") return announce(`Frame ${number} is finished`);
+    const again = state === "failed" ? { again: String(number), state: /** @type {const} */ ("running") } : {};
+    announce(`Frame ${number} is rendered first`);
+    void change(job(), { first: number, ...again }, "The frame was not put first");
+  };
+  const first = h("button", { class: "button wide", type: "button", title: "Enter", onclick: renderFirst }, icon("play"), h("span"));
+  const update = () => {
+    const { frame } = frames;
+    setText(title, `Frame ${frames.current.value}`);
+    chip.update(frame?.state ?? "queued");
+    const noise = frame?.noise == null ? "" : `, noise ${percent(frame.noise)}`;
+    setText(facts, frame ? `${compact(frame.spp)} samples per pixel${noise}` : " ");
+    error.hidden = !frame?.error;
+    setText(error, frame?.error ?? "");
+    const isFirst = job().shot?.first === frames.current.value;
+    first.hidden = !frame || frame.state === "finished" || job().state === "cancelled";
+    first.disabled = isFirst && frame?.state !== "failed";
+    const words = frame?.state === "failed" ? "Try this frame again" : isFirst ? "Is rendered first" : "Render this frame first";
+    setText(/** @type {Element} */ (first.lastElementChild), words);
+  };
+  life.add(frames.current.subscribe(update));
+  life.add(frames.news.subscribe(update));
+  const element = h(
+    "section",
+    { class: "side-section stack tight", "aria-label": "Frame" },
+    h("div", { class: "row spread" }, title, chip.element),
+    facts,
+    error,
+    first,
+  );
+  return { element, renderFirst, update };
+}

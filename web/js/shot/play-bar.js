@@ -1,0 +1,92 @@
+/** The controls of a shot: play, step, scrub, loop, in and out, and how much of it is in memory. */
+
+import { h, setText } from "../dom.js";
+import { bytes, count } from "../format.js";
+import { icon } from "../icons.js";
+
+/** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
+/** @typedef {import("./player.js").Player} Player */
+/** @typedef {import("./frame-memory.js").FrameMemory} FrameMemory */
+
+/**
+ * @param {ShotFrames} frames
+ * @param {Player} player
+ * @param {FrameMemory} memory
+ * @param {import("../store.js").Disposer} life
+ * @returns {{element: HTMLElement, showLoaded: () => void}}
+ */
+export function playBar(frames, player, memory, life) {
+  /** @param {import("../icons.js").IconName} symbol @param {string} label @param {string} title @param {() => void} onclick */
+  const button = (symbol, label, title, onclick) =>
+    h("button", { class: "icon-button", type: "button", "aria-label": label, title, onclick }, icon(symbol));
+  const step = (/** @type {number} */ by) => () => (player.pause(), frames.go(frames.at + by));
+  const play = button("play", "Play", "Play (Space)", () => player.toggle());
+  const scrub = h("input", { type: "range", class: "scrub", "aria-label": "Frame", min: "0", step: "1" });
+  scrub.addEventListener("input", () => {
+    player.pause();
+    memory.wanted = true;
+    frames.go(scrub.valueAsNumber);
+    memory.fill();
+  });
+  const number = h("strong", { class: "frame-number number" });
+  const loop = button("refresh", "Loop", "From the end to the beginning", () => player.loop.update((on) => !on));
+  const clear = button("close", "Play all frames again", "All frames again (X)", () => frames.range.set(null));
+  const partText = h("span", { class: "quiet small number" });
+  const part = h("span", { class: "row part" }, partText, clear);
+  const loaded = h("span", { class: "quiet small number loaded" });
+  const marks = h(
+    "span",
+    { class: "row marks" },
+    h("button", { class: "text-button small", type: "button", title: "Play from this frame (I)", onclick: () => frames.mark("in") }, "In"),
+    h("button", { class: "text-button small", type: "button", title: "Play to this frame (O)", onclick: () => frames.mark("out") }, "Out"),
+  );
+  const element = h(
+    "div",
+    { class: "play-bar", role: "group", "aria-label": "Play the shot" },
+    h("span", { class: "row buttons" }, button("back", "The frame before", "The frame before (←)", step(-1)), play, button("next", "The next frame", "The next frame (→)", step(1)), loop),
+    number,
+    scrub,
+    marks,
+    part,
+    loaded,
+  );
+
+  const showLoaded = () => {
+    const { here, of } = memory.loaded();
+    setText(loaded, memory.wanted ? `${count(here)} of ${count(of)} in memory, ${bytes(memory.bytes())}` : "");
+    element.style.setProperty("--loaded", String(of ? here / of : 0));
+  };
+  const showPart = () => {
+    const { value } = frames.numbers;
+    const [from, to] = frames.part;
+    part.hidden = frames.range.value === null;
+    setText(partText, `${value[from]}–${value[to]}`);
+    const last = Math.max(1, value.length - 1);
+    element.style.setProperty("--from", String(from / last));
+    element.style.setProperty("--to", String(to / last));
+    showLoaded();
+  };
+  life.add(
+    player.playing.subscribe((on) => {
+      play.replaceChildren(icon(on ? "pause" : "play"));
+      play.setAttribute("aria-label", on ? "Pause" : "Play");
+    }),
+  );
+  life.add(player.loop.subscribe((on) => loop.setAttribute("aria-pressed", String(on))));
+  life.add(
+    frames.numbers.subscribe((all) => {
+      scrub.max = String(all.length - 1);
+      scrub.valueAsNumber = frames.at;
+      showPart();
+    }),
+  );
+  life.add(
+    frames.current.subscribe((current) => {
+      setText(number, current);
+      scrub.valueAsNumber = frames.at;
+      scrub.setAttribute("aria-valuetext", `Frame ${current}`);
+    }),
+  );
+  life.add(frames.range.subscribe(showPart));
+  return { element, showLoaded };
+}

@@ -1,0 +1,122 @@
+/** All that a job's page has for a shot: the strip, the player, and what they show on the stage. */
+
+import { scenes } from "../farm.js";
+import { here, setParams } from "../router.js";
+import { addShortcuts } from "../shortcuts.js";
+import { filmstrip } from "./filmstrip.js";
+import { FrameMemory } from "./frame-memory.js";
+import { framePanel } from "./frame-panel.js";
+import { playBar } from "./play-bar.js";
+import { Player } from "./player.js";
+import { shotEdit } from "./shot-edit.js";
+import { ShotFrames } from "./shot-frames.js";
+import { shotKeys } from "./shot-keys.js";
+import { shotSave } from "./shot-save.js";
+
+/** @typedef {import("../types.js").Job} Job */
+
+const USUAL_FPS = 24;
+/** Whoever steps faster sees what is in memory; the live frame comes when they rest. */
+const REST_MS = 150;
+const URL_MS = 400;
+const FILL_MS = 1000;
+
+/**
+ * @param {() => Job} job
+ * @param {import("../live-picture.js").LivePicture} picture
+ * @param {import("../store.js").Store<import("../display-panel.js").Display>} display
+ * @param {import("../store.js").Disposer} life
+ */
+export function shotDesk(job, picture, display, life) {
+  const { live } = picture;
+  const first = job();
+  const frames = new ShotFrames(first, live.frame);
+  const fps = () => job().shot?.fps ?? scenes.value?.find(({ id }) => id === job().scene)?.fps ?? USUAL_FPS;
+  const memory = new FrameMemory(first.id, live.film, frames, () => changed());
+  const player = new Player(frames, memory, fps);
+  const bar = playBar(frames, player, memory, life);
+  const strip = filmstrip(first.id, frames, life);
+  const panel = framePanel(job, frames, life);
+  const edit = shotEdit(job, frames, life);
+  let changed = () => {
+    bar.showLoaded();
+    if (player.playing.value) show();
+  };
+
+  live.framesChanged = (news) => {
+    frames.take(news);
+    memory.fill();
+  };
+  life.every(FILL_MS, () => memory.fill());
+  life.add(() => ((changed = () => {}), player.pause(), memory.dispose()));
+
+  /** What is in memory of the frame that is looked at. */
+  const show = () => {
+    const film = memory.film(frames.current.value);
+    if (film) picture.side()?.play(film);
+  };
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let resting;
+  let steppedAt = -Infinity;
+  const settle = () => {
+    clearTimeout(resting);
+    if (live.frame === frames.current.value) picture.side()?.play(null);
+    else live.turnTo(frames.current.value, memory.film(frames.current.value));
+  };
+  life.add(() => clearTimeout(resting));
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let telling;
+  life.add(() => clearTimeout(telling));
+  const { path } = here();
+  const remember = () => {
+    clearTimeout(telling);
+    telling = setTimeout(() => {
+      if (here().path.join() === path.join()) setParams({ frame: String(frames.current.value) });
+    }, URL_MS);
+  };
+
+  let began = false; // a store tells at once what it holds
+  life.add(
+    frames.current.subscribe(() => {
+      if (!began) return;
+      show();
+      if (player.playing.value) return;
+      const now = performance.now();
+      const fast = now - steppedAt < REST_MS;
+      steppedAt = now;
+      remember();
+      clearTimeout(resting);
+      if (fast) resting = setTimeout(settle, REST_MS);
+      else settle();
+    }),
+  );
+  life.add(
+    player.playing.subscribe((on) => {
+      if (on) {
+        // What is played is the light as it was rendered.
+        if (display.value.channel || display.value.denoise !== "off") display.update((look) => ({ ...look, channel: "", denoise: "off" }));
+        show();
+      } else if (began) {
+        settle();
+        remember();
+      }
+    }),
+  );
+  began = true;
+  life.add(frames.range.subscribe(() => (memory.replan(), memory.fill(), bar.showLoaded())));
+  life.add(frames.numbers.subscribe(() => (memory.replan(), memory.fill())));
+  life.add(addShortcuts(shotKeys(frames, player, panel.renderFirst)));
+  return {
+    bar: bar.element,
+    strip,
+    panel: panel.element,
+    edit: edit.element,
+    files: shotSave(first, display, frames, life),
+    /** @param {Job} next */
+    update(next) {
+      frames.update(next);
+      panel.update();
+      edit.update();
+    },
+  };
+}

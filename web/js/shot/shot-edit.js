@@ -1,0 +1,127 @@
+/** Changing a shot: more frames, those that failed again, more samples for a part, another order. */
+
+import { h, setText } from "../dom.js";
+import { explain, field, numberInput, numberOf } from "../fields.js";
+import { plural } from "../format.js";
+import { icon } from "../icons.js";
+import { change } from "../job-panel.js";
+import { settingOf } from "../settings-table.js";
+import { parseFrames } from "./frame-numbers.js";
+import { partText } from "./shot-save.js";
+
+/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../api.js").JobChange} JobChange */
+/** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
+
+const MORE = 64;
+
+/**
+ * @param {() => Job} job
+ * @param {ShotFrames} frames
+ * @param {import("../store.js").Disposer} life
+ * @returns {{element: HTMLElement, update: () => void}}
+ */
+export function shotEdit(job, frames, life) {
+  /** Samples only come while a job runs. @param {JobChange} wish @param {string} failure */
+  const apply = (wish, failure) => {
+    const stopped = job().state === "cancelled" || job().state === "failed";
+    return change(job(), { ...wish, ...(stopped && { state: /** @type {const} */ ("running") }) }, failure);
+  };
+
+  const order = h("select", null, (settingOf("shot", "order").choices ?? []).map(({ name, label }) => h("option", { value: name }, label)));
+  order.addEventListener("change", () => void change(job(), { order: order.value }, "The order stays"));
+  const orderField = field("Order", order);
+
+  const failedText = h("span");
+  const again = h(
+    "button",
+    { class: "button wide", type: "button", onclick: () => void change(job(), { state: "running" }, "They were not tried again") },
+    icon("refresh"),
+    failedText,
+  );
+
+  const extend = framesInput();
+  const extendForm = smallForm("More frames", extend, "Add", async () => {
+    await apply({ extend: extend.value }, "The shot was not extended");
+    extend.value = "";
+  });
+
+  const part = framesInput();
+  const more = numberInput({ value: MORE, min: 1, max: 1e6, label: "Samples" });
+  const partForm = smallForm("More samples for frames", part, "Add", () =>
+    apply({ frames: part.value, more: numberOf(more, MORE) }, "No samples were added"),
+  );
+  part.after(more);
+  const anew = h(
+    "button",
+    {
+      class: "text-button small",
+      type: "button",
+      title: "From nothing, as after a change of the scene's files",
+      onclick: () => part.reportValidity() && void apply({ again: part.value }, "They are not rendered anew"),
+    },
+    "Render these anew",
+  );
+  partForm.append(anew);
+
+  let typed = false;
+  part.addEventListener("input", () => (typed = part.value !== ""));
+  const suggest = () => {
+    if (!typed) part.value = frames.range.value ? partText(frames) : String(frames.current.value);
+    part.dispatchEvent(new Event("check"));
+  };
+  life.add(frames.range.subscribe(suggest));
+  life.add(frames.current.subscribe(suggest));
+
+  const update = () => {
+    const { shot, state } = job();
+    if (!shot) return;
+    if (document.activeElement !== order) order.value = shot.order;
+    orderField.hidden = state === "finished";
+    again.hidden = !shot.failed || !["finished", "failed"].includes(state);
+    setText(failedText, `Try ${plural(shot.states.failed ?? 0, "failed frame")} again`);
+  };
+  update();
+  const element = h(
+    "details",
+    { class: "side-section shot-edit" },
+    h("summary", null, "Change the shot"),
+    h("div", { class: "stack" }, orderField, extendForm, partForm),
+  );
+  return { element: h("div", { class: "shot-changes" }, h("div", { class: "again-box" }, again), element), update };
+}
+
+function framesInput() {
+  const input = h("input", { type: "text", autocomplete: "off", spellcheck: "false", required: true, placeholder: "100-149" });
+  const check = () => {
+    const found = parseFrames(input.value || "0");
+    input.setCustomValidity(typeof found === "string" ? found : "");
+  };
+  input.addEventListener("input", check);
+  input.addEventListener("check", check);
+  return input;
+}
+
+/**
+ * @param {string} label
+ * @param {HTMLInputElement} input
+ * @param {string} verb
+ * @param {() => Promise<void>} run
+ */
+function smallForm(label, input, verb, run) {
+  const element = field(label, input);
+  explain(element, label, [input]);
+  const button = h("button", { class: "button", type: "submit" }, verb);
+  const line = h("div", { class: "edit-line" });
+  input.before(line);
+  line.append(input, button);
+  const onsubmit = async (/** @type {SubmitEvent} */ event) => {
+    event.preventDefault();
+    if (!form.checkValidity()) return;
+    button.disabled = true;
+    await run();
+    button.disabled = false;
+  };
+  const form = h("form", { noValidate: true, onsubmit, "aria-label": label }, element);
+  return form;
+}

@@ -1,0 +1,141 @@
+/** Still or shot: a moment, or several frames, of a scene that moves or whose camera goes around it. */
+
+import { choiceField, explain, field, freshId, numberOf, segments, setShown } from "../fields.js";
+import { h, setText } from "../dom.js";
+import { plural } from "../format.js";
+import { numberFor } from "../setting-field.js";
+import { settingOf } from "../settings-table.js";
+import { parseFrames } from "./frame-numbers.js";
+
+/** @typedef {import("../types.js").Scene} Scene */
+/** @typedef {import("../types.js").Shot} Shot */
+
+const USUAL_FPS = 24;
+const TURN_S = 4;
+
+/**
+ * @param {Scene} scene
+ * @param {Shot | null} like whose settings it shows first
+ * @param {() => void} changed
+ * @returns {{elements: HTMLElement[], get: () => Record<string, any>, count: () => number}} count: of frames
+ */
+export function shotFields(scene, like, changed) {
+  const setting = (/** @type {string} */ name) => settingOf("shot", name);
+  const { clips = [], fps: own = null } = scene;
+  const moves = clips.some(({ start, end }) => end > start);
+
+  const fps = numberFor(setting("fps"), like?.fps ?? own ?? USUAL_FPS);
+  const turn = numberFor(setting("turntable"), moves ? null : (like?.turntable ?? TURN_S));
+  const frames = h("input", { type: "text", inputmode: "text", autocomplete: "off", spellcheck: "false" });
+  const moment = h("input", { type: "number", min: 0, step: 0.5, value: "0", inputmode: "decimal", autocomplete: "off" });
+  const choices = clipChoices(clips);
+  const clip = choiceField("Clip", choices, like?.clip ?? clips[0]?.name ?? "", () => refill());
+  const order = choiceField("Order", setting("order").choices ?? [], like?.order ?? "in-turn", () => show());
+  const every = numberFor(setting("every"), like?.every ?? setting("every").default);
+  let typed = like !== null && like.count > 1;
+
+  const framesField = field("Frames", frames, "Numbers and ranges: 0-99, or 1-250x5 for every fifth.");
+  explain(framesField, "Frames", [frames]);
+  const everyField = field("Every", every);
+  const turnField = field("Once around, s", turn, setting("turntable").help);
+  const stillField = field("Frame", moment, "The moment that is shown; halves are frames too. Turn the view to see it while you choose.");
+  const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": "Moment" });
+  stillField.append(scrub);
+  moment.addEventListener("input", () => (scrub.value = moment.value));
+  scrub.addEventListener("input", () => {
+    moment.value = scrub.value;
+    moment.dispatchEvent(new Event("change", { bubbles: true })); // the view in the hand follows at once
+  });
+  const shotPart = h(
+    "div",
+    { class: "stack" },
+    framesField, field("Frames a second", fps), !moves && turnField, order.element, everyField);
+
+  /** The frames in which the clip moves, or the camera once around. */
+  const whole = () => {
+    const rate = numberOf(fps, USUAL_FPS);
+    const seconds = numberOf(turn, 0);
+    if (seconds) return `0-${Math.max(1, Math.round(seconds * rate) - 1)}`;
+    const chosen = clips.filter((_, i) => clip.get() === "all" || clip.get() === choices[i]?.name);
+    const start = Math.min(...chosen.map((each) => each.start));
+    const end = Math.max(...chosen.map((each) => each.end));
+    return chosen.length ? `${Math.ceil(start * rate - 1e-6)}-${Math.floor(end * rate + 1e-6)}` : "0-95";
+  };
+  const numbers = () => {
+    const found = parseFrames(frames.value);
+    return typeof found === "string" ? [] : found;
+  };
+  const refill = () => {
+    const found = parseFrames(whole());
+    if (typeof found !== "string") scrub.max = String(found.at(-1) ?? 1);
+    scrub.value = moment.value;
+    if (!typed) frames.value = whole();
+    check();
+  };
+  const check = () => {
+    const found = isShot() ? parseFrames(frames.value) : [];
+    frames.setCustomValidity(typeof found === "string" ? found : "");
+    const count = numbers().length;
+    const length = count / numberOf(fps, USUAL_FPS);
+    setText(kind.aside, isShot() && count ? `${plural(count, "frame")}, ${Number(length.toFixed(2))} s` : "");
+    changed();
+  };
+  frames.addEventListener("input", () => ((typed = frames.value !== ""), check()));
+  for (const input of [fps, turn]) input.addEventListener("input", refill);
+
+  let chosen = like && like.count > 1 ? "shot" : "still";
+  const isShot = () => chosen === "shot";
+  const show = () => {
+    setShown(shotPart, isShot());
+    setShown(stillField, !isShot() && moves);
+    setShown(everyField, isShot() && order.get() === "every-nth");
+    clip.element.hidden = clips.length < 2;
+    check();
+  };
+  const options = [
+    { value: "still", label: "Still" },
+    { value: "shot", label: "Shot" },
+  ];
+  const kind = segments("Picture", options, (value) => ((chosen = value), refill(), show()));
+  kind.select(chosen);
+  frames.id ||= freshId("frames");
+  if (like) {
+    if (like.count > 1) frames.value = like.frames;
+    else moment.value = like.frames;
+  }
+  refill();
+  show();
+
+  const ofClip = () => (clips.length > 1 && clip.get() !== (clips[0]?.name ?? "") ? { clip: clip.get() } : {});
+  const get = () => {
+    if (!isShot()) {
+      const frame = moves ? numberOf(moment, 0) : 0;
+      return { ...(frame ? { frame } : {}), ...ofClip() };
+    }
+    const rate = numberOf(fps, USUAL_FPS);
+    const seconds = numberOf(turn, 0);
+    return {
+      frames: frames.value.trim(),
+      ...(rate === own ? {} : { fps: rate }),
+      ...(seconds ? { turntable: seconds } : {}),
+      ...ofClip(),
+      order: order.get(),
+      ...(order.get() === "every-nth" ? { every: numberOf(every, 8) } : {}),
+    };
+  };
+  return { elements: [kind.element, clip.element, stillField, shotPart], get, count: () => (isShot() ? numbers().length : 1) };
+}
+
+/** @param {import("../types.js").Clip[]} clips */
+function clipChoices(clips) {
+  const seconds = (/** @type {import("../types.js").Clip} */ { start, end }) =>
+    `Moves from ${Number(start.toFixed(2))} to ${Number(end.toFixed(2))} s.`;
+  const known = new Set();
+  const each = clips.map((clip, i) => {
+    // By number where it has no name, or that of one before it.
+    const plain = clip.name && !known.has(clip.name);
+    known.add(clip.name);
+    return { name: plain ? clip.name : String(i), label: plain ? clip.name : `${clip.name || "Clip"} (${i})`, help: seconds(clip) };
+  });
+  return [...each, { name: "all", label: "All at once", help: "As files mean it that have a clip for each object." }];
+}

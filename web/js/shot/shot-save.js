@@ -1,0 +1,72 @@
+/** Downloads of a whole shot: as a film, or its frames in a zip. */
+
+import { shotUrl } from "../api.js";
+import { h, setText } from "../dom.js";
+import { icon } from "../icons.js";
+import { plainName, row } from "../save-panel.js";
+import { framesText } from "./frame-numbers.js";
+
+/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
+
+const FILES = /** @type {const} */ ([
+  ["movie.mp4", "MP4", "H.264, as it looks now: all frames that have samples, at the shot's speed"],
+  ["movie.webm", "WebM", "AV1, as it looks now: all frames that have samples, at the shot's speed"],
+  ["frames.zip", "PNGs", "The finished frames in a zip, as they look now", "png"],
+  ["frames.zip", "EXRs", "The finished frames in a zip: scene-linear floats, untouched by exposure and curve", "exr"],
+]);
+
+/** Characters in an address. */
+const LONGEST = 1000;
+
+/**
+ * @param {Job} job
+ * @param {import("../store.js").Store<import("../display-panel.js").Display>} display
+ * @param {ShotFrames} frames
+ * @param {import("../store.js").Disposer} life
+ */
+export function shotSave(job, display, frames, life) {
+  const links = FILES.map(([file, name, hint, format]) => {
+    const anchor = h("a", { class: "button", title: hint }, icon("download"), name);
+    // The address is made when it is used: exposure, curve and the part that is played are those of that moment.
+    const aim = () => {
+      const { exposure, curve } = display.value;
+      const part = frames.range.value && partAddress(frames);
+      /** @type {Record<string, string | number>} */
+      const query = { ...(format && { format }), ...(format !== "exr" && { exposure, tonemap: curve }), ...(part && { frames: part }) };
+      anchor.href = shotUrl(job.id, file, query);
+      anchor.download = `${plainName(job)}${part ? `-${part}` : ""}.${file.split(".")[1]}`;
+    };
+    for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
+    aim();
+    return anchor;
+  });
+  const { element, label } = row("", links);
+  element.lastElementChild?.setAttribute("class", "pair");
+  life.add(
+    frames.range.subscribe((range) => {
+      setText(label, range ? `Frames ${partText(frames)}` : "The whole shot");
+    }),
+  );
+  return element;
+}
+
+/**
+ * The part that is played as an address has it. One with many gaps is told by its ends: of what it names, files have what there is.
+ *
+ * @param {ShotFrames} frames
+ */
+function partAddress(frames) {
+  const text = partText(frames);
+  if (text.length < LONGEST) return text;
+  const { value } = frames.numbers;
+  const [from, to] = frames.part;
+  const halves = value.slice(from, to + 1).some((number) => !Number.isInteger(number));
+  return `${value[from]}-${value[to]}${halves ? "x0.5" : ""}`;
+}
+
+/** The part that is played, as text. @param {ShotFrames} frames */
+export function partText(frames) {
+  const [from, to] = frames.part;
+  return framesText(frames.numbers.value.slice(from, to + 1));
+}
