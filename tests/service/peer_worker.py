@@ -34,11 +34,11 @@ from worker.contract import (
     WorkerReport,
     denoise_queue,
     order_key,
-    pack_sums,
     prepare_queue,
     render_queue,
     worker_key,
 )
+from worker.sums import pack_sums
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 

@@ -41,8 +41,8 @@ from worker.contract import (
     denoise_queue,
     order_key,
     render_queue,
-    unpack_sums,
 )
+from worker.sums import unpack_sums
 
 pytestmark = pytest.mark.farm
 
