@@ -91,6 +91,7 @@ class PeerWorker:
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
         self.frames: list[float] = []  # prepared
+        self.shared: bytes | None = None  # what all frames' compiled scenes have a part of
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
@@ -218,12 +219,20 @@ class PeerWorker:
                 if compiled is not None:
                     sha256 = hashlib.sha256(compiled).hexdigest()
                     self.http.put(f"/api/farm/blobs/{sha256}", content=compiled).raise_for_status()
-                    ref = BlobRef("", sha256, len(compiled))
+                    ref = BlobRef("", sha256, len(compiled), self._keep_shared())
                 view = {**(work.view or work.base_auto), "eye": [frame, 0.0, 5.0]}
                 self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(FrameInfo(ref, view, {}, [], 0.01))})
             except ValueError as error:
                 self.send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
         self.current = {}
+
+    def _keep_shared(self) -> tuple[tuple[str, int], ...]:
+        if self.shared is None:
+            return ()
+        sha256 = hashlib.sha256(self.shared).hexdigest()
+        if self.http.post(f"/api/farm/blobs/{sha256}/keep").status_code == 404:
+            self.http.put(f"/api/farm/blobs/{sha256}", content=self.shared).raise_for_status()
+        return ((sha256, len(self.shared)),)
 
     def _prepare(self, scene: str) -> None:
         self.prepared.append(scene)

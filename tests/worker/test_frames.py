@@ -17,7 +17,9 @@ from rayfarm.stage import Stage
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compiled import CompiledScene
 from renderer.scene.load import Shot
+from renderer.scene.parts import MANIFEST_STARTS
 from renderer.settings import View
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 from worker import frames
@@ -70,9 +72,13 @@ class Bench:
         found = {}
         for frame in order:
             said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
-            file = said["file"] and Path(said["file"]).read_bytes()
-            found[frame] = hashlib.sha256(file).hexdigest() if file else None, said["view"]
+            own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"])))
+            found[frame] = own, said["view"]
         return found
+
+    def hash_of(self, scene: CompiledScene) -> str:
+        compiled_file.save(scene, self.out / "whole")
+        return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
 
     def rendered(self, frame: float) -> tuple[str | None, dict[str, Any]]:
         """The same, as `rayfarm render --frame` has it."""
@@ -81,12 +87,9 @@ class Bench:
         compiled, summary = Stage(self.shot(), camera).at(moment)
         picture = Picture({} if camera is None else {"camera": camera})
         order = Order(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
-        compiled_file.save(compiled, self.out / "still")
-        sha256 = hashlib.sha256((self.out / "still").read_bytes()).hexdigest()
-        compiled_file.save(self.base, self.out / "base")
-        is_base = sha256 == hashlib.sha256((self.out / "base").read_bytes()).hexdigest()
+        sha256 = self.hash_of(compiled)
         view = order.settings(summary, moment).to_json()["view"]
-        return None if is_base else sha256, view
+        return None if sha256 == self.hash_of(self.base) else sha256, view
 
 
 @pytest.mark.parametrize(
@@ -115,7 +118,7 @@ def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bo
 def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench(tmp_path, moving(False, True))
     compiled: list[int] = []
-    monkeypatch.setattr(frames, "compile_scene", lambda description: compiled.append(1) or compile_scene(description))
+    monkeypatch.setattr(frames, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
     bench.said([24, 25, 30, 48])
     assert len(compiled) == 1
 
@@ -143,12 +146,15 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
 
 
 class Service(Link):
-    """A link whose service has the scene's files."""
+    """A link whose service has the scene's files, and what is stored."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__("http://service.invalid", "")
         self.folder = folder
         self.stored: list[bytes] = []
+
+    def has(self, sha256: str) -> bool:
+        return any(hashlib.sha256(data).hexdigest() == sha256 for data in self.stored)
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:
         out.write(next(p.read_bytes() for p in self.folder.iterdir() if hashlib.sha256(p.read_bytes()).hexdigest() == sha256))
@@ -175,7 +181,9 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-prepared", 2), ("frame-failed", 4), ("frame-prepared", 6)]
-    assert len(service.stored) == 2, "frame 0 is the scene as it was prepared"
+    manifests = [data for data in service.stored if data.startswith(MANIFEST_STARTS)]
+    assert len(manifests) == 2, "frame 0 is the scene as it was prepared"
+    assert len(set(service.stored)) == len(service.stored), "what frames share is sent once"
 
     at = frames._Stage.at
     monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))

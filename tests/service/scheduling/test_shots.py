@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 import time
 from pathlib import Path
@@ -270,6 +271,30 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
             assert [digest(service, job, n) for n in range(20)] == [expected(n) for n in range(20)]
             assert most < 12, "never all twenty"
             assert len(worker.frames) > 20
+    finally:
+        service.stop()
+
+
+def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_path: Path, redis_server: running_redis) -> None:
+    service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=6000)
+    shared = b"what stands still" * 200
+    part = tmp_path / "data" / "blobs" / hashlib.sha256(shared).hexdigest()[:2] / hashlib.sha256(shared).hexdigest()
+
+    def left() -> int:
+        return sum(path.stat().st_size in (106, len(shared)) for path in (tmp_path / "data" / "blobs").glob("??/*"))
+
+    def look(batch: RenderBatch) -> None:
+        assert part.is_file()
+
+    try:
+        with service.worker() as worker:
+            worker.shared, worker.on_batch = shared, look
+            worker.on_frame = lambda frame: b"%06d" % frame + b"x" * 100
+            job = shoot(service, service.ready_scene(), "0-9", order="breadth-first", spp=4)
+            service.wait_for(job, "finished", 60)
+            assert [digest(service, job, n) for n in range(10)] == [expected(n) for n in range(10)]
+            assert sorted(worker.frames) == list(range(10)), "there is room for all of them, as each has but a little of its own"
+            until(lambda: left() == 0, "what was compiled for frames is gone", say=left)
     finally:
         service.stop()
 
