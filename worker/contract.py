@@ -217,6 +217,7 @@ class PrepareFrames:
     camera: str | int | None = None  # by name or number
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
+    shutter: dict[str, Any] = field(default_factory=dict)  # what is asked for of its settings; of the others the file's count
 
     @classmethod
     def from_json(cls, data: Any) -> PrepareFrames:
@@ -233,6 +234,7 @@ class FrameInfo:
     defaults: dict[str, Any]  # settings that the scene file asks for
     warnings: list[str]
     seconds: float
+    views: list[dict[str, Any]] = field(default_factory=list)  # of a camera that moves while the shutter is open
 
     @classmethod
     def from_json(cls, data: Any) -> FrameInfo:
@@ -305,6 +307,7 @@ class WorkerReport:
     )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise, frame}
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
+    blurs: bool = False  # whether it prepares them with an open shutter
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""

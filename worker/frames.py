@@ -13,8 +13,8 @@ from typing import Any
 from renderer.cameras import camera_number
 from renderer.errors import RayfarmError
 from renderer.frames import frame_number
-from renderer.scene.animation import Moment
-from renderer.scene.animation.orbit import orbit
+from renderer.scene.animation import Moment, Shutter
+from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import SceneDescription
@@ -22,7 +22,7 @@ from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
 from renderer.scene.parts import Saver
 from renderer.scene.same import compiles_alike
-from renderer.settings import View
+from renderer.settings import View, chosen
 from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, FrameInfo, Manifest, PrepareFrames
@@ -60,7 +60,8 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
                 ref = store_scene(worker, path)
                 _sweep(path.parent, latest, ref)
                 latest = ref
-            info = FrameInfo(ref, message["view"], message["defaults"], message["warnings"], message["seconds"])
+            known = (message[name] for name in ("view", "defaults", "warnings", "seconds", "views"))
+            info = FrameInfo(ref, *known)
             answer("frame-prepared", frame=frame, info=asdict(info))
         open.remove(frame)
 
@@ -129,15 +130,19 @@ class _Stage:
 
     def at(self, moment: Moment) -> dict[str, Any]:
         """What is to be said of a frame. Raises SceneError, and SettingsError where its view cannot be."""
-        read = self._still or self._shot.at(moment)
+        read = self._still or self._shot.over(moment, self._work.shutter)
         self._still = None if read.moves else read
         described, compiled, file = self._compiled(read)
-        view = self._view(described, compiled)
+        view, views = self._views(described, compiled)
         if self._work.turntable is not None:
-            view = orbit(view, moment.seconds(described.fps) / self._work.turntable, described.up)
+            fps, up = described.fps, described.up
+            shutter = Shutter.of(chosen(self._work.shutter, described.defaults))
+            views = orbit_over(view, views, moment, shutter, fps, self._work.turntable, up)
+            view = orbit(view, moment.seconds(fps) / self._work.turntable, up)
         return {
             "file": file and str(file),
             "view": asdict(view),
+            "views": [asdict(each) for each in views],
             "defaults": dict(described.defaults),
             "warnings": list(described.warnings),
         }
@@ -158,13 +163,14 @@ class _Stage:
         self._last = untouched, compiled, file
         return read, compiled, file
 
-    def _view(self, description: SceneDescription, compiled: CompiledScene) -> View:
-        """The view that the request names: its own, or a camera of the scene as it stands at the moment."""
+    def _views(self, description: SceneDescription, compiled: CompiledScene) -> tuple[View, tuple[View, ...]]:
+        """The view that the request names: its own, or a camera of the scene as it stands at the moment, and of one that moves
+        while the shutter is open its keys."""
         if self._work.view is not None:
-            return View.from_json(_given(self._work.view))
+            return View.from_json(_given(self._work.view)), ()
         cameras = own_cameras(description, compiled)
         number = camera_number([*(c.name for c in cameras), AUTO_CAMERA], self._work.camera)
-        return cameras[number].view if number < len(cameras) else self._auto_view()
+        return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
 
     def _auto_view(self) -> View:
         """The camera that frames the scene stands as it does at the beginning; of another clip, at its own."""

@@ -196,7 +196,7 @@ class Lifecycle:
         else:
             info = message.info
             try:
-                settings = frame_settings(job.request, job.settings, info.view, info.defaults)
+                settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
                 job.fail(frame, f"{error}.")
                 return

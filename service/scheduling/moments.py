@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from functools import cache
 
+from renderer.settings import OPTIONAL
 from service.scheduling.active_frame import ActiveFrame
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.dispatch import Dispatcher
@@ -27,6 +28,7 @@ LOSSES_ALLOWED = 3
 AHEAD = 4  # frames, at least
 MOST_AT_ONCE = 32
 AIM_S = 1.0  # that handing out frames together takes
+SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
 FrameOf = Callable[[ActiveJob], dict[str, object]]  # the view that frames the scene, as PrepareFrames takes it
 
@@ -180,6 +182,7 @@ class Moments:
             camera=job.request.get("camera"),
             view=job.request.get("view"),
             turntable=job.shot.turntable,
+            shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
         )
         self._dispatcher.send_frames(work, kind)
         self.leases.add(lease)

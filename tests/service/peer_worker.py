@@ -87,10 +87,12 @@ class PeerWorker:
         self.slots = slots
         self.denoises = denoises
         self.knows_frames = True
+        self.blurs = True
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
         self.frames: list[float] = []  # prepared
+        self.shutters: list[dict[str, Any]] = []  # of those
         self.shared: bytes | None = None  # what all frames' compiled scenes have a part of
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
@@ -124,6 +126,7 @@ class PeerWorker:
         report = WorkerReport(
             *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
             frames=self.knows_frames,
+            blurs=self.blurs,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -213,6 +216,7 @@ class PeerWorker:
         for key in work.frames:
             frame = key / 2
             self.frames.append(frame)
+            self.shutters.append(work.shutter)
             try:
                 compiled = self.on_frame(frame)
                 ref = None
@@ -221,7 +225,9 @@ class PeerWorker:
                     self.http.put(f"/api/farm/blobs/{sha256}", content=compiled).raise_for_status()
                     ref = BlobRef("", sha256, len(compiled), self._keep_shared())
                 view = {**(work.view or work.base_auto), "eye": [frame, 0.0, 5.0]}
-                self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(FrameInfo(ref, view, {}, [], 0.01))})
+                views = [{**view, "eye": [frame + shift, 0.0, 5.0]} for shift in (-0.25, 0.25)] if work.shutter else []
+                info = FrameInfo(ref, view, {}, [], 0.01, views)
+                self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(info)})
             except ValueError as error:
                 self.send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
         self.current = {}

@@ -66,30 +66,30 @@ class Bench:
     def shot(self) -> Shot:
         return Shot(self.scene, "shot.glb")
 
-    def said(self, order: list[float]) -> dict[float, tuple[str | None, dict[str, Any]]]:
-        """Of each frame: the hash of its own compiled scene, and its view."""
+    def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
+        """Of each frame: the hash of its own compiled scene, its view, and those that it has while the shutter is open."""
         stage = frames._Stage(self.shot(), self.asked, self.base, self.out)
         found = {}
         for frame in order:
             said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
             own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"])))
-            found[frame] = own, said["view"]
+            found[frame] = own, [said["view"], *said["views"]]
         return found
 
     def hash_of(self, scene: CompiledScene) -> str:
         compiled_file.save(scene, self.out / "whole")
         return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
 
-    def rendered(self, frame: float) -> tuple[str | None, dict[str, Any]]:
+    def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
         """The same, as `rayfarm render --frame` has it."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
-        compiled, summary = Stage(self.shot(), camera).at(moment)
-        picture = Picture({} if camera is None else {"camera": camera})
+        compiled, summary = Stage(self.shot(), camera, shutter=self.asked.shutter).at(moment)
+        picture = Picture(({} if camera is None else {"camera": camera}) | self.asked.shutter)
         order = Order(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
         sha256 = self.hash_of(compiled)
-        view = order.settings(summary, moment).to_json()["view"]
-        return None if sha256 == self.hash_of(self.base) else sha256, view
+        settings = order.settings(summary, moment).to_json()
+        return None if sha256 == self.hash_of(self.base) else sha256, [settings["view"], *settings["views"]]
 
 
 @pytest.mark.parametrize(
@@ -101,6 +101,9 @@ class Bench:
         (True, True, {"fps": 48.0, "clip": "far", "camera": 1}),
         (False, False, {"turntable": 2.0}),
         (True, False, {"turntable": 2.0, "clip": "far"}),
+        (True, True, {"shutter": {"shutter": 0.5}}),
+        (False, True, {"shutter": {"shutter": 2.0, "shutter_at": "trailing", "shutter_keys": 3}, "turntable": 2.0}),
+        (True, False, {"shutter": {"shutter": 1.0}, "turntable": 2.0}),
     ],
 )
 def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
@@ -110,7 +113,9 @@ def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bo
     for frame in FRAMES:
         sha256, view = bench.rendered(frame)
         assert said[frame][0] == sha256
-        assert View.from_json(said[frame][1]) == View.from_json(view)
+        assert list(map(View.from_json, said[frame][1])) == list(map(View.from_json, view))
+    if "shutter" in asked:
+        assert len(said[12][1]) >= 3, "the camera moves"
     if not thing and "clip" not in asked:
         assert {sha256 for sha256, _ in said.values()} == {None}, "only the camera moves: nothing is compiled"
 
@@ -126,7 +131,7 @@ def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: p
 def test_a_view_of_ones_own_is_taken_as_it_is(tmp_path: Path) -> None:
     view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "fov": 30.0, "focus": None}
     bench = Bench(tmp_path, moving(True, False), view=view)
-    assert {tuple(view["eye"]) for _, view in bench.said([0, 12]).values()} == {(1.0, 2.0, 3.0)}
+    assert {tuple(view["eye"]) for _, (view,) in bench.said([0, 12]).values()} == {(1.0, 2.0, 3.0)}
 
 
 def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_path: Path) -> None:

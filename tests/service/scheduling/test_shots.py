@@ -213,6 +213,26 @@ def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service
             service.wait_for(job, "finished")
 
 
+def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(service: Service) -> None:
+    with service.worker(name="old", kind="old-kind") as old:
+        old.blurs = False
+        old.report()
+        scene = service.ready_scene()
+        still, shot = service.submit(scene, **SMALL, spp=4, shutter=0.5), shoot(service, scene, "3", shutter=0.5, shutter_keys=2)
+        until(lambda: "blur" in (service.job(shot)["message"] or ""), "it says what it waits for", say=lambda: service.job(shot))
+        service.wait_for(shoot(service, scene, "1"), "finished")
+        assert old.frames == [1]
+        with service.worker(name="new", kind="new-kind") as new:
+            service.wait_for(still, "finished")
+            service.wait_for(shot, "finished")
+            assert sorted(zip(new.frames, new.shutters, strict=True), key=str) == [
+                (0, {"shutter": 0.5}),
+                (3, {"shutter": 0.5, "shutter_keys": 2}),
+            ]
+            assert {tuple(view.eye[0] for view in b.settings.views) for b in new.batches} == {(-0.25, 0.25), (2.75, 3.25)}
+        assert old.frames == [1]
+
+
 def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     shot, still = shoot(service, scene, "0-2"), service.submit(scene)
