@@ -16,8 +16,8 @@ from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs
 from renderer.frames import frame_text
 from renderer.scene.animation import Moment, Shutter
-from renderer.scene.animation.orbit import orbit
-from renderer.settings import MOST_KEYS, RenderSettings, Tile, View
+from renderer.scene.animation.orbit import orbit, orbit_over
+from renderer.settings import RenderSettings, Tile
 from renderer.work import most_samples
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
 
 __all__ = ["Order", "camera_words", "moment_words", "render_to", "say_bad_samples", "statistics"]
-
-_KEYS_A_TURN = 32  # of a turntable's, within the shutter
 
 
 @dataclass(frozen=True)
@@ -53,21 +51,9 @@ class Order:
         if self.turntable is None:
             return settings
         turns = moment.seconds(summary["fps"]) / self.turntable
-        views = self._going_around(settings, moment, summary)
+        shutter = Shutter(settings.shutter, settings.shutter_at, settings.shutter_keys)
+        views = orbit_over(settings.view, settings.views, moment, shutter, summary["fps"], self.turntable, summary["up"])
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
-
-    def _going_around(self, settings: RenderSettings, moment: Moment, summary: dict[str, Any]) -> tuple[View, ...]:
-        """The views of a turntable while the shutter is open."""
-        if self.turntable is None or settings.shutter == 0:
-            return ()
-        shutter, fps = Shutter(settings.shutter, settings.shutter_at), summary["fps"]
-        turns = settings.shutter / ((moment.fps or fps) * self.turntable)
-        keys = len(settings.views) or settings.shutter_keys or min(max(5, 2 + int(turns * _KEYS_A_TURN)), MOST_KEYS)
-        start = settings.views or (settings.view,) * keys
-        moments = (shutter.moment(moment, i / (keys - 1)) for i in range(keys))
-        return tuple(
-            orbit(view, each.seconds(fps) / self.turntable, summary["up"]) for view, each in zip(start, moments, strict=True)
-        )
 
     def files(self, output: Path) -> list[Path]:
         """All pictures of a frame."""

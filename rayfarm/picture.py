@@ -99,7 +99,8 @@ class Picture:
 
     def views(self, cameras: list[dict[str, Any]]) -> tuple[View, ...]:
         """Those that it has while the shutter is open, changed likewise; none of a camera that stands still."""
-        return tuple(map(self._seen, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
+        views = tuple(map(self._seen, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
+        return views if any(view != views[0] for view in views) else ()
 
     def _seen(self, start: dict[str, Any]) -> View:
         changes = {name: value for name, value in self._view().items() if value is not None}

@@ -7,6 +7,7 @@ import fcntl
 import logging
 import os
 import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Annotated
@@ -104,11 +105,11 @@ class Farm:
         recorded = self.records.samples(job.id, frame) if job.state in FINAL else 0
         return self.films.open(job.id, settings, job.tile_size, recorded=recorded, frame=frame)
 
-    def _let_go(self, hashes: set[str]) -> None:
+    def _let_go(self, hashes: Counter[str]) -> None:
         """Blobs are referred to no longer: remove those that nobody else refers to, without holding up who says so."""
         self._collector.submit(self._collect, hashes)
 
-    def _collect(self, hashes: set[str]) -> None:
+    def _collect(self, hashes: Counter[str]) -> None:
         try:
             self.garbage.let_go(hashes)
         except FarmError as error:

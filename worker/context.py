@@ -64,6 +64,7 @@ class WorkerContext:
             current=doing,
             denoises=denoise.is_available(),
             frames=True,
+            blurs=True,
         )
 
     def after_fork(self) -> None:

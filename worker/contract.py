@@ -16,14 +16,10 @@ takes its batches, so films of two kinds cannot mix. Imports neither numba nor t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from typing import Any, Literal
 
-import lz4.block
-import numpy as np
-
-from renderer.film import CHANNELS, Sums
 from renderer.settings import RenderSettings, Tile
 
 __all__ = [
@@ -49,10 +45,8 @@ __all__ = [
     "celery_config",
     "denoise_queue",
     "order_key",
-    "pack_sums",
     "prepare_queue",
     "render_queue",
-    "unpack_sums",
     "worker_key",
 ]
 
@@ -223,6 +217,7 @@ class PrepareFrames:
     camera: str | int | None = None  # by name or number
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
+    shutter: dict[str, Any] = field(default_factory=dict)  # what is asked for of its settings; of the others the file's count
 
     @classmethod
     def from_json(cls, data: Any) -> PrepareFrames:
@@ -239,6 +234,7 @@ class FrameInfo:
     defaults: dict[str, Any]  # settings that the scene file asks for
     warnings: list[str]
     seconds: float
+    views: list[dict[str, Any]] = field(default_factory=list)  # of a camera that moves while the shutter is open
 
     @classmethod
     def from_json(cls, data: Any) -> FrameInfo:
@@ -311,6 +307,7 @@ class WorkerReport:
     )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise, frame}
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
+    blurs: bool = False  # whether it prepares them with an open shutter
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -371,32 +368,3 @@ class Result:
     def from_fields(cls, fields: dict[bytes, bytes]) -> Result:
         """The result that `to_fields` wrote."""
         return cls(json.loads(fields[b"event"]), fields.get(b"sums"))
-
-
-def pack_sums(sums: Sums) -> bytes:
-    """A batch's sums, LZ4-compressed with the low and the high words apart: the high ones are nearly constant and vanish."""
-    words = np.ascontiguousarray(sums, dtype="<i8").reshape(-1, 1).view("<u4")
-    return lz4.block.compress(np.ascontiguousarray(words.T), store_size=False)
-
-
-def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
-    """The sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError where they are not of this tile.
-
-    stored: an older release may have packed them, which knew fewer planes; those that came since are 0.
-    planes: fill these alone; the others stay 0, and take neither time nor memory."""
-    plane = tile.h * tile.w * 8
-    size = CHANNELS * plane
-    try:
-        raw = lz4.block.decompress(data, uncompressed_size=size)
-    except lz4.block.LZ4BlockError as error:
-        raise ValueError(f"damaged sums: {error}") from error
-    if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
-        raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
-    words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h, tile.w)  # low, high
-    known = words.shape[1]
-    sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
-    pairs = sums.view("<u4").reshape(CHANNELS, tile.h, tile.w, 2)
-    for i in range(known) if planes is None else planes:
-        if i < known:
-            pairs[i, ..., 0], pairs[i, ..., 1] = words[:, i]
-    return sums

@@ -13,15 +13,16 @@ from typing import Any
 from renderer.cameras import camera_number
 from renderer.errors import RayfarmError
 from renderer.frames import frame_number
-from renderer.scene import compiled as compiled_file
-from renderer.scene.animation import Moment
-from renderer.scene.animation.orbit import orbit
+from renderer.scene.animation import Moment, Shutter
+from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import SceneDescription
+from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
+from renderer.scene.parts import Saver
 from renderer.scene.same import compiles_alike
-from renderer.settings import View
+from renderer.settings import View, chosen
 from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, FrameInfo, Manifest, PrepareFrames
@@ -29,6 +30,7 @@ from worker.errors import MachineError, WorkError, is_of_machine
 from worker.patience import patiently
 from worker.prepare import memory_budget, place_files
 from worker.render import mapped_scene
+from worker.scenes import store_scene
 
 __all__ = ["prepare_frames"]
 
@@ -44,21 +46,22 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     Raises Trouble or RefusedError where the service or this machine cannot be used; what was answered stays.
     """
     open = list(work.frames)
-    stored: dict[str, BlobRef] = {}  # by the child's files
+    latest: BlobRef | None = None  # of what was compiled for a frame
 
     def take(message: dict[str, Any]) -> None:
+        nonlocal latest
         frame = message["frame"]
         if "failed" in message:
             answer("frame-failed", frame=frame, error=message["failed"])
         else:
-            path = message["file"] and Path(message["file"])
-            if path and str(path) not in stored:
-                stored[str(path)] = ref = patiently(lambda: worker.link.store(path), PATIENCE_S)
-                worker.cache.adopt(path, ref.sha256)
-                path.unlink()
-            info = FrameInfo(
-                stored[str(path)] if path else None, message["view"], message["defaults"], message["warnings"], message["seconds"]
-            )
+            ref = None
+            if message["file"] is not None:
+                path = Path(message["file"])
+                ref = store_scene(worker, path)
+                _sweep(path.parent, latest, ref)
+                latest = ref
+            known = (message[name] for name in ("view", "defaults", "warnings", "seconds", "views"))
+            info = FrameInfo(ref, *known)
             answer("frame-prepared", frame=frame, info=asdict(info))
         open.remove(frame)
 
@@ -88,6 +91,13 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
 
 
+def _sweep(out: Path, before: BlobRef | None, now: BlobRef) -> None:
+    """Remove of a moment's files those that the next one does not share: no later one does."""
+    gone = set() if before is None else {before.sha256, *(sha256 for sha256, _ in before.parts)}
+    for sha256 in gone - {now.sha256, *(sha256 for sha256, _ in now.parts)}:
+        (out / sha256).unlink(missing_ok=True)
+
+
 def _work(folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path, send: Send) -> dict[str, Any]:
     """In the bounded child: says of each frame what came of it, or under `failed` why nothing did."""
     shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
@@ -111,46 +121,56 @@ class _Stage:
         self._shot = shot
         self._work = work
         self._base = base
-        self._out = out
+        self._kept = Kept()
+        self._saver = Saver(out)
         self._start = shot.at(Moment(shot.start))
-        self._last: tuple[SceneDescription, CompiledScene, Path | None] = self._start, base, None
+        self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # good until another moment is compiled
         self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
         self._still: SceneDescription | None = None  # what does not move is read once
 
     def at(self, moment: Moment) -> dict[str, Any]:
         """What is to be said of a frame. Raises SceneError, and SettingsError where its view cannot be."""
-        read = self._still or self._shot.at(moment)
+        read = self._still or self._shot.over(moment, self._work.shutter)
         self._still = None if read.moves else read
-        described, compiled, file = self._compiled(read, moment)
-        view = self._view(described, compiled)
+        described, compiled, file = self._compiled(read)
+        view, views = self._views(described, compiled)
         if self._work.turntable is not None:
-            view = orbit(view, moment.seconds(described.fps) / self._work.turntable, described.up)
+            fps, up = described.fps, described.up
+            shutter = Shutter.of(chosen(self._work.shutter, described.defaults))
+            views = orbit_over(view, views, moment, shutter, fps, self._work.turntable, up)
+            view = orbit(view, moment.seconds(fps) / self._work.turntable, up)
         return {
             "file": file and str(file),
             "view": asdict(view),
+            "views": [asdict(each) for each in views],
             "defaults": dict(described.defaults),
             "warnings": list(described.warnings),
         }
 
-    def _compiled(self, read: SceneDescription, moment: Moment) -> tuple[SceneDescription, CompiledScene, Path | None]:
+    def _compiled(self, read: SceneDescription) -> tuple[SceneDescription, CompiledScene, Path | None]:
         """The description, what it compiles to, and the file of that; None where that is the base's."""
-        for known, compiled, file in ((self._start, self._base, None), self._last):
-            if compiles_alike(read, known):
-                return read, compiled, file
+        if compiles_alike(read, self._start):
+            return read, self._base, None
+        if self._last is not None and compiles_alike(read, self._last[0]):
+            return read, *self._last[1:]
         untouched = _untouched(read)
-        compiled = compile_scene(read)
-        file = self._out / f"{moment.frame:g}.safetensors"
-        compiled_file.save(compiled, file)
+        self._last = None
+        kept, self._kept = self._kept, Kept()  # what was being made when a moment failed is not trusted
+        compiled = compile_scene(read, kept=kept)
+        assert kept.cuts is not None
+        file = self._saver.save(compiled, kept.cuts)
+        self._kept = kept
         self._last = untouched, compiled, file
         return read, compiled, file
 
-    def _view(self, description: SceneDescription, compiled: CompiledScene) -> View:
-        """The view that the request names: its own, or a camera of the scene as it stands at the moment."""
+    def _views(self, description: SceneDescription, compiled: CompiledScene) -> tuple[View, tuple[View, ...]]:
+        """The view that the request names: its own, or a camera of the scene as it stands at the moment, and of one that moves
+        while the shutter is open its keys."""
         if self._work.view is not None:
-            return View.from_json(_given(self._work.view))
+            return View.from_json(_given(self._work.view)), ()
         cameras = own_cameras(description, compiled)
         number = camera_number([*(c.name for c in cameras), AUTO_CAMERA], self._work.camera)
-        return cameras[number].view if number < len(cameras) else self._auto_view()
+        return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
 
     def _auto_view(self) -> View:
         """The camera that frames the scene stands as it does at the beginning; of another clip, at its own."""

@@ -11,12 +11,13 @@ from renderer.errors import RayfarmError
 from renderer.render import edition_for, is_warm, render_batch
 from renderer.scene.compiled import CompiledScene
 from worker.context import WorkerContext
-from worker.contract import RenderBatch, Result, pack_sums
+from worker.contract import RenderBatch, Result
 from worker.errors import RefusedError, Trouble
 from worker.patience import patiently
 from worker.ready import get_ready
 from worker.reproduce import batch_command
 from worker.scenes import open_scene
+from worker.sums import pack_sums
 
 __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
 

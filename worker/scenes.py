@@ -11,7 +11,7 @@ from renderer.scene.parts import Part, parts_of
 from worker.cache import BlobCache
 from worker.context import WorkerContext
 from worker.contract import BlobRef
-from worker.errors import MachineError, is_of_machine
+from worker.errors import MachineError, RefusedError, is_of_machine
 from worker.patience import patiently
 
 __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
@@ -25,26 +25,35 @@ def store(worker: WorkerContext, path: Path) -> BlobRef:
 
 
 def store_scene(worker: WorkerContext, path: Path) -> BlobRef:
-    """Stores what `renderer.scene.compiled.save` or a Saver wrote: of the parts beside it, those that the service lacks.
+    """Stores what `renderer.scene.compiled.save` or a Saver wrote: of it and of the parts beside it, what the service lacks.
 
-    Its files are gone afterwards. What a Saver wrote for an earlier moment may be gone already.
+    The files stay, for a later moment that shares them: the service may have let go of them by then. Raises Trouble where one
+    that an earlier moment had is nowhere any more.
     """
     parts = parts_of(path)
     for part in parts:
         _store_part(worker, path.parent / part.sha256, part)
-    ref = store(worker, path)
+    is_there: bool = bool(parts) and patiently(lambda: worker.link.has(path.name), STORE_PATIENCE_S)
+    if is_there:
+        ref = BlobRef("", path.name, path.stat().st_size)
+    else:
+        ref = store(worker, path)
     worker.cache.adopt(path, ref.sha256)
-    path.unlink()
     return BlobRef(ref.path, ref.sha256, ref.size, tuple(parts))
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
-    is_new = path.is_file()
     if not patiently(lambda: worker.link.has(part.sha256), STORE_PATIENCE_S):
-        store(worker, path if is_new else worker.cache.path(part.sha256, part.size))
-    if is_new:
+        store(worker, path if path.is_file() else _from_cache(worker, part))
+    if path.is_file():
         worker.cache.adopt(path, part.sha256)
-        path.unlink()
+
+
+def _from_cache(worker: WorkerContext, part: Part) -> Path:
+    try:
+        return worker.cache.path(part.sha256, part.size)
+    except RefusedError as error:
+        raise MachineError("a part of a compiled scene is gone; it is compiled again") from error
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:

@@ -274,6 +274,8 @@ def _message(job: Job, view: Snapshot) -> str | None:
         return why
     if job.shot is not None and view.roster.shooting_kind() is None:
         return "Waits for a worker of this release: those that are connected prepare no frames of shots."
+    if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:
+        return "Waits for workers of this release: of those that are connected some blur nothing that moves."
     if job.kind is not None and not view.roster.slots(job.kind):
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]

@@ -6,10 +6,11 @@ import os
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import anyio
 from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -67,12 +68,13 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
         raise no_blob()
     farm.garbage.promise(sha256)
     if not farm.blobs.exists(sha256):
+        farm.garbage.keep_promise(sha256)  # as soon as it is sent, it is promised anew
         raise no_blob()
     return Response(status_code=204)
 
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
-def get_means(job: str, frame: int, farm: FarmDependency) -> FileResponse:
+def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency) -> FileResponse:
     """The means of a frame (in halves) for a denoiser: worker.contract.DenoiseFrame says how they are laid out."""
     found = find_job(job, farm)
     film = farm.film(found)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from renderer.cameras import camera_number
 from renderer.errors import SettingsError
 from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
+from service.shot import Shot
 from service.store.models import Job, Scene
 
 __all__ = ["default_tile_size", "frame_settings", "resolve"]
@@ -26,36 +28,47 @@ def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
 
 
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
-    """Fill in the job's settings, sample count and tile size. Raises SettingsError where the scene cannot give them."""
+    """Fill in the job's settings, sample count and tile size. Raises SettingsError where the scene cannot give them.
+
+    A still with an open shutter becomes a shot of one frame.
+    """
     request = job.request
     info = scene.info or {}
     defaults = info.get("defaults") or {}
     width, height = _size(request, defaults)
     if width * height > max_pixels:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
-    if request.get("shutter"):
-        raise SettingsError(f"shutter is {request['shutter']:g}; a farm renders without motion blur, `rayfarm render` with it")
     settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
+    if settings.shutter and job.shot is None:
+        job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
     job.settings = settings.to_json()
 
 
 def frame_settings(
-    request: dict[str, Any], of_job: RenderSettings, view: dict[str, Any], defaults: dict[str, Any]
+    request: dict[str, Any],
+    of_job: RenderSettings,
+    view: dict[str, Any],
+    defaults: dict[str, Any],
+    views: Sequence[dict[str, Any]] = (),
 ) -> RenderSettings:
-    """What fixes every sample of a frame. view, defaults: what its scene has at that moment. Raises SettingsError."""
-    return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults)
+    """What fixes every sample of a frame. view, defaults, views: what its scene has at that moment. Raises SettingsError."""
+    seen = tuple(map(View.from_json, views))
+    return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults, seen)
 
 
-def _settings(request: dict[str, Any], width: int, height: int, view: View, defaults: dict[str, Any]) -> RenderSettings:
+def _settings(
+    request: dict[str, Any], width: int, height: int, view: View, defaults: dict[str, Any], views: tuple[View, ...] = ()
+) -> RenderSettings:
     environment = request.get("environment") or {}
     return RenderSettings(
         width=width,
         height=height,
         view=view,
+        views=views,
         **{each.name: environment[name] for name, each in ENVIRONMENT.items() if environment.get(name) is not None},
-        **{**chosen(request, defaults), "shutter": 0.0},
+        **chosen(request, defaults),
     )
 
 

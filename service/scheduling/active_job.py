@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -12,7 +13,7 @@ from service.scheduling.agenda import Agenda
 from service.scheduling.plan import Range
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
-from service.store.models import Frame, Job
+from service.store.models import Frame, Job, blobs_of
 
 __all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
 
@@ -36,8 +37,11 @@ class Trouble:
 class ActiveJob:
     """One job in the hands of the scheduler. Only the engine's thread changes it; others read its numbers."""
 
-    def __init__(self, row: Job, frames: Sequence[Frame], film: Film, compiled: dict[str, str]) -> None:
-        """compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning."""
+    def __init__(self, row: Job, frames: Sequence[Frame], film: Film, compiled: dict[str, str], of_scene: set[str]) -> None:
+        """compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
+
+        of_scene: the hashes of all blobs that the scene refers to: they stay, whatever becomes of frames.
+        """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
         self.scene = row.scene
@@ -45,6 +49,7 @@ class ActiveJob:
         self.request = row.request
         self.film = film
         self.compiled = compiled
+        self.of_scene = of_scene
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority
@@ -233,12 +238,12 @@ class ActiveJob:
             frame.own[kind] = own
         self.touch(frame)
 
-    def release(self, all_frames: bool = False) -> set[str]:
-        """Let go of what was compiled for frames that need it no more; the hashes of those blobs."""
-        gone: set[str] = set()
+    def release(self, all_frames: bool = False) -> Counter[str]:
+        """Let go of what was compiled for frames that need it no more; the hashes of those blobs, and how many had each."""
+        gone: Counter[str] = Counter()
         for frame in self.frames.values():
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
-                gone.add(str(frame.own.pop(kind)["sha256"]))
+                gone.update(blobs_of([frame.own.pop(kind)]))
                 frame.compiled.pop(kind, None)
                 frame.has_changed = True
         return gone

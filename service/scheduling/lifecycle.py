@@ -6,6 +6,7 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
@@ -28,12 +29,12 @@ from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
 from service.shot import Shot
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE, Job
+from service.store.models import ACTIVE, Job, blobs_of
 from worker.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
 
-LetGo = Callable[[set[str]], None]  # of blobs that are no longer referred to here
+LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
 
 
 class Lifecycle:
@@ -129,7 +130,8 @@ class Lifecycle:
                 film.forget(key)
             self._records.forgot(row.id, shot.anew)
         frames = self._records.frames(row.id)
-        job = ActiveJob(resolved, frames, film, {kind: ref["sha256"] for kind, ref in scene.compiled.items()})
+        compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
+        job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
         self._scheduler.jobs[row.id] = job
         if job.shot is not None:
             self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
@@ -194,7 +196,7 @@ class Lifecycle:
         else:
             info = message.info
             try:
-                settings = frame_settings(job.request, job.settings, info.view, info.defaults)
+                settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
                 job.fail(frame, f"{error}.")
                 return
@@ -231,7 +233,9 @@ class Lifecycle:
             return
         for id in self._records.jobs_of(scene):
             if id in self._scheduler.jobs:
-                self._scheduler.jobs[id].compiled[info.kind] = info.compiled.sha256
+                job = self._scheduler.jobs[id]
+                job.compiled[info.kind] = info.compiled.sha256
+                job.of_scene |= blobs_of([asdict(info.compiled)])
             else:
                 self._changes.note("job", id)
 

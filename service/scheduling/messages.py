@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_valid
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
-from worker.contract import FrameInfo, SceneInfo
+from worker.contract import BlobRef, FrameInfo, SceneInfo
 
 __all__ = [
     "BatchDone",
@@ -140,12 +140,16 @@ class PrepareDone(_Prepare):
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
         for blob in (info.compiled, info.thumbnail):
-            for sha256 in () if blob is None else (blob.sha256, *(part for part, _ in blob.parts)):
-                if not is_sha256(sha256):
-                    raise ValueError(f"{sha256[:80]!r} is no hash")
+            _check_hashes(blob)
         if not all(math.isfinite(value) for corner in info.bounds for value in corner):
             raise ValueError("bounds are no numbers")
         return info
+
+
+def _check_hashes(blob: BlobRef | None) -> None:
+    for sha256 in () if blob is None else (blob.sha256, *(part for part, _ in blob.parts)):
+        if not is_sha256(sha256):
+            raise ValueError(f"{sha256[:80]!r} is no hash")
 
 
 class PrepareFailed(_Prepare):
@@ -184,8 +188,7 @@ class FramePrepared(_Frames):
     @field_validator("info")
     @classmethod
     def _usable(cls, info: FrameInfo) -> FrameInfo:
-        if info.compiled is not None and not is_sha256(info.compiled.sha256):
-            raise ValueError(f"{info.compiled.sha256[:80]!r} is no hash")
+        _check_hashes(info.compiled)
         return info
 
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from functools import cache
 
+from renderer.settings import OPTIONAL
 from service.scheduling.active_frame import ActiveFrame
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.dispatch import Dispatcher
+from service.scheduling.frame_bytes import alone, held, more
 from service.scheduling.leases import Lease, Leases
 from service.scheduling.results import Results
 from service.scheduling.scheduler import UNSEEN_ALLOWED
@@ -25,6 +28,7 @@ LOSSES_ALLOWED = 3
 AHEAD = 4  # frames, at least
 MOST_AT_ONCE = 32
 AIM_S = 1.0  # that handing out frames together takes
+SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
 FrameOf = Callable[[ActiveJob], dict[str, object]]  # the view that frames the scene, as PrepareFrames takes it
 
@@ -41,7 +45,7 @@ class Moments:
         self.leases = Leases()
         self._frames: dict[str, set[int]] = {}  # of a lease: those that are not answered
         self._seconds: dict[str, float] = {}  # of a job: that its frames take each
-        self._sizes: dict[str, int] = {}  # and the bytes of the latest
+        self._sizes: dict[str, int] = {}  # and the bytes that the latest took beside what it shares
         self._losses: Counter[tuple[str, int]] = Counter()
 
     def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
@@ -49,12 +53,14 @@ class Moments:
         batches are out. Returns the jobs of which something was let go. Raises QueueError."""
         cleared = []
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
-        left = self._room - sum(self._held(job) for job, _ in shots)
+        left = self._room - self._taken([job for job, _ in shots])
         for job, kind in shots:
             if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
                 continue
-            chosen, size = self._chosen(job, kind), self._sizes.get(job.id, 0)
-            if chosen and left < size:
+            chosen, size = self._chosen(job, kind), self._sizes.get(job.id)
+            if size is None:
+                chosen = chosen[:1]
+            if chosen and size and left < size:
                 room = self._make_room(job, kind, chosen[0], busy)
                 if room is None:
                     continue
@@ -81,7 +87,10 @@ class Moments:
         if info is not None:
             before = self._seconds.get(job.id, info.seconds)
             self._seconds[job.id] = before + (info.seconds - before) / 2
-            self._sizes[job.id] = info.compiled.size if info.compiled else 0
+            if info.compiled is None:
+                self._sizes[job.id] = 0
+            elif not info.compiled.parts or held([job]):  # else it is not known what others share of it
+                self._sizes[job.id] = more(job, asdict(info.compiled))
         lease = self.leases.get(work)
         if lease is None:
             return
@@ -143,20 +152,20 @@ class Moments:
     def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
         """Let go of what is needed later than a frame: so many bytes. None where the frame has to wait."""
         turn = job.agenda.turn(wanted)
-        idle = [f for f in job.frames.values() if _bytes(f) and (job.id, f.key) not in busy]
+        idle = [f for f in job.frames.values() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
         later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
         if later:
             victim = max(later, key=job.agenda.turn)
-            gone = _bytes(victim)
+            gone = alone(job, victim)
             victim.compiled.clear()
             job.touch(victim)
             return gone
         return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
 
-    def _held(self, job: ActiveJob) -> int:
-        """Bytes of what is compiled for its frames, and will be for those in hand."""
-        size = self._sizes.get(job.id, 0)
-        return sum(size if frame.is_preparing else _bytes(frame) for frame in job.frames.values())
+    def _taken(self, jobs: list[ActiveJob]) -> int:
+        """Bytes of what is compiled for frames, and will be for those in hand."""
+        awaited = sum(self._sizes.get(job.id, 0) * sum(f.is_preparing for f in job.frames.values()) for job in jobs)
+        return awaited + sum(held(jobs).values())
 
     def _send(self, job: ActiveJob, kind: str, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
         assert job.shot is not None
@@ -173,6 +182,7 @@ class Moments:
             camera=job.request.get("camera"),
             view=job.request.get("view"),
             turntable=job.shot.turntable,
+            shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
         )
         self._dispatcher.send_frames(work, kind)
         self.leases.add(lease)
@@ -190,7 +200,3 @@ class Moments:
             if (frame := job.frames.get(key)) is not None:
                 frame.is_preparing = False
                 job.touch(frame)
-
-
-def _bytes(frame: ActiveFrame) -> int:
-    return sum(int(ref.get("size", 0)) for kind, ref in frame.own.items() if kind in frame.compiled)

@@ -267,7 +267,9 @@ class Scheduler:
     def kind_for(self, job: ActiveJob) -> str | None:
         """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
         roster = self._workers.roster
-        return job.kind or (roster.best_kind() if job.shot is None else roster.shooting_kind())
+        if job.kind is not None or job.shot is None:
+            return job.kind or roster.best_kind()
+        return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
 
     def _kinds(self) -> set[str]:
         return {lease.kind for lease in self.leases}

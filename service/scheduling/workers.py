@@ -51,6 +51,15 @@ class Roster:
         """The kind of the workers that can prepare frames of shots, with most slots; None where none is ready."""
         return self._kind_of([report for report in self.ready() if report.frames])
 
+    def blurring_kind(self) -> str | None:
+        """The kind of the workers that can prepare frames with an open shutter, with most slots; None where none is ready.
+
+        None of which some cannot: whoever is free takes what waits for a kind.
+        """
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.blurs}
+        return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
+
     def denoising_kind(self) -> str | None:
         """The kind of the workers that can denoise, with most slots; None where none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])

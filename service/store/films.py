@@ -22,7 +22,7 @@ from service.store.film_faults import FilmClosed, damaged, film_faults, incomple
 from service.store.film_file import FilmFile
 from service.store.film_version import FilmShape
 from service.store.tile_cache import TileCache
-from worker.contract import pack_sums, unpack_sums
+from worker.sums import pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 

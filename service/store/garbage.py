@@ -68,12 +68,17 @@ class Garbage:
             self._forget_promises()
             self._promised.setdefault(sha256, []).append(time.monotonic() + self._patience_s)
 
-    def let_go(self, hashes: set[str]) -> None:
-        """Delete those of these blobs that nobody needs. A worker had promised them, and they were referred to since."""
+    def keep_promise(self, sha256: str, times: int = 1) -> None:
+        """What was promised is referred to by now, or was never stored."""
         with self._lock:
-            for sha256 in hashes & self._promised.keys():
-                self._promised[sha256].pop(0)
-        self.collect(lambda session: set(hashes))
+            if left := self._promised.pop(sha256, [])[times:]:
+                self._promised[sha256] = left
+
+    def let_go(self, counts: Counter[str]) -> None:
+        """Delete those of these blobs that nobody needs. A worker had promised each so often, and they were referred to since."""
+        for sha256, times in counts.items():
+            self.keep_promise(sha256, times)
+        self.collect(lambda session: set(counts))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
         """Change the database by a function that returns the blobs that it let go of, and delete those that nobody needs."""

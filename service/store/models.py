@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, Integer, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["ACTIVE", "FINAL", "Base", "Frame", "Job", "Scene"]
+__all__ = ["ACTIVE", "FINAL", "Base", "Frame", "Job", "Scene", "blobs_of"]
 
 ACTIVE = ("queued", "running", "paused")
 FINAL = ("finished", "failed", "cancelled")
@@ -112,4 +112,4 @@ class Frame(Base):
     def blobs(self) -> set[str]:
         """The hashes of the blobs that it refers to."""
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
-        return {ref["sha256"] for ref in compiled.values() if isinstance(ref, dict) and isinstance(ref.get("sha256"), str)}
+        return blobs_of([ref for ref in compiled.values() if isinstance(ref, dict)])

@@ -16,11 +16,17 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from rayfarm.client import Client, ClientError
+from rayfarm.frame import Order
+from rayfarm.picture import Picture
+from rayfarm.stage import open_stage
+from renderer import film
 from renderer.denoise import is_available
+from renderer.render import render_frame
+from renderer.scene.animation import Moment
 from tests.helpers import ROOT, Farm, wait_until
 from tests.rayfarm.program import rayfarm
 from tests.rayfarm.test_sequence import turning
-from tests.renderer.scene.builders import shoe
+from tests.renderer.scene.builders import Gltf, shoe
 
 pytestmark = pytest.mark.farm
 
@@ -133,6 +139,53 @@ def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, t
         assert [frame.number for frame in client.frames(out.strip())] == [2]
     code, out, err = here(*common, "--frames=0-3,6.5")
     assert (code, out, "All 5 frames are there" in err) == (0, "", True)
+
+
+def both() -> Gltf:
+    """A triangle that goes to the right within a second, and a camera that rises."""
+    g = turning()
+    samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
+    samplers.append({"input": samplers[0]["input"], "output": g.array(np.float32([(0, 0, 5), (0, 2, 5)]))})
+    channels.append({"sampler": 1, "target": {"node": 2, "path": "translation"}})
+    return g
+
+
+def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | None) -> str:
+    """Of the frame that `rayfarm render --frame` renders."""
+    moment = Moment(frame)
+    with open_stage(scene, picture.environment(), shutter=picture.shutter()) as stage:
+        compiled, summary = stage.at(moment)
+    settings = Order(picture, [], False, 0.0, "neutral", None, 0, turntable, None).settings(summary, moment)
+    return film.digest(render_frame(compiled, settings, 4))
+
+
+def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "shot.glb").write_bytes(both().glb())
+    cube = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
+    (tmp_path / "own.yaml").write_text(f"settings: {{shutter: 2}}\nshapes: [{cube}]")
+    digests = set()
+    for name, frame, shutter, turntable in (
+        ("shot.glb", 3, 2.0, None),
+        ("shot.glb", 3, None, None),
+        ("shot.glb", 3, 2.0, 1.0),
+        ("shot.glb", 0, 4.0, None),
+        ("own.yaml", 0, None, None),  # a still, blurred by the file's own shutter
+        ("own.yaml", 0, 0.0, None),
+    ):
+        asked = {} if shutter is None else {"shutter": shutter}
+        picture = Picture({"size": "24x16", "spp": 4, "env": "1,1,1", **asked})
+        words = ["--size=24x16", "--spp=4", "--env=1,1,1", *(f"--{option}={value}" for option, value in asked.items())]
+        words += [f"--frame={frame}"] if frame else []
+        words += [f"--turntable={turntable}"] if turntable else []
+        code, out, err = here("submit", tmp_path / name, "--server", farm.url, "-o", tmp_path / "far.exr", *words)
+        assert code == 0, err
+        with farm.client() as client:
+            digest = client.digest(out.strip(), frame)
+        assert digest == digest_here(tmp_path / name, frame, picture, turntable)
+        assert here("render", tmp_path / name, "-o", tmp_path / "near.exr", *words)[0] == 0
+        assert np.array_equal(pixels(tmp_path / "far.exr"), pixels(tmp_path / "near.exr"))
+        digests.add(digest)
+    assert len(digests) == 6
 
 
 def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:

@@ -34,11 +34,11 @@ from worker.contract import (
     WorkerReport,
     denoise_queue,
     order_key,
-    pack_sums,
     prepare_queue,
     render_queue,
     worker_key,
 )
+from worker.sums import pack_sums
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 
@@ -87,10 +87,13 @@ class PeerWorker:
         self.slots = slots
         self.denoises = denoises
         self.knows_frames = True
+        self.blurs = True
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
         self.frames: list[float] = []  # prepared
+        self.shutters: list[dict[str, Any]] = []  # of those
+        self.shared: bytes | None = None  # what all frames' compiled scenes have a part of
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
@@ -123,6 +126,7 @@ class PeerWorker:
         report = WorkerReport(
             *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
             frames=self.knows_frames,
+            blurs=self.blurs,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -212,18 +216,29 @@ class PeerWorker:
         for key in work.frames:
             frame = key / 2
             self.frames.append(frame)
+            self.shutters.append(work.shutter)
             try:
                 compiled = self.on_frame(frame)
                 ref = None
                 if compiled is not None:
                     sha256 = hashlib.sha256(compiled).hexdigest()
                     self.http.put(f"/api/farm/blobs/{sha256}", content=compiled).raise_for_status()
-                    ref = BlobRef("", sha256, len(compiled))
+                    ref = BlobRef("", sha256, len(compiled), self._keep_shared())
                 view = {**(work.view or work.base_auto), "eye": [frame, 0.0, 5.0]}
-                self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(FrameInfo(ref, view, {}, [], 0.01))})
+                views = [{**view, "eye": [frame + shift, 0.0, 5.0]} for shift in (-0.25, 0.25)] if work.shutter else []
+                info = FrameInfo(ref, view, {}, [], 0.01, views)
+                self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(info)})
             except ValueError as error:
                 self.send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
         self.current = {}
+
+    def _keep_shared(self) -> tuple[tuple[str, int], ...]:
+        if self.shared is None:
+            return ()
+        sha256 = hashlib.sha256(self.shared).hexdigest()
+        if self.http.post(f"/api/farm/blobs/{sha256}/keep").status_code == 404:
+            self.http.put(f"/api/farm/blobs/{sha256}", content=self.shared).raise_for_status()
+        return ((sha256, len(self.shared)),)
 
     def _prepare(self, scene: str) -> None:
         self.prepared.append(scene)

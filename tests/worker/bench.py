@@ -15,13 +15,16 @@ from celery import Celery
 from tests.helpers import wait_until
 from worker.contract import (
     PREPARE,
+    PREPARE_FRAMES,
     RENDER_BATCH,
     RESULTS,
     SAMPLES_HEADER,
     VERSION_HEADER,
     WORKER_KEYS,
     BlobRef,
+    FrameInfo,
     Manifest,
+    PrepareFrames,
     RenderBatch,
     Result,
     WorkerReport,
@@ -40,6 +43,7 @@ class FakeService(BaseHTTPRequestHandler):
     films: dict[str, bytes]
     redis_url: str
     away = False
+    sent: list[tuple[str, int]]  # blobs and their sizes
 
     def do_GET(self) -> None:
         if self.headers["Authorization"] != "Bearer token":
@@ -60,6 +64,7 @@ class FakeService(BaseHTTPRequestHandler):
     def do_PUT(self) -> None:
         data = self.rfile.read(int(self.headers["Content-Length"]))
         self.blobs[self.path.rpartition("/")[2]] = data
+        self.sent.append((self.path.rpartition("/")[2], len(data)))
         self._answer(201, b"{}")
 
     def do_POST(self) -> None:
@@ -110,6 +115,12 @@ class Bench:
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
         return self.next("prepared", "prepare-failed")
+
+    def prepare_frames(self, work: PrepareFrames) -> list[FrameInfo]:
+        """Of each frame what came of it, in their order."""
+        kind = self.report().kind  # type: ignore[union-attr]
+        self.celery.send_task(PREPARE_FRAMES, kwargs={"frames": asdict(work)}, queue=prepare_queue(kind))
+        return [FrameInfo.from_json(self.next("frame-prepared").event["info"]) for _ in work.frames]
 
     def render(self, batch: RenderBatch) -> None:
         kind = self.report().kind  # type: ignore[union-attr]

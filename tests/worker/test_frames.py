@@ -17,7 +17,9 @@ from rayfarm.stage import Stage
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compiled import CompiledScene
 from renderer.scene.load import Shot
+from renderer.scene.parts import MANIFEST_STARTS
 from renderer.settings import View
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 from worker import frames
@@ -64,29 +66,30 @@ class Bench:
     def shot(self) -> Shot:
         return Shot(self.scene, "shot.glb")
 
-    def said(self, order: list[float]) -> dict[float, tuple[str | None, dict[str, Any]]]:
-        """Of each frame: the hash of its own compiled scene, and its view."""
+    def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
+        """Of each frame: the hash of its own compiled scene, its view, and those that it has while the shutter is open."""
         stage = frames._Stage(self.shot(), self.asked, self.base, self.out)
         found = {}
         for frame in order:
             said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
-            file = said["file"] and Path(said["file"]).read_bytes()
-            found[frame] = hashlib.sha256(file).hexdigest() if file else None, said["view"]
+            own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"])))
+            found[frame] = own, [said["view"], *said["views"]]
         return found
 
-    def rendered(self, frame: float) -> tuple[str | None, dict[str, Any]]:
+    def hash_of(self, scene: CompiledScene) -> str:
+        compiled_file.save(scene, self.out / "whole")
+        return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
+
+    def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
         """The same, as `rayfarm render --frame` has it."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
-        compiled, summary = Stage(self.shot(), camera).at(moment)
-        picture = Picture({} if camera is None else {"camera": camera})
+        compiled, summary = Stage(self.shot(), camera, shutter=self.asked.shutter).at(moment)
+        picture = Picture(({} if camera is None else {"camera": camera}) | self.asked.shutter)
         order = Order(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
-        compiled_file.save(compiled, self.out / "still")
-        sha256 = hashlib.sha256((self.out / "still").read_bytes()).hexdigest()
-        compiled_file.save(self.base, self.out / "base")
-        is_base = sha256 == hashlib.sha256((self.out / "base").read_bytes()).hexdigest()
-        view = order.settings(summary, moment).to_json()["view"]
-        return None if is_base else sha256, view
+        sha256 = self.hash_of(compiled)
+        settings = order.settings(summary, moment).to_json()
+        return None if sha256 == self.hash_of(self.base) else sha256, [settings["view"], *settings["views"]]
 
 
 @pytest.mark.parametrize(
@@ -98,6 +101,9 @@ class Bench:
         (True, True, {"fps": 48.0, "clip": "far", "camera": 1}),
         (False, False, {"turntable": 2.0}),
         (True, False, {"turntable": 2.0, "clip": "far"}),
+        (True, True, {"shutter": {"shutter": 0.5}}),
+        (False, True, {"shutter": {"shutter": 2.0, "shutter_at": "trailing", "shutter_keys": 3}, "turntable": 2.0}),
+        (True, False, {"shutter": {"shutter": 1.0}, "turntable": 2.0}),
     ],
 )
 def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
@@ -107,7 +113,9 @@ def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bo
     for frame in FRAMES:
         sha256, view = bench.rendered(frame)
         assert said[frame][0] == sha256
-        assert View.from_json(said[frame][1]) == View.from_json(view)
+        assert list(map(View.from_json, said[frame][1])) == list(map(View.from_json, view))
+    if "shutter" in asked:
+        assert len(said[12][1]) >= 3, "the camera moves"
     if not thing and "clip" not in asked:
         assert {sha256 for sha256, _ in said.values()} == {None}, "only the camera moves: nothing is compiled"
 
@@ -115,7 +123,7 @@ def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bo
 def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench(tmp_path, moving(False, True))
     compiled: list[int] = []
-    monkeypatch.setattr(frames, "compile_scene", lambda description: compiled.append(1) or compile_scene(description))
+    monkeypatch.setattr(frames, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
     bench.said([24, 25, 30, 48])
     assert len(compiled) == 1
 
@@ -123,7 +131,7 @@ def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: p
 def test_a_view_of_ones_own_is_taken_as_it_is(tmp_path: Path) -> None:
     view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "fov": 30.0, "focus": None}
     bench = Bench(tmp_path, moving(True, False), view=view)
-    assert {tuple(view["eye"]) for _, view in bench.said([0, 12]).values()} == {(1.0, 2.0, 3.0)}
+    assert {tuple(view["eye"]) for _, (view,) in bench.said([0, 12]).values()} == {(1.0, 2.0, 3.0)}
 
 
 def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_path: Path) -> None:
@@ -143,12 +151,15 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
 
 
 class Service(Link):
-    """A link whose service has the scene's files."""
+    """A link whose service has the scene's files, and what is stored."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__("http://service.invalid", "")
         self.folder = folder
         self.stored: list[bytes] = []
+
+    def has(self, sha256: str) -> bool:
+        return any(hashlib.sha256(data).hexdigest() == sha256 for data in self.stored)
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:
         out.write(next(p.read_bytes() for p in self.folder.iterdir() if hashlib.sha256(p.read_bytes()).hexdigest() == sha256))
@@ -175,7 +186,9 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-prepared", 2), ("frame-failed", 4), ("frame-prepared", 6)]
-    assert len(service.stored) == 2, "frame 0 is the scene as it was prepared"
+    manifests = [data for data in service.stored if data.startswith(MANIFEST_STARTS)]
+    assert len(manifests) == 2, "frame 0 is the scene as it was prepared"
+    assert len(set(service.stored)) == len(service.stored), "what frames share is sent once"
 
     at = frames._Stage.at
     monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))

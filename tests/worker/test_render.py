@@ -17,9 +17,10 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.renderer.builders import emitter, scene, square
 from worker import render as slot
 from worker.cache import BlobCache
-from worker.contract import RenderBatch, unpack_sums
+from worker.contract import RenderBatch
 from worker.errors import DamagedError, LinkError, MachineError, NotAFarmError, RefusedError, TokenError
 from worker.link import FarmAnswer, Link
+from worker.sums import unpack_sums
 
 SETTINGS = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)))
 TILE = Tile(0, 0, 8, 8)

@@ -24,6 +24,7 @@ from celery import Celery
 from renderer.denoise import denoise, is_available
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
+from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, Tile, View
@@ -35,14 +36,15 @@ from worker.contract import (
     DENOISE,
     RESULTS,
     DenoiseFrame,
+    PrepareFrames,
     RenderBatch,
     SceneInfo,
     celery_config,
     denoise_queue,
     order_key,
     render_queue,
-    unpack_sums,
 )
+from worker.sums import unpack_sums
 
 pytestmark = pytest.mark.farm
 
@@ -57,7 +59,7 @@ environment: {color: 1}
 
 @pytest.fixture(scope="module")
 def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "redis_url": redis_url})
+    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     url = f"http://127.0.0.1:{server.server_port}"
@@ -145,6 +147,35 @@ def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench
     assert len(info.compiled.parts) >= 5
     assert {sha256 for sha256, _ in info.compiled.parts} <= bench.service.blobs.keys()
     bench.render(RenderBatch("m", "job", 0, info.compiled.sha256, Tile(0, 0, 24, 24), 0, 2, settings))
+    result = bench.next("batch", "batch-failed")
+    assert result.sums is not None, result.event
+    np.testing.assert_array_equal(unpack_sums(result.sums, Tile(0, 0, 24, 24)), alone.sums)
+
+
+def test_a_frame_sends_its_own_parts_alone_and_is_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
+    data = everything()
+    (tmp_path / "moves.glb").write_bytes(data)
+    bench.upload("shot", {"moves.glb": data}, "moves.glb")
+    info = SceneInfo.from_json(bench.prepare("shot").event["info"])
+    bench.service.sent.clear()
+    auto = info.cameras[-1]["view"]
+    known = {info.compiled.sha256, *(sha256 for sha256, _ in info.compiled.parts)}
+    for work, frames in (("one", [10, 20]), ("two", [30])):
+        found = bench.prepare_frames(PrepareFrames(work, "job", "shot", frames, info.compiled.sha256, auto))
+        sent = []
+        for ref in (each.compiled for each in found):
+            assert ref is not None
+            own = {sha256: size for sha256, size in ((ref.sha256, ref.size), *ref.parts) if sha256 not in known}
+            assert len(own) < 1 + len(ref.parts)
+            assert sum(own.values()) < 0.7 * sum(size for _, size in ref.parts)
+            sent += own.items()
+            known |= own.keys()
+        assert sorted(bench.service.sent) == sorted(sent), "its own parts and no more, each once"
+        bench.service.sent.clear()
+    here = compile_scene(read(tmp_path, "moves.glb", moment=Moment(15)))
+    settings = RenderSettings(24, 24, View((0, 0, 9), (0, 0, 0)))
+    alone = render_batch(here, settings, Tile(0, 0, 24, 24), 0, 2)
+    bench.render(RenderBatch("f", "job", 30, ref.sha256, Tile(0, 0, 24, 24), 0, 2, settings))
     result = bench.next("batch", "batch-failed")
     assert result.sums is not None, result.event
     np.testing.assert_array_equal(unpack_sums(result.sums, Tile(0, 0, 24, 24)), alone.sums)

@@ -1,4 +1,4 @@
-"""A camera that goes around what it looks at."""
+"""A camera that goes around what it looks at, also while the shutter is open."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from renderer.scene.animation.moment import Moment
+from renderer.scene.animation.shutter import Shutter
 from renderer.scene.animation.trigonometry import sin_cos
-from renderer.settings import Vec3, View
+from renderer.settings import MOST_KEYS, Vec3, View
 
-__all__ = ["orbit"]
+__all__ = ["orbit", "orbit_over"]
+
+_KEYS_A_TURN = 32  # within the shutter
 
 
 def orbit(view: View, turns: float, axis: Sequence[float] = (0.0, 1.0, 0.0)) -> View:
@@ -26,6 +30,28 @@ def orbit(view: View, turns: float, axis: Sequence[float] = (0.0, 1.0, 0.0)) -> 
     (tx, ty, tz), (ex, ey, ez) = view.target, view.eye
     ax, ay, az = _turned((ex - tx, ey - ty, ez - tz), unit, sine, cosine)
     return replace(view, eye=(tx + ax, ty + ay, tz + az), up=_turned(view.up, unit, sine, cosine))
+
+
+def orbit_over(
+    view: View,
+    views: Sequence[View],
+    moment: Moment,
+    shutter: Shutter,
+    fps: float,
+    seconds: float,
+    axis: Sequence[float] = (0.0, 1.0, 0.0),
+) -> tuple[View, ...]:
+    """The views of a camera that goes around in so many seconds, while the shutter is open; none where it does not open.
+
+    views: those that it has besides, of a camera that moves. fps: the file's own.
+    """
+    if shutter.length == 0:
+        return ()
+    turns = shutter.length / ((moment.fps or fps) * seconds)
+    keys = len(views) or shutter.keys or min(max(5, 2 + int(turns * _KEYS_A_TURN)), MOST_KEYS)
+    moments = (shutter.moment(moment, i / (keys - 1)) for i in range(keys))
+    start = views or (view,) * keys
+    return tuple(orbit(each, when.seconds(fps) / seconds, axis) for each, when in zip(start, moments, strict=True))
 
 
 def _turned(v: Vec3, axis: Vec3, sine: float, cosine: float) -> Vec3:

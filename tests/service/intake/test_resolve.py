@@ -11,6 +11,7 @@ from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from renderer.work import most_samples
 from service.intake.resolve import resolve
+from service.shot import Shot
 from service.store.models import Job, Scene
 
 EYES = {"front": [0, 1, 5], "7": [0, 9, 1]}
@@ -64,10 +65,15 @@ def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | in
     assert len(str(caught.value)) < 200
 
 
-def test_a_farm_says_that_it_does_not_blur() -> None:
-    with pytest.raises(SettingsError, match=r"^shutter is 0.5; a farm renders without motion blur"):
-        resolved(shutter=0.5)
-    job = Job(request={})
-    resolve(job, Scene(info={"cameras": INFO["cameras"], "defaults": {"shutter": 0.5}}), 1 << 20)
+@pytest.mark.parametrize(
+    ("asked", "defaults", "shutter"),
+    [({"shutter": 0.5}, {}, 0.5), ({}, {"shutter": 0.25}, 0.25), ({"shutter": 0.0}, {"shutter": 0.25}, 0.0), ({}, {}, 0.0)],
+)
+def test_a_still_with_an_open_shutter_is_a_shot_of_one_frame(
+    asked: dict[str, float], defaults: dict[str, float], shutter: float
+) -> None:
+    job = Job(request=asked)
+    resolve(job, Scene(info={"cameras": INFO["cameras"], "defaults": defaults}), 1 << 20)
     assert job.settings is not None
-    assert job.settings["shutter"] == 0.0, "what is not blurred does not say that it is"
+    assert job.settings["shutter"] == shutter
+    assert job.shot == (Shot().to_json() if shutter else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 import time
 from pathlib import Path
@@ -212,6 +213,26 @@ def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service
             service.wait_for(job, "finished")
 
 
+def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(service: Service) -> None:
+    with service.worker(name="old", kind="old-kind") as old:
+        old.blurs = False
+        old.report()
+        scene = service.ready_scene()
+        still, shot = service.submit(scene, **SMALL, spp=4, shutter=0.5), shoot(service, scene, "3", shutter=0.5, shutter_keys=2)
+        until(lambda: "blur" in (service.job(shot)["message"] or ""), "it says what it waits for", say=lambda: service.job(shot))
+        service.wait_for(shoot(service, scene, "1"), "finished")
+        assert old.frames == [1]
+        with service.worker(name="new", kind="new-kind") as new:
+            service.wait_for(still, "finished")
+            service.wait_for(shot, "finished")
+            assert sorted(zip(new.frames, new.shutters, strict=True), key=str) == [
+                (0, {"shutter": 0.5}),
+                (3, {"shutter": 0.5, "shutter_keys": 2}),
+            ]
+            assert {tuple(view.eye[0] for view in b.settings.views) for b in new.batches} == {(-0.25, 0.25), (2.75, 3.25)}
+        assert old.frames == [1]
+
+
 def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     shot, still = shoot(service, scene, "0-2"), service.submit(scene)
@@ -270,6 +291,30 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
             assert [digest(service, job, n) for n in range(20)] == [expected(n) for n in range(20)]
             assert most < 12, "never all twenty"
             assert len(worker.frames) > 20
+    finally:
+        service.stop()
+
+
+def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_path: Path, redis_server: running_redis) -> None:
+    service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=6000)
+    shared = b"what stands still" * 200
+    part = tmp_path / "data" / "blobs" / hashlib.sha256(shared).hexdigest()[:2] / hashlib.sha256(shared).hexdigest()
+
+    def left() -> int:
+        return sum(path.stat().st_size in (106, len(shared)) for path in (tmp_path / "data" / "blobs").glob("??/*"))
+
+    def look(batch: RenderBatch) -> None:
+        assert part.is_file()
+
+    try:
+        with service.worker() as worker:
+            worker.shared, worker.on_batch = shared, look
+            worker.on_frame = lambda frame: b"%06d" % frame + b"x" * 100
+            job = shoot(service, service.ready_scene(), "0-9", order="breadth-first", spp=4)
+            service.wait_for(job, "finished", 60)
+            assert [digest(service, job, n) for n in range(10)] == [expected(n) for n in range(10)]
+            assert sorted(worker.frames) == list(range(10)), "there is room for all of them, as each has but a little of its own"
+            until(lambda: left() == 0, "what was compiled for frames is gone", say=left)
     finally:
         service.stop()
 
