@@ -185,8 +185,7 @@ class ActiveJob:
                 return batch
             if not self.agenda.passed(frame):
                 frame.is_idle = True
-                if frame.plan.done:  # its film had all from the beginning
-                    self._unsettled_frame(frame)
+                self._unsettled_frame(frame)  # its film may have had all from the beginning: nothing will come back then
         return None
 
     def lose(self, batch: Range) -> None:

@@ -74,14 +74,15 @@ class Agenda:
         return True
 
     def settled(self, frame: ActiveFrame) -> None:
-        """Something of a frame came back, or it failed: it may be finished, or the last that a round waited for.
+        """Something of a frame came back, all of it is handed out, or it failed: it may be finished, or the last that a round
+        waited for.
 
         Raises FilmWaits or FilmLost; then it is called again.
         """
         if not frame.is_over and frame.plan.done:
             frame.finish()
-        if self._order != "noisiest-first":
-            return
+        if self._order != "noisiest-first" or (self.new_goals and not frame.is_over):
+            return  # what a round gives frames that wait for it to begin says nothing of what they have
         if frame.is_over or (frame.ceiling >= self._pilot and frame.plan.has(frame.ceiling)):
             self._pending.discard(frame.key)
             if not self._pending:

@@ -117,7 +117,7 @@ def test_what_is_killed_half_way_does_not_matter(chaos_farm: Farm, expected: str
 
 
 FRAMES = range(0, 24, 3)
-SHOT = {"width": 48, "height": 32, "spp": 96, "environment": {"color": [1.0, 1.0, 1.0]}}
+SHOT = {"width": 96, "height": 64, "spp": 192, "environment": {"color": [1.0, 1.0, 1.0]}}
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from renderer.frames import parse_frames
+from service.scheduling.agenda import PILOT, Agenda
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
@@ -200,6 +201,25 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
     done = service.wait_for(job, "finished", 60)
     assert done["shot"]["states"] == {"finished": 20}
     assert [digest(service, job, n) for n in range(20)] == [expected(n, 8) for n in range(20)]
+
+
+def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All frames have what their round gave them then, and nothing will come back that could say so."""
+    request = {"spp": 64, "order": "noisiest-first"}
+    whole = shoot(service, service.ready_scene(), "0-3", **request)
+    service.wait_for(whole, "finished", 40)
+    with monkeypatch.context() as ended:
+        ended.setattr(Agenda, "_lay_out", lambda agenda: None)
+        job = shoot(service, service.ready_scene(), "0-3", **request)
+        until(lambda: service.job(job)["samples"] == 4 * PILOT * 32 * 24, "all frames have the first round's samples")
+        service.restart()
+        time.sleep(0.5)
+        ended.undo()
+        service.restart()
+    service.wait_for(job, "finished", 40)
+    assert [digest(service, job, n) for n in range(4)] == [digest(service, whole, n) for n in range(4)]
 
 
 def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service) -> None:
