@@ -1,4 +1,5 @@
-"""What a node of the light tree keeps of its eight children, lane by lane: where the builder and the walk agree.
+"""What a node of the light tree keeps of its eight children, lane by lane, and the row of a parallelogram: where the builders
+and the kernel agree.
 
 A child is bounded by a sphere around all its lights, a cone around their axes, and how far light leaves those. Infinitely far
 lights are bounded as others are, by a sphere that lies at the distance 1 from wherever one stands, in the direction they are in.
@@ -10,8 +11,11 @@ from __future__ import annotations
 __all__ = [
     "AXIS",
     "CHILD",
+    "CORNER",
+    "CORNER_ERROR",
     "COS_REACH",
     "COS_SPREAD",
+    "EDGES",
     "END",
     "INTENSITY",
     "LIGHT_ROWS",
@@ -19,8 +23,10 @@ __all__ = [
     "MIRROR",
     "NEAR",
     "NO_END",
+    "PARALLELOGRAM",
     "PLACE",
     "RADIUS",
+    "RECIPROCAL",
     "SIN_SPREAD",
 ]
 
@@ -38,3 +44,10 @@ INTENSITY = 12
 CHILD = 13  # int32, bit for bit: a node, or ~ the number of a light
 END = 14  # int32: one more than the number of the last light of a child; NO_END in a lane without one
 NO_END = 2**31 - 1
+
+# Of a parallelogram, a cache line; all 0 of other lights.
+PARALLELOGRAM = 16
+CORNER = 0  # three columns
+EDGES = 3  # three columns each: from there to the corners beside it; their cross product points to the side that is in front
+RECIPROCAL = 9  # three each: by which the dot product of a point less the corner is how far it is along an edge, 0 ... 1
+CORNER_ERROR = 15  # how far a point may be off in float32; more than 0

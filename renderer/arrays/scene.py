@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.has import EVERYTHING, Has
-from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH
+from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM
 from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TEXTURED, TRANSFORM_COLUMNS
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
@@ -65,6 +65,7 @@ class CompiledScene(NamedTuple):
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
     light_node: Array  # (Y, LIGHT_ROWS, 8) f32: the tree by which many are chosen (renderer/arrays/light_rows.py); or none
     light_area: Array  # (L,) f32, 0 for punctual lights
+    light_parallelogram: Array  # (L, PARALLELOGRAM) f32 (renderer/arrays/light_rows.py), or no rows where no light is one
     guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
@@ -123,6 +124,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_cdf": ("<f4", ("L+1",)),
     "light_node": ("<f4", ("Y", LIGHT_ROWS, LIGHT_WIDTH)),
     "light_area": ("<f4", ("L",)),
+    "light_parallelogram": ("<f4", ("L?", PARALLELOGRAM)),
     "guide": ("<i4", ("G",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),

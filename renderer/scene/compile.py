@@ -13,7 +13,7 @@ from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.parts import Laid
 from renderer.scene import over_the_shutter
 from renderer.scene.description import I32, Camera, SceneDescription
-from renderer.scene.emitters import emitting_triangles
+from renderer.scene.emitters import emitting_triangles, sends_evenly
 from renderer.scene.environment import (
     EnvironmentTables,
     are_accents,
@@ -73,7 +73,9 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     emitters = emitting_triangles(packed, geometry)
     sphere_keys = over_the_shutter.sphere_keys(description, stood.spheres[stood.still_spheres :])
-    lights = list_lights(packed.emitted, emitters, double_sided, geometry, sphere, stood.sphere_material, punctual, sphere_keys)
+    even = sends_evenly(packed, geometry)
+    of_spheres = sphere, stood.sphere_material
+    lights = list_lights(packed.emitted, emitters, double_sided, even, geometry, *of_spheres, punctual, sphere_keys)
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(description)
@@ -118,8 +120,13 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         light_cdf=lights.cdf,
         light_node=lights.node,
         light_area=lights.area,
+        light_parallelogram=lights.parallelogram,
         guide=list_guides(
-            [description.spheres[n].guide for n in stood.spheres], lights.primitive, lights.cdf, len(geometry.triangle)
+            [description.spheres[n].guide for n in stood.spheres],
+            lights.primitive,
+            lights.second,
+            lights.cdf,
+            len(geometry.triangle),
         ),
         punctual_kind=punctual.kind,
         punctual=punctual.row,

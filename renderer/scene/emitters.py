@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.arrays import rows
 from renderer.kernel.light.mean_emission import mean_texels
@@ -10,7 +11,7 @@ from renderer.scene.geometry import NOWHERE, Geometry
 from renderer.scene.lights import Emitters, luminance
 from renderer.scene.packing import Packed
 
-__all__ = ["emitting_triangles"]
+__all__ = ["emitting_triangles", "sends_evenly"]
 
 _SPREAD = 0.05  # of a mesh's light is taken to leave all its triangles alike: a mean over few points may miss a bright texel
 
@@ -34,3 +35,10 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
         emitted[of_it] = (1 - _SPREAD) * sides * luminance(mean * factor) + _SPREAD * packed.emitted[material]
     shines = emitted > 0
     return Emitters(triangle[shines], material_of[shines], emitted[shines])
+
+
+def sends_evenly(packed: Packed, geometry: Geometry) -> npt.NDArray[np.bool_]:
+    """(M,) whether every point of what is made of a material sends the same light: no texture and no alpha stands in its way."""
+    if len(geometry.color):
+        return np.zeros(len(packed.material_flags), bool)
+    return packed.material_flags & (rows.TEXTURED | rows.TRANSPARENT) == 0

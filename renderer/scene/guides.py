@@ -11,13 +11,15 @@ __all__ = ["MAX_GUIDES", "list_guides"]
 MAX_GUIDES = 64  # each is asked for its density at each bounce
 
 
-def list_guides(marked: list[bool], light_primitive: I32, light_cdf: F32, triangles: int) -> I32:
+def list_guides(marked: list[bool], light_primitive: I32, second: I32, light_cdf: F32, triangles: int) -> I32:
     """(G,) i32, primitives: the marked spheres, then the strongest emitting primitives; MAX_GUIDES at most.
 
-    marked: for each sphere; light_primitive, light_cdf: as in CompiledScene. Lights without a body are no targets.
+    marked: for each sphere; light_primitive, light_cdf: as in CompiledScene; second: each light's second triangle, or -1. Lights
+    without a body are no targets.
     """
     spheres = triangles + np.flatnonzero(marked).astype(np.int32)
     bodies = light_primitive < triangles + len(marked)
     strongest = np.argsort(-np.diff(light_cdf)[bodies], kind="stable")
-    lights = light_primitive[bodies][strongest]
+    lights = np.stack([light_primitive, second], axis=1)[bodies][strongest].ravel()
+    lights = lights[lights >= 0]
     return np.concatenate([spheres, lights[~np.isin(lights, spheres)]])[:MAX_GUIDES].astype(np.int32)

@@ -12,11 +12,12 @@ from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import F32, I32
 from renderer.scene.geometry import Geometry
 from renderer.scene.light_tree import LightBounds, build_light_tree
+from renderer.scene.parallelograms import pair, tabulate_parallelograms
 from renderer.scene.punctual import Punctual
 
 __all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
 
-TREE_FROM = 3  # lights; of the two triangles that most lamps are, the walk costs more than it saves (docs/performance.md)
+TREE_FROM = 3  # lights; of two triangles that are no parallelogram, the walk costs more than it saves (docs/performance.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
 _SPREAD = 0.01  # of the choices by power fall on all lights evenly
 
@@ -40,6 +41,8 @@ class LightList(NamedTuple):
     primitive: I32  # (L,)
     cdf: F32  # (L + 1,)
     area: F32  # (L,)
+    parallelogram: F32  # (L, PARALLELOGRAM), or no rows where no light is one
+    second: I32  # (L,) the other triangle of one, else -1
     triangle_light: I32  # (T,), or no rows where no triangle emits
     sphere_light: I32  # (S,)
     node: F32  # (Y, LIGHT_ROWS, 8)
@@ -50,6 +53,7 @@ def list_lights(
     emitted: np.ndarray,
     emitters: Emitters,
     double_sided: np.ndarray,
+    even: npt.NDArray[np.bool_],
     geometry: Geometry,
     sphere: F32,
     sphere_material: I32,
@@ -58,21 +62,31 @@ def list_lights(
 ) -> LightList:
     """The primitives whose material emits, and the punctual lights, numbered in the order of the tree if there is one.
 
-    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool. By power, the chance of choosing a light
+    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool; even: (M,) whether all points of it send
+    the same, where two triangles that are a parallelogram count as one light. By power, the chance of choosing a light
     is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in a hundred: else float32 would
     never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; of
     what moves meanwhile, powers and bounds are the greatest.
     """
     emitters = _with_area(emitters, geometry)
+    over = _over_the_shutter(geometry, emitters.triangle)
+    pairs, shapes = pair(over[0], _alike(emitters, even, over))
+    twins = emitters.triangle[pairs + 1]
+    most_of_triangles = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
+    most_of_triangles[pairs] += most_of_triangles[pairs + 1]
+    over = np.concatenate([over, over[:, :, 2:]], axis=2)
+    over[:, pairs, 3] = shapes[:, 3]
+    kept = np.delete(np.arange(len(emitters.triangle)), pairs + 1)
+    emitters, over, most_of_triangles = Emitters(*(column[kept] for column in emitters)), over[:, kept], most_of_triangles[kept]
+    pairs = np.searchsorted(kept, pairs)
+
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
-    corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
     radiance = np.concatenate([brightness, emitted[sphere_material[spheres]]])
-    triangle_area = 0.5 * np.linalg.norm(_crossed(corners), axis=1)
+    triangle_area = 0.5 * np.linalg.norm(_crossed(geometry.position[geometry.triangle[triangles]].astype(np.float64)), axis=1)
+    triangle_area[pairs] = most_of_triangles[pairs]
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
-    over = _over_the_shutter(geometry, triangles, corners)
     balls = _spheres_over_the_shutter(sphere, spheres, sphere_keys)
-    most_of_triangles = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
     most_of_spheres = 4 * np.pi * balls[:, :, 3].max(axis=0, initial=0.0) ** 2
 
     rest = len(geometry.triangle) + len(sphere) + np.arange(len(punctual.power))
@@ -81,7 +95,8 @@ def list_lights(
     power = np.concatenate([np.pi * np.concatenate([most_of_triangles, most_of_spheres]) * radiance, punctual.power])
     area = np.concatenate([area, np.zeros(len(rest))])
     node = np.zeros((0, LIGHT_ROWS, LIGHT_WIDTH), np.float32)
-    if len(primitive) >= TREE_FROM or (len(primitive) == 2 and len(triangles) < 2):
+    order = np.arange(len(primitive))
+    if len(primitive) >= TREE_FROM or (len(primitive) == 2 and (len(triangles) < 2 or len(pairs) > 0)):
         both = double_sided[emitters.material]
         bounds = (
             _triangle_bounds(over, most_of_triangles * radiance[: len(triangles)], both),
@@ -94,10 +109,16 @@ def list_lights(
     bodies = len(geometry.triangle) if len(triangles) else 0  # where none emits, none is asked
     light = np.full(bodies + len(sphere) + len(rest), -1, np.int32)
     light[primitive - (len(geometry.triangle) - bodies)] = np.arange(len(primitive))
+    of_pairs = np.argsort(order)[pairs]
+    light[twins] = of_pairs
+    second = np.full(len(primitive), -1, np.int32)
+    second[of_pairs] = twins
     return LightList(
         primitive.astype(np.int32),
         cumulative(chance),
         area.astype(np.float32),
+        tabulate_parallelograms(of_pairs, shapes, len(primitive)),
+        second,
         light[:bodies],
         light[bodies : bodies + len(sphere)],
         node,
@@ -136,8 +157,15 @@ def _crossed(corners: np.ndarray) -> np.ndarray:
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def _over_the_shutter(geometry: Geometry, triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def _alike(emitters: Emitters, even: npt.NDArray[np.bool_], over: np.ndarray) -> npt.NDArray[np.bool_]:
+    """(n - 1,) whether an emitting triangle and the next one may be one light: both stand still, of one even material."""
+    still = (over == over[0]).all(axis=(0, 2, 3)) & even[emitters.material]
+    return still[:-1] & still[1:] & (emitters.material[:-1] == emitters.material[1:])
+
+
+def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
     """(K, n, 3, 3) corners of triangles at all keys of the shutter; one key where no vertex moves."""
+    corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
     if not len(geometry.keys):
         return corners[None]
     found = np.repeat(corners[None], len(geometry.keys), axis=0)
@@ -157,7 +185,7 @@ def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np
 
 
 def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:
-    """Of (K, n, 3, 3) corners: where they are at any key, and how far their normals stray from the first's."""
+    """Of (K, n, 4, 3) corners, a triangle's last one twice: where they are at any key, how far normals stray from the first's."""
     center = (corners.min(axis=(0, 2)) + corners.max(axis=(0, 2))) / 2
     radius = np.linalg.norm(corners - center[:, None], axis=3).max(axis=(0, 2))
     cross = _crossed(corners)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.arrays.light_rows import CORNER_ERROR
 from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, local_floats, template
@@ -68,13 +69,15 @@ def _edge2(scene, i, j):
 def _middle(scene, light):
     """The numbers with which `sample_one_light` gives a light's middle.
 
-    A triangle's is that of its longest edge: the two of a rectangle then agree. A sphere's is the point nearest to what it
+    A triangle's is that of its longest edge, as if it were half of a rectangle. A sphere's is the point nearest to what it
     lights, in the direction of its centre.
     """
     primitive = scene.light_primitive[light]
     if primitive >= len(scene.triangle):
         is_sphere = primitive < len(scene.triangle) + len(scene.sphere)
         return (_ZERO, _ZERO) if is_sphere else (_HALF, _HALF)
+    if len(scene.light_parallelogram) > 0 and scene.light_parallelogram[light, CORNER_ERROR] > _ZERO:
+        return _HALF, _HALF
     i, j, k = scene.triangle[primitive, 0], scene.triangle[primitive, 1], scene.triangle[primitive, 2]
     ab, bc, ca = _edge2(scene, i, j), _edge2(scene, j, k), _edge2(scene, k, i)
     # The inverse of square_to_triangle at the edges' middles
@@ -90,7 +93,7 @@ def _look_at_light(scene, p, normal, middle, choice, u, time):
     if not middle or choice < chance or len(scene.light_primitive) == 0:
         return sample_light(scene, p, normal, choice, u, time)
     light, of_light = choose_light(scene, p, normal, (choice - chance) / (_ONE - chance) if chance > _ZERO else choice)
-    sample = sample_one_light(scene, light, p, u if _is_within(scene, light, p) else _middle(scene, light), time)
+    sample = sample_one_light(scene, light, p, None, u if _is_within(scene, light, p) else _middle(scene, light), time)
     pdf = sample.pdf * (_ONE - chance) * of_light
     return LightSample(sample.direction, sample.end, sample.radiance, pdf, sample.alone)
 

@@ -1,8 +1,8 @@
 """Light sampling: a light is chosen (the environment by a set probability, few others by power, many by a tree), then a point
 or direction.
 
-Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light; lights without a
-body have a file of their own.
+Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light;
+parallelograms and lights without a body have files of their own.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.arrays.light_rows import CORNER_ERROR, PARALLELOGRAM
 from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
-from renderer.kernel.fetch import row
+from renderer.kernel.fetch import columns, row
 from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
+from renderer.kernel.light.parallelogram import on_parallelogram, on_parallelogram_pdf
 from renderer.kernel.light.punctual import sample_moving_punctual, sample_punctual
 from renderer.kernel.material.material import emission, opacity
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
@@ -131,6 +133,22 @@ def _sample_triangle(scene, number, area, p, u, time):
 
 
 @device
+def _sample_parallelogram(scene, light, number, area, p, n, u):
+    """As `_sample_triangle`, of the light whose first triangle has that number. n: as of `on_parallelogram`."""
+    q, error, normal, density = on_parallelogram(scene, light, p, n, u)
+    d = vec.sub(q, p)
+    square = vec.dot(d, d)
+    w = vec.scale(d, _ONE / math.sqrt(square))
+    projected = -vec.dot(normal, w)  # the area, seen from p
+    material = u32(row(scene.part, row(scene.triangle, number, 4)[3], PART_COLUMNS)[PART_MATERIAL])
+    uv = nil(square), nil(square)
+    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), projected > _ZERO)
+    end = leave(q, error, vec.scale(normal, _ONE / area), vec.neg(w))
+    sample = LightSample(w, end, radiance, density * square / abs(projected), as_wide(False, square))
+    return _if_found((square > _ZERO) & (abs(projected) > _ZERO) & (density > _ZERO), sample, p)
+
+
+@device
 def _cone(square, radius):
     """1 - cos of the half angle under which a sphere is seen from outside, at distance**2 `square`."""
     sine2 = radius * radius / square
@@ -209,18 +227,23 @@ def _choose_light(scene, p, n, choice, wanted):
 
 
 @device
-def sample_one_light(scene, light, p, u, time=None):
+def sample_one_light(scene, light, p, n, u, time=None):
     """Towards p from the light of that number: a LightSample, its pdf without the choice of the light.
 
-    time: of the shutter, 0 ... 1; None where nothing moves.
+    n: the normal at p; zero where it is lit from all sides; None to spread a lamp's points evenly. time: of the shutter, 0 ... 1;
+    None where nothing moves.
     """
     primitive = u32(lookup(scene.light_primitive, light))
     beyond = u32(primitive - np.uint32(len(scene.triangle)))  # a triangle's is far beyond all spheres
     is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
     sample = _nothing(p)
     if any_of(is_triangle):
-        area = lookup(scene.light_area, light)
-        sample = _sample_triangle(scene, where(is_triangle, primitive, _FIRST), area, p, u, time)
+        area, number = lookup(scene.light_area, light), where(is_triangle, primitive, _FIRST)
+        paired = _is_parallelogram(scene, light)
+        if any_of(paired):
+            sample = _if_found(paired, _sample_parallelogram(scene, light, number, area, p, n, u), p)
+        if any_of(is_triangle & not_(paired)):
+            sample = _either(paired, sample, _sample_triangle(scene, number, area, p, u, time))
     if any_of(is_sphere):
         sample = _either(is_sphere, _sample_sphere(scene, where(is_sphere, beyond, _FIRST), p, u, time), sample)
     if scene.has.lights is not None:
@@ -230,6 +253,13 @@ def sample_one_light(scene, light, p, u, time=None):
             w, end, radiance, density = _sample_alone(scene, number, alone, p, u, time)
             sample = _either(alone, LightSample(w, end, radiance, density, alone), sample)
     return sample
+
+
+@device
+def _is_parallelogram(scene, light):
+    if len(scene.light_parallelogram) == 0:
+        return as_wide(False, light)
+    return columns(scene.light_parallelogram, light, PARALLELOGRAM, CORNER_ERROR, 1)[0] > _ZERO
 
 
 @device
@@ -260,22 +290,22 @@ def sample_light(scene, p, n, choice, u, time=None):
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
             light, chance = _choose_light(scene, p, n, rest, nearby)
-    return sample_chosen(scene, p, choice, u, light, chance, time)
+    return sample_chosen(scene, p, n, choice, u, light, chance, time)
 
 
 @device
-def sample_by_power(scene, p, choice, u, time):
+def sample_by_power(scene, p, n, choice, u, time):
     """As `sample_light`, where no tree chooses."""
     light, chance = as_wide(_FIRST, choice), nil(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
             light, _, chance = choose(scene.light_cdf, rest)
-    return sample_chosen(scene, p, choice, u, light, chance, time)
+    return sample_chosen(scene, p, n, choice, u, light, chance, time)
 
 
 @device
-def sample_chosen(scene, p, choice, u, light, chance, time):
+def sample_chosen(scene, p, n, choice, u, light, chance, time):
     """As `sample_light`, where another light than the environment would be that one, chosen with that chance; 0: none is."""
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
@@ -287,16 +317,16 @@ def sample_chosen(scene, p, choice, u, light, chance, time):
         end = vec.add(p, vec.scale(w, _FAR))
         sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
     if any_of(nearby):
-        sample = _either(nearby, _sample_nearby(scene, p, u, light, chance, nearby, time), sample)
+        sample = _either(nearby, _sample_nearby(scene, p, n, u, light, chance, nearby, time), sample)
     return sample
 
 
 @device
-def _sample_nearby(scene, p, u, light, chance, wanted, time):
+def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
     """The part of `sample_chosen` that is not the environment's, where `wanted`."""
     sample = _nothing(p)
     if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):
-        found = sample_one_light(scene, light, p, u, time)
+        found = sample_one_light(scene, light, p, n, u, time)
         pdf = found.pdf * (_ONE - scene.environment_frame[3]) * chance
         sample = LightSample(found.direction, found.end, found.radiance, pdf, found.alone)
         sample = _if_found(chance != _ZERO, sample, p)
@@ -331,6 +361,8 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
     if any_of(is_triangle):
         area = _area(scene, light, primitive, is_triangle, time)
         pdf = chance * square / max(cosine * area, _LEAST)
+        if len(scene.light_parallelogram) > 0:
+            pdf = pdf * on_parallelogram_pdf(scene, light, p, n, hit)
     if any_of(not_(is_triangle)):
         number = where(is_triangle, _FIRST, u32(primitive - triangles))
         pdf = where(is_triangle, pdf, _sphere_light_pdf(scene, number, p, square, cosine, chance, time))

@@ -90,11 +90,12 @@ def choose_lamps(scene, pool, lists, options):
         rows = eight(lists, LIT, k)
         u = _numbers(pool, rows, options)
         point, time = few(pool, rows, PLACE, 3), times_of(scene.has.motion, pool, rows)
+        n = few(pool, rows, MAPPED + np.uintp(3), 3) if scene.has.textures is not None else few(pool, rows, FRAME, 3)
         if scene.has.lights is not None and by_tree:
             _, chance, here = few(pool, rows, WAY, 3)
-            light = sample_chosen(scene, point, u[2], (u[0], u[1]), as_ints(here) ^ np.uint32(0xFFFFFFFF), chance, time)
+            light = sample_chosen(scene, point, n, u[2], (u[0], u[1]), as_ints(here) ^ np.uint32(0xFFFFFFFF), chance, time)
         else:
-            light = sample_by_power(scene, point, u[2], (u[0], u[1]), time)
+            light = sample_by_power(scene, point, n, u[2], (u[0], u[1]), time)
         none = nil(u[0])
         alone = where(light.alone, nil(none) + _ONE, none)
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))

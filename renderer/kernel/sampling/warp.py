@@ -11,6 +11,8 @@ from renderer.kernel.polynomial import sincos_turns
 from renderer.wide.values import where
 
 __all__ = [
+    "square_to_bilinear",
+    "square_to_bilinear_pdf",
     "square_to_cone",
     "square_to_cone_pdf",
     "square_to_cosine_hemisphere",
@@ -26,6 +28,7 @@ __all__ = [
 ]
 
 _ZERO = np.float32(0.0)
+_LEAST = np.float32(1e-30)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _EIGHTH = np.float32(0.125)
@@ -128,3 +131,28 @@ def square_to_triangle(u):
 def square_to_triangle_pdf(area):
     """Per unit area."""
     return _ONE / area
+
+
+@device
+def _linear(u, a, b):
+    """A place in [0, 1] with a density that goes from a to b, of which not both are 0."""
+    root = math.sqrt(a * a + u * (b * b - a * a))
+    return min(u * (a + b) / max(a + root, _LEAST), _ONE)
+
+
+@device
+def square_to_bilinear(u, w):
+    """The unit square, with a density that is bilinear between w's at the corners (0, 0), (1, 0), (0, 1), (1, 1): (x, y).
+
+    w: not negative, not all 0. Source: PBRT 4ed, A.5.1.
+    """
+    y = _linear(u[1], w[0] + w[1], w[2] + w[3])
+    return _linear(u[0], w[0] + y * (w[2] - w[0]), w[1] + y * (w[3] - w[1])), y
+
+
+@device
+def square_to_bilinear_pdf(p, w):
+    """Per unit area at p = (x, y); 0 where all of w are."""
+    lower, upper = w[0] + p[0] * (w[1] - w[0]), w[2] + p[0] * (w[3] - w[2])
+    mean = _QUARTER * (w[0] + w[1] + w[2] + w[3])
+    return where(mean > _ZERO, (lower + p[1] * (upper - lower)) / max(mean, _LEAST), _ZERO)

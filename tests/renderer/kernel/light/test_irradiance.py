@@ -62,10 +62,12 @@ def _uvs(mesh):
     return mesh
 
 
-def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.0):
-    """Emitters of material 0 with a texture of random 8 x 8 texels; material 1 is black and stands in the way."""
+def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.0, plain=False):
+    """Emitters of material 0 with a texture of random 8 x 8 texels unless plain; material 1 is black and stands in the way."""
     codes = np.random.default_rng(5).integers(0, 256, (8, 8, 4)).astype(np.uint8)
     shining = Material(base_color=gray(0), emission=(3.0, 2.0, 1.0), emission_texture=0, double_sided=double_sided)
+    if plain:
+        shining.emission_texture = None
     if opacity < 1:
         shining.opacity, shining.alpha_mode = opacity, "blend"
     made = compile_scene(
@@ -93,6 +95,10 @@ BLOCKER = ((0.3, 0.5, 0.0), (0.3, 0, 0), (0, 0, 0.3))
 SCENES = {
     "square": lambda: lit_by(square((0.2, 1, 0), (0.8, 0, 0), (0, 0, 0.5), 0), square(*BLOCKER, 1)),
     "square from behind": lambda: lit_by(square((0.2, 1, 0), (0.8, 0, 0), (0, 0.1, -0.5), 0), double_sided=True),
+    "lamp": lambda: lit_by(square((0.2, 0.4, 0), (0.8, 0, 0), (0, 0, 0.5), 0), square(*BLOCKER, 1), plain=True),
+    "lamp cut by the horizon": lambda: lit_by(
+        square((0.7, 0.1, 0.1), (0, 0.4, 0), (0.1, 0.2, 0.6), 0), double_sided=True, plain=True
+    ),
     "disk": lambda: lit_by(disk(0.9, 1.2, 24, 0), square(*BLOCKER, 1)),
     "sphere": lambda: lit_by(square(*BLOCKER, 1), spheres=(Sphere((0.4, 1.1, 0.2), 0.6, 0),)),
     "sphere cut by the horizon": lambda: lit_by(spheres=(Sphere((1.4, 0.2, 0.2), 0.6, 0),)),

@@ -1,6 +1,7 @@
 """Light sampling: directions follow the density that MIS is told, and both sides agree on it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from tests.renderer.bvh.rays import trace
 from tests.renderer.judge import assert_uniform, direction_test, limit
 
 N = 300_000
-TESTS = 13
+TESTS = 15
 P = (0.1, -0.2, 0.3)
 NO_NORMAL = (0.0, 0.0, 0.0)  # lit from all sides
 NORMAL = (0.6, 0.48, 0.64)
@@ -75,8 +76,10 @@ def sky():
 
 
 TRIANGLES = (square((0, 0, 2), (1, 0, 0), (0, -0.7, 0.2), 1), square((-1.5, 0.5, 0), (0, 0, 0.4), (0.1, 0.6, 0), 1))
+LONE = replace(TRIANGLES[0], triangles=TRIANGLES[0].triangles[:1])
 SCENES = {
-    "triangles": lambda: scene([Material(), emitter(2.0, double_sided=True)], TRIANGLES),
+    "a triangle": lambda: scene([Material(), emitter(2.0, double_sided=True)], (LONE,)),
+    "parallelograms": lambda: scene([Material(), emitter(2.0, double_sided=True)], TRIANGLES),
     "a sphere": lambda: scene([Material(), emitter(2.0)], spheres=(Sphere((1, 1, 1), 0.6, 1),)),
     "a sphere around": lambda: scene([Material(), emitter(2.0, double_sided=True)], spheres=(Sphere((0.5, 0, 0), 2.0, 1),)),
     "an image of a sky": lambda: scene([Material()], (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),), environment=sky()),
@@ -92,13 +95,13 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_directions_follow_the_density_that_mis_is_told(name):
+@pytest.mark.parametrize(("name", "normal"), [*((name, NO_NORMAL) for name in SCENES), ("parallelograms", NORMAL)])
+def test_directions_follow_the_density_that_mis_is_told(name, normal):
     made = SCENES[name]()
-    direction, _, _, pdf = sample(made, n=150_000)
+    direction, _, _, pdf = sample(made, n=150_000, normal=normal)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
     kept = np.where((pdf > 0)[:, None], direction, np.nan)
-    direction_test(kept, density(made), TESTS, (48, 48), 24, name)
+    direction_test(kept, density(made, normal=normal), TESTS, (48, 48), 24, name)
 
 
 @pytest.mark.parametrize("normal", [NO_NORMAL, NORMAL])
@@ -138,7 +141,7 @@ def test_lights_chosen_uniformly_are_equal_and_the_sky_is_one_of_them():
 
 
 def test_ends_of_samples_lie_just_before_their_light():
-    made = SCENES["triangles"]()
+    made = SCENES["parallelograms"]()
     direction, end, _, pdf = sample(made, n=5000)
     good = pdf > 0
     o = np.array(P, np.float32)
@@ -147,8 +150,12 @@ def test_ends_of_samples_lie_just_before_their_light():
     assert trace(made.bvh, o, direction[good], along * np.float32(1 + 1e-4)).shadow.mean() > 0.999
 
 
-def test_points_of_a_triangle_are_even_by_area():
-    made = scene([Material(), emitter(1.0)], (square((0, 0, 2), (1, 0, 0), (0, -1, 0), 1),))
+def test_points_of_triangles_are_even_by_area():
+    """Those of a square whose corners have colours, and with them an alpha: it is no parallelogram."""
+    lamp = square((0, 0, 2), (1, 0, 0), (0, -1, 0), 1)
+    lamp.colors = np.ones((len(lamp.positions), 4), np.float32)
+    made = scene([Material(), emitter(1.0)], (lamp,))
+    assert len(made.light_primitive) == 2
     _, end, _, _ = sample(made)
     cell = np.clip(((end[:, :2].astype(float) + 1) * 16).astype(int), 0, 31)
     assert_uniform(np.bincount(cell[:, 0] * 32 + cell[:, 1], minlength=1024), TESTS)
