@@ -68,23 +68,13 @@ def list_lights(
     never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; of
     what moves meanwhile, powers and bounds are the greatest.
     """
-    emitters = _with_area(emitters, geometry)
-    over = _over_the_shutter(geometry, emitters.triangle)
-    pairs, shapes = pair(over[0], _alike(emitters, even, over))
-    twins = emitters.triangle[pairs + 1]
-    most_of_triangles = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
-    most_of_triangles[pairs] += most_of_triangles[pairs + 1]
-    over = np.concatenate([over, over[:, :, 2:]], axis=2)
-    over[:, pairs, 3] = shapes[:, 3]
-    kept = np.delete(np.arange(len(emitters.triangle)), pairs + 1)
-    emitters, over, most_of_triangles = Emitters(*(column[kept] for column in emitters)), over[:, kept], most_of_triangles[kept]
-    pairs = np.searchsorted(kept, pairs)
-
+    lamps = _lamps(_with_area(emitters, geometry), even, geometry)
+    emitters, pairs = lamps.emitters, lamps.pairs
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
     radiance = np.concatenate([brightness, emitted[sphere_material[spheres]]])
     triangle_area = 0.5 * np.linalg.norm(_crossed(geometry.position[geometry.triangle[triangles]].astype(np.float64)), axis=1)
-    triangle_area[pairs] = most_of_triangles[pairs]
+    triangle_area[pairs] = lamps.most[pairs]
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
     balls = _spheres_over_the_shutter(sphere, spheres, sphere_keys)
     most_of_spheres = 4 * np.pi * balls[:, :, 3].max(axis=0, initial=0.0) ** 2
@@ -92,14 +82,14 @@ def list_lights(
     rest = len(geometry.triangle) + len(sphere) + np.arange(len(punctual.power))
     primitive = np.concatenate([triangles, len(geometry.triangle) + spheres, rest])
     area = np.concatenate([triangle_area, sphere_area])
-    power = np.concatenate([np.pi * np.concatenate([most_of_triangles, most_of_spheres]) * radiance, punctual.power])
+    power = np.concatenate([np.pi * np.concatenate([lamps.most, most_of_spheres]) * radiance, punctual.power])
     area = np.concatenate([area, np.zeros(len(rest))])
     node = np.zeros((0, LIGHT_ROWS, LIGHT_WIDTH), np.float32)
     order = np.arange(len(primitive))
     if len(primitive) >= TREE_FROM or (len(primitive) == 2 and (len(triangles) < 2 or len(pairs) > 0)):
         both = double_sided[emitters.material]
         bounds = (
-            _triangle_bounds(over, most_of_triangles * radiance[: len(triangles)], both),
+            _triangle_bounds(lamps.corners, lamps.most * radiance[: len(triangles)], both),
             _sphere_bounds(balls, most_of_spheres / 4 * radiance[len(triangles) :]),
             punctual.bounds,
         )
@@ -110,20 +100,44 @@ def list_lights(
     light = np.full(bodies + len(sphere) + len(rest), -1, np.int32)
     light[primitive - (len(geometry.triangle) - bodies)] = np.arange(len(primitive))
     of_pairs = np.argsort(order)[pairs]
-    light[twins] = of_pairs
+    light[lamps.second] = of_pairs
     second = np.full(len(primitive), -1, np.int32)
-    second[of_pairs] = twins
+    second[of_pairs] = lamps.second
     return LightList(
         primitive.astype(np.int32),
         cumulative(chance),
         area.astype(np.float32),
-        tabulate_parallelograms(of_pairs, shapes, len(primitive)),
+        tabulate_parallelograms(of_pairs, lamps.shapes, len(primitive)),
         second,
         light[:bodies],
         light[bodies : bodies + len(sphere)],
         node,
         float(power.sum()),
     )
+
+
+class _Lamps(NamedTuple):
+    """Emitting triangles, of pairs that are parallelograms the first only."""
+
+    emitters: Emitters
+    corners: np.ndarray  # (K, n, 4, 3) at the keys of the shutter; of a triangle the last one twice
+    most: np.ndarray  # (n,) areas, the greatest while the shutter is open
+    pairs: npt.NDArray[np.int64]  # (m,) which of them are parallelograms,
+    second: npt.NDArray[np.int64]  # (m,) their second triangles
+    shapes: np.ndarray  # (m, 4, 3) and corners, as of `pair`
+
+
+def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) -> _Lamps:
+    over = _over_the_shutter(geometry, emitters.triangle)
+    pairs, shapes = pair(over[0], _alike(emitters, even, over))
+    most = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
+    most[pairs] += most[pairs + 1]
+    corners = np.concatenate([over, over[:, :, 2:]], axis=2)
+    corners[:, pairs, 3] = shapes[:, 3]
+    kept = np.delete(np.arange(len(emitters.triangle)), pairs + 1)
+    first = Emitters(emitters.triangle[kept], emitters.material[kept], emitters.emitted[kept])
+    second = emitters.triangle[pairs + 1]
+    return _Lamps(first, corners[:, kept], most[kept], np.searchsorted(kept, pairs), second, shapes)
 
 
 def _with_area(emitters: Emitters, geometry: Geometry) -> Emitters:

@@ -16,7 +16,7 @@ from renderer.scene.description import Environment, Image, Instance, Light, Mate
 from renderer.scene.lights import chosen_by, cumulative
 from renderer.wide.rows import load_ints
 from renderer.wide.values import to_int, u32
-from tests.renderer.builders import emitter, gray, scene, square
+from tests.renderer.builders import emitter, gray, icosphere, scene, square
 from tests.renderer.wide.both import LANES, both, keep, ulps
 
 N = 8 * 500
@@ -161,9 +161,10 @@ def textured():
 
 
 LIGHTS = {
-    "triangles": lambda: chosen_by(scene(SHINING, TRIANGLES), "power"),
+    "parallelograms": lambda: chosen_by(scene(SHINING, TRIANGLES), "power"),
+    "triangles": lambda: chosen_by(scene(SHINING, (icosphere(0, 1, 0.7, (-0.5, 1.0, 0.3)),)), "power"),
     "spheres": lambda: chosen_by(scene(SHINING, spheres=(LAMP, BALL)), "power"),
-    "triangles, spheres and a sky": lambda: chosen_by(scene(SHINING, TRIANGLES, (LAMP, BALL), environment=sky()), "power"),
+    "parallelograms, spheres and a sky": lambda: chosen_by(scene(SHINING, TRIANGLES, (LAMP, BALL), environment=sky()), "power"),
     "without a body": lambda: chosen_by(scene(SHINING, TRIANGLES, (BALL,), lights=BULBS), "power"),
     "a tree": lambda: scene(SHINING, TRIANGLES, (LAMP, BALL), 0.3, BULBS),  # as light is chosen unless told otherwise
     "textures": textured,
@@ -181,7 +182,8 @@ def test_lights_are_sampled_for_eight_as_for_one(name):
     numbers = rng.integers(0, lights, N), rng.choice(bodies, N)
     eight, one = of(_lights, made, np.concatenate([p, unit(rng, N), hit, rng.random((N, 3)), np.stack(numbers, 1)], 1), 29)
     np.testing.assert_array_equal(eight[:3], one[:3])
-    assert ulps(eight[3:5], one[3:5], 1e-6).max() <= 4
+    # Points that lie far off a lamp are found along its edges by sums that cancel, into which a product is merged or not.
+    assert ulps(eight[3:5], one[3:5], 1e-6).max() <= (32 if len(made.light_parallelogram) else 4)
     assert ulps(eight[5:9], one[5:9], 1e-3).max() <= 4
     for a, b in (eight[9:19], one[9:19]), (eight[19:], one[19:]):
         np.testing.assert_array_equal(a[0] == 0, b[0] == 0)
