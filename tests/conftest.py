@@ -13,6 +13,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
+from tests.kernels import compiling_beside, ready_first
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -20,13 +21,42 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
 # there is one farm, which nobody else disturbs.
 SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
-# What takes longest, or needs no kernel while the farm compiles them: begun first, in this order.
-FIRST = ("tests/test_static.py", "tests/service/scheduling/", "tests/chaos/", "tests/test_packaging.py", "tests/worker/")
+# What takes longest, or needs no kernel while they are compiled: begun first, in this order.
+FIRST = (
+    "tests/test_static.py",
+    "tests/service/scheduling/",
+    "tests/service/",
+    "tests/test_types.py",
+    "tests/chaos/test_stop.py",
+    "tests/rayfarm/test_cli.py",
+    "tests/test_packaging.py",
+    "tests/chaos/",
+    "tests/worker/",
+)
 SHARED = pytest.StashKey[ExitStack]()
+COMPILING = pytest.StashKey[ExitStack]()
 
 # How long an example takes says more about the machine than about the code.
 hypothesis.settings.register_profile("rayfarm", deadline=None)
 hypothesis.settings.load_profile("rayfarm")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Where all tests are run, spread over processes, the process that spreads them has another compile their kernels."""
+    session.config.stash[COMPILING] = ends = ExitStack()
+    spreads = bool(getattr(session.config.option, "numprocesses", None)) and not hasattr(session.config, "workerinput")
+    if spreads and session.config.args_source is pytest.Config.ArgsSource.TESTPATHS:
+        ends.enter_context(compiling_beside())
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    session.config.stash[COMPILING].close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels_ready_first() -> Iterator[None]:
+    with ready_first():
+        yield
 
 
 @pytest.fixture(scope="session")

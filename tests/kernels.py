@@ -1,0 +1,84 @@
+"""Who compiles the kernels that the tests render with: processes of their own, from the start on (`python -m tests.kernels`).
+
+The tests are spread over processes, and farms have some of their own. Each would compile what it comes to first, all of them the
+same at the same time.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from tests.helpers import ROOT
+from worker.process import die_with_parent, spawn_guard
+
+if TYPE_CHECKING:
+    from renderer.arrays.scene import CompiledScene
+    from renderer.settings import RenderSettings
+
+__all__ = ["compiling_beside", "ready_first"]
+
+
+@contextmanager
+def compiling_beside() -> Iterator[None]:
+    """They are compiled meanwhile. If that fails, whoever wants a kernel compiles it, and says why it fails."""
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    other = subprocess.Popen([sys.executable, "-m", "tests.kernels"], cwd=ROOT, preexec_fn=spawn_guard(), **quiet)
+    try:
+        yield
+    finally:
+        other.kill()
+        other.wait()
+
+
+@contextmanager
+def ready_first() -> Iterator[None]:
+    """Who renders in this process without having got the kernel ready does that first, as the command and the workers do: of
+    all processes one compiles it, the others wait and load it.
+    """
+    from renderer import render
+    from renderer.arrays.has import EDITIONS
+
+    prepared = render._prepared
+
+    def ready(scene: CompiledScene, settings: RenderSettings) -> Any:
+        made = prepared(scene, settings)
+        edition = next(name for name, has in EDITIONS.items() if has == made.has)
+        if not render.is_warm(settings, edition):
+            render.warm_up(settings, edition)
+        return made
+
+    render._prepared = ready
+    try:
+        yield
+    finally:
+        render._prepared = prepared
+
+
+def main() -> None:
+    """What farms begin with; then, side by side, what farms want next and what else the tests render with."""
+    from renderer.render import FULL, MOVING, PLAIN, warm_up
+    from renderer.settings import RenderSettings, View
+
+    settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+    warm_up(settings, PLAIN)
+    parent = os.getpid()
+    child = os.fork()
+    if child == 0:
+        die_with_parent(parent)
+        warm_up(settings, MOVING)
+        warm_up(replace(settings, integrator="ao"), FULL)
+        os._exit(0)
+    warm_up(settings, FULL)
+    warm_up(replace(settings, sampling="light"), FULL)
+    warm_up(replace(settings, integrator="whitted"), FULL)
+    os.waitpid(child, 0)
+
+
+if __name__ == "__main__":
+    main()
