@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Generator, Iterator
@@ -39,6 +40,12 @@ COMPILING = pytest.StashKey[ExitStack]()
 # How long an example takes says more about the machine than about the code.
 hypothesis.settings.register_profile("rayfarm", deadline=None)
 hypothesis.settings.load_profile("rayfarm")
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected stays: the garbage collector need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
