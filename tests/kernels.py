@@ -9,10 +9,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+import psutil
 
 from tests.helpers import ROOT
 from worker.process import die_with_parent, spawn_guard
@@ -21,7 +24,9 @@ if TYPE_CHECKING:
     from renderer.arrays.scene import CompiledScene
     from renderer.settings import RenderSettings
 
-__all__ = ["compiling_beside", "ready_first"]
+__all__ = ["compiling_beside", "ready_first", "wait_for_farms"]
+
+COMPILER = "RAYFARM_TESTS_COMPILER"  # in the environment of all tests: the process that compiles
 
 
 @contextmanager
@@ -29,11 +34,32 @@ def compiling_beside() -> Iterator[None]:
     """They are compiled meanwhile. If that fails, whoever wants a kernel compiles it, and says why it fails."""
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     other = subprocess.Popen([sys.executable, "-m", "tests.kernels"], cwd=ROOT, preexec_fn=spawn_guard(), **quiet)
+    os.environ[COMPILER] = str(other.pid)
     try:
         yield
     finally:
+        del os.environ[COMPILER]
         other.kill()
         other.wait()
+
+
+def wait_for_farms() -> None:
+    """Until all that farms render with is compiled, where that process does it: else who waits for a picture waits for it too."""
+    from renderer.arrays.has import EDITIONS
+    from renderer.jit import cache_folder
+    from renderer.render import kernel_name
+
+    compiler = int(os.environ.get(COMPILER, "0"))
+    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in EDITIONS]
+    while compiler and not all(done.exists() for done in wanted) and _runs(compiler):
+        time.sleep(0.2)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 @contextmanager
