@@ -10,6 +10,7 @@ import sys
 
 from renderer.arrays.edition import only
 from renderer.arrays.scene import example
+from renderer.jit import rare_collections
 from renderer.kernel.accumulate import half_of_pictures
 from renderer.preparing import prepare
 from renderer.settings import RenderSettings, View
@@ -26,4 +27,5 @@ def main(editions: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    with rare_collections():
+        main(sys.argv[1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Generator, Iterator
@@ -13,6 +14,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
+from tests.kernels import compiling_beside, ready_first, wait_for_farms
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -20,13 +22,48 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
 # there is one farm, which nobody else disturbs.
 SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
-# What takes longest, or needs no kernel while the farm compiles them: begun first, in this order.
-FIRST = ("tests/test_static.py", "tests/service/scheduling/", "tests/chaos/", "tests/test_packaging.py", "tests/worker/")
+# Begun first, in this order: what needs no kernel while they are compiled, then what takes longest.
+FIRST = (
+    "tests/test_static.py",
+    "tests/service/scheduling/",
+    "tests/service/",
+    "tests/test_types.py",
+    SHARE_THE_FARM,
+    "tests/test_packaging.py",
+    "tests/chaos/",
+    "tests/worker/",
+)
 SHARED = pytest.StashKey[ExitStack]()
+COMPILING = pytest.StashKey[ExitStack]()
 
 # How long an example takes says more about the machine than about the code.
 hypothesis.settings.register_profile("rayfarm", deadline=None)
 hypothesis.settings.load_profile("rayfarm")
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected stays: the garbage collector need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Where all tests are run, spread over processes, the process that spreads them has another compile their kernels."""
+    session.config.stash[COMPILING] = ends = ExitStack()
+    spreads = bool(getattr(session.config.option, "numprocesses", None)) and not hasattr(session.config, "workerinput")
+    if spreads and session.config.args_source is pytest.Config.ArgsSource.TESTPATHS:
+        ends.enter_context(compiling_beside())
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    session.config.stash[COMPILING].close()
+    gc.unfreeze()  # else what looks for leaks at the very end finds some
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels_ready_first() -> Iterator[None]:
+    with ready_first():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -53,6 +90,7 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory, shared: ExitStack) -> Farm:
     """A farm with two slots that the tests share; those that kill things start their own."""
+    wait_for_farms()
     made = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
     shared.callback(stop_farm, made)
     return made
@@ -81,13 +119,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Shares:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts them in order; and nobody starts a second farm unawares."""
-    order = (SHARE_THE_FARM, *FIRST)
 
     def turn(item: pytest.Item) -> int:
-        return next((n for n, paths in enumerate(order) if item.nodeid.startswith(paths)), len(order))
+        return next((n for n, paths in enumerate(FIRST) if item.nodeid.startswith(paths)), len(FIRST))
 
     for item in items:
-        if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and turn(item) != 0:
+        if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and not item.nodeid.startswith(SHARE_THE_FARM):
             raise pytest.UsageError(f"{item.nodeid} uses the farm or the browser: name its file in tests/conftest.py")
     items.sort(key=turn)
 

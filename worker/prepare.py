@@ -13,7 +13,7 @@ from typing import Any
 from renderer.errors import SceneError
 from renderer.film import mean
 from renderer.image import encode
-from renderer.render import render_frame
+from renderer.render import edition_for, render_frame, warm_up
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
@@ -136,6 +136,7 @@ def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> 
     small_height = min(max(THUMBNAIL_WIDTH * height // width, 64), 2 * THUMBNAIL_WIDTH)
     view = View.from_json(summary["cameras"][0]["view"])
     settings = RenderSettings(THUMBNAIL_WIDTH, small_height, view, max_depth=6)
+    warm_up(settings, edition_for(settings, compiled))  # where slots want the same kernel now, one compiles it
     sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
     encode.write(path, mean(sums, settings.film_exponent))
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.arrays.edition import only
 from renderer.arrays.scene import CompiledScene
+from renderer.bvh.layout import Bvh
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.readers import shapes
@@ -62,6 +64,16 @@ def scene(
     elif environment is not None:
         description.environment = Environment(color=gray(environment))
     return compile_scene(description)
+
+
+def as_rendered(made: CompiledScene) -> CompiledScene:
+    """A scene that stands still, as kernels are given it that are compiled already: for kernels of a test."""
+    return only(made, "full")
+
+
+def still(bvh: Bvh) -> Bvh:
+    """As `as_rendered`, of a tree alone."""
+    return bvh._replace(motion=None, instance_motion=None, keyed=None)
 
 
 def settings(

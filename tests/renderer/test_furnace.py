@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import pytest
 
+from renderer.arrays.scene import CompiledScene
 from renderer.render import render_frame
 from renderer.scene.description import Light, Sphere
 from renderer.settings import FILTERS, SAMPLERS, SAMPLINGS, RenderSettings, View
@@ -25,12 +26,20 @@ CAMERAS = {
     "panorama": View(EYE, TARGET, projection="panorama"),
 }
 ALBEDO = 0.5
-GLOWING = scene([emitter(0.5, ALBEDO, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
-LAMP = Light("point", gray(math.pi), position=(0.0, 0.0, 0.0))
-LIT = scene([emitter(0.0, ALBEDO)], spheres=(Sphere((0, 0, 0), 1.0),), lights=(LAMP,))
 # Whitted's rays and direct light end at the first diffuse surface; it emits 1/2 itself, and half of what comes in goes on.
 GLOW = {"path": 1.0, "direct": 0.75, "whitted": 0.75}
 LAMPLIGHT = {"path": 1.0, "direct": 0.5, "whitted": 0.5}
+
+
+@pytest.fixture(scope="module")
+def glowing() -> CompiledScene:
+    return scene([emitter(0.5, ALBEDO, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
+
+
+@pytest.fixture(scope="module")
+def lit() -> CompiledScene:
+    lamp = Light("point", gray(math.pi), position=(0.0, 0.0, 0.0))
+    return scene([emitter(0.0, ALBEDO)], spheres=(Sphere((0, 0, 0), 1.0),), lights=(lamp,))
 
 
 def _settings(camera: str, sampler: str, integrator: str, **more: object) -> RenderSettings:
@@ -40,38 +49,38 @@ def _settings(camera: str, sampler: str, integrator: str, **more: object) -> Ren
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("integrator", GLOW)
-def test_a_glowing_sphere(integrator, sampler, camera):
-    sums = render_frame(GLOWING, _settings(camera, sampler, integrator), 64)
+def test_a_glowing_sphere(glowing, integrator, sampler, camera):
+    sums = render_frame(glowing, _settings(camera, sampler, integrator), 64)
     assert_mean(sums, GLOW[integrator], slack=1e-4, tests=len(GLOW) * len(CAMERAS) * len(SAMPLERS))
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("integrator", LAMPLIGHT)
-def test_a_point_light_in_the_middle(integrator, sampler, camera):
-    sums = render_frame(LIT, _settings(camera, sampler, integrator), 64)
+def test_a_point_light_in_the_middle(lit, integrator, sampler, camera):
+    sums = render_frame(lit, _settings(camera, sampler, integrator), 64)
     assert_mean(sums, LAMPLIGHT[integrator], slack=1e-4, tests=len(LAMPLIGHT) * len(CAMERAS) * len(SAMPLERS))
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
-def test_ambient_occlusion(sampler, camera):
+def test_ambient_occlusion(lit, sampler, camera):
     """The chord at an angle a to the normal is 2 cos a long: as much as is shorter than D, (D / 2)^2, is occluded."""
     settings = _settings(camera, sampler, "ao", ao_distance=1.2)
-    assert_mean(render_frame(LIT, settings, 256), 1 - 0.6**2, slack=1e-4, tests=len(CAMERAS) * len(SAMPLERS))
-    assert mean_and_error(render_frame(LIT, replace(settings, ao_distance=0.0), 4))[0] == 0.0
+    assert_mean(render_frame(lit, settings, 256), 1 - 0.6**2, slack=1e-4, tests=len(CAMERAS) * len(SAMPLERS))
+    assert mean_and_error(render_frame(lit, replace(settings, ao_distance=0.0), 4))[0] == 0.0
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_every_filter(name):
-    assert_mean(render_frame(GLOWING, _settings("perspective", "sobol", "path", filter=name), 64), 1.0, slack=1e-4, tests=3)
+def test_every_filter(glowing, name):
+    assert_mean(render_frame(glowing, _settings("perspective", "sobol", "path", filter=name), 64), 1.0, slack=1e-4, tests=3)
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_every_strategy_of_finding_lights(sampling, sampler):
+def test_every_strategy_of_finding_lights(glowing, sampling, sampler):
     settings = _settings("perspective", sampler, "path", sampling=sampling)
-    assert_mean(render_frame(GLOWING, settings, 256), 1.0, slack=1e-4, tests=len(SAMPLINGS) * len(SAMPLERS))
+    assert_mean(render_frame(glowing, settings, 256), 1.0, slack=1e-4, tests=len(SAMPLINGS) * len(SAMPLERS))
 
 
 @pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
@@ -83,6 +92,6 @@ def test_roulette_of_any_probability(survival):
 
 
 @pytest.mark.parametrize("integrator", GLOW)
-def test_several_light_samples(integrator):
+def test_several_light_samples(glowing, integrator):
     settings = _settings("perspective", "sobol", integrator, light_samples=4)
-    assert_mean(render_frame(GLOWING, settings, 64), GLOW[integrator], slack=1e-4, tests=len(GLOW))
+    assert_mean(render_frame(glowing, settings, 64), GLOW[integrator], slack=1e-4, tests=len(GLOW))

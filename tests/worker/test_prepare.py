@@ -11,8 +11,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
 
+import numpy as np
 import pytest
 
+from renderer.film import CHANNELS
 from worker import context, prepare, tasks
 from worker.cache import BlobCache
 from worker.contract import BlobRef, Manifest, Result, SceneInfo
@@ -116,6 +118,18 @@ def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytes
     monkeypatch.setattr(shutil, "copyfile", full_disk)
     with pytest.raises(MachineError, match="No space left"):
         prepared(worker)
+
+
+def test_a_thumbnails_kernel_is_got_ready_before_as_slots_do_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(prepare, "edition_for", lambda settings, scene: "full")
+    monkeypatch.setattr(prepare, "warm_up", lambda settings, edition: done.append(edition))
+    film = np.ones((CHANNELS, 90, 160), np.int64)
+    monkeypatch.setattr(prepare, "render_frame", lambda *_, **__: (done.append("rendered"), film)[1])
+    summary = {"defaults": {}, "cameras": [{"view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}]}
+    prepare._thumbnail(SimpleNamespace(), summary, tmp_path / "thumbnail.png")  # type: ignore[arg-type]
+    assert done == ["full", "rendered"]
+    assert (tmp_path / "thumbnail.png").is_file()
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "a\0b", "../up", "/etc/passwd", "scene.obj/inside"])

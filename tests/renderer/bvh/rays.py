@@ -10,6 +10,7 @@ from renderer.bvh.build import build
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import any_hit, closest_hit, new_stack
 from renderer.jit import entry
+from tests.renderer.builders import still
 
 NO_SPHERES = np.zeros((0, 4), np.float32)
 
@@ -27,9 +28,9 @@ def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
-        hit = closest_hit(bvh, stack, origin, direction, t_max[i])
+        hit = closest_hit(bvh, stack, origin, direction, t_max[i], None)
         t[i], primitive[i], uv[i, 0], uv[i, 1], instance[i] = hit.t, hit.primitive, hit.u, hit.v, hit.instance
-        shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i])
+        shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i], None)
 
 
 def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
@@ -41,7 +42,7 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
     hits = Hits(
         np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_), np.empty(n, np.int32)
     )
-    _trace(bvh, new_stack(), o, d, limit, *hits)
+    _trace(still(bvh), new_stack(), o, d, limit, *hits)
     return hits
 
 

@@ -8,7 +8,7 @@ from renderer.jit import entry
 from renderer.kernel.material.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.scene.description import Material
-from tests.renderer.builders import scene, square
+from tests.renderer.builders import as_rendered, scene, square
 
 
 @entry
@@ -57,7 +57,7 @@ class Subject:
 
     def __init__(self, material: Material, front: bool = True):
         self.material = material
-        self.compiled = scene([material], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),), environment=1.0)
+        self.compiled = as_rendered(scene([material], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),), environment=1.0))
         self._surface = facing_up(front=front)
         self._layers = np.zeros(LAYER_SLOTS, np.float32)
 

@@ -11,6 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
+from tests.renderer.builders import as_rendered
 from tests.renderer.kernel.subject import many
 
 _FAR = np.float32(np.inf)
@@ -23,7 +24,7 @@ def _wander(scene, stack, o, d, u, bounces):
         direction = (d[i, 0], d[i, 1], d[i, 2])
         bounces[i] = 0
         for b in range(u.shape[1]):
-            hit = closest_hit(scene.bvh, stack, origin, direction, _FAR)
+            hit = closest_hit(scene.bvh, stack, origin, direction, _FAR, None)
             if hit.primitive == NO_PRIMITIVE:
                 break
             bounces[i] += 1
@@ -41,7 +42,7 @@ def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: 
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
     done = np.zeros(count, np.int64)
     origin = many(o, count)
-    _wander(scene, new_stack(), origin, d, rng.random((count, bounces, 2), np.float32), done)
+    _wander(as_rendered(scene), new_stack(), origin, d, rng.random((count, bounces, 2), np.float32), done)
     return done
 
 
@@ -50,7 +51,7 @@ def _touch(scene, stack, o, d, u, met, hits):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
-        hit = closest_hit(scene.bvh, stack, origin, direction, _FAR)
+        hit = closest_hit(scene.bvh, stack, origin, direction, _FAR, None)
         hits[i] = hit.primitive != NO_PRIMITIVE
         met[i] = False
         if hits[i]:
@@ -58,7 +59,7 @@ def _touch(scene, stack, o, d, u, met, hits):
             s, t = vec.basis(surface.geometric)
             local = square_to_cosine_hemisphere((u[i, 0], u[i, 1]))
             away = vec.to_world(s, t, surface.geometric, local)
-            met[i] = any_hit(scene.bvh, stack, departure(surface, True, away), away, _FAR)
+            met[i] = any_hit(scene.bvh, stack, departure(surface, True, away), away, _FAR, None)
 
 
 def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -66,5 +67,5 @@ def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> 
     u = np.random.default_rng(seed).random((len(d), 2), np.float32)
     hits, met = np.zeros(len(d), bool), np.zeros(len(d), bool)
     o = many(o, len(d))
-    _touch(scene, new_stack(), o, np.ascontiguousarray(d, np.float32), u, met, hits)
+    _touch(as_rendered(scene), new_stack(), o, np.ascontiguousarray(d, np.float32), u, met, hits)
     return hits, met

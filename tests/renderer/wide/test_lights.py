@@ -118,8 +118,8 @@ def _of_lights(made, given):
     p, n, hit = (given[0], given[1], given[2]), (given[3], given[4], given[5]), (given[6], given[7], given[8])
     u, number = (given[9], given[10]), u32(to_int(given[12]))
     light, chance = choose_light(made, p, n, given[11])
-    one, any_ = sample_one_light(made, number, p, n, u), sample_light(made, p, n, given[11], u)
-    pdf = primitive_light_pdf(made, u32(to_int(given[13])), p, n, hit, abs(given[3]), given[4] < np.float32(0.5))
+    one, any_ = sample_one_light(made, number, p, n, u, None), sample_light(made, p, n, given[11], u, None)
+    pdf = primitive_light_pdf(made, u32(to_int(given[13])), p, n, hit, abs(given[3]), given[4] < np.float32(0.5), None)
     seen = environment_seen(made, n, given[10] < np.float32(0.5))
     return (
         light, any_.alone, one.alone, chance, pdf, *seen[0], seen[1],

@@ -35,18 +35,31 @@ WISHES = [
 ]
 
 
+def rendered(folder: Path, width: int, height: int, tile: int) -> Film:
+    film = Film(folder / "job.sqlite", width, height, tile, 24, TileCache(1))
+    film.merge([Part(0, i, 0, 2, pack_sums(expected_sums(tile, 0, 2, 0))) for i, tile in enumerate(film.tiles)])
+    return film
+
+
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
-    film = Film(tmp_path_factory.mktemp("film") / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1))
-    film.merge([Part(0, i, 0, 2, pack_sums(expected_sums(tile, 0, 2, 0))) for i, tile in enumerate(film.tiles)])
+    film = rendered(tmp_path_factory.mktemp("film"), WIDTH, HEIGHT, TILE)
     yield film
     film.close()
 
 
 @pytest.fixture(scope="module")
-def sums(film: Film) -> np.ndarray:
-    whole = np.zeros((20, HEIGHT, WIDTH), np.int64)
-    for tile in film.tiles:
+def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
+    """Of as many bands, for what is compared value by value."""
+    film = rendered(tmp_path_factory.mktemp("film"), WIDTH // 4, HEIGHT // 4, TILE // 4)
+    yield film
+    film.close()
+
+
+@pytest.fixture(scope="module")
+def sums(small: Film) -> np.ndarray:
+    whole = np.zeros((20, small.height, small.width), np.int64)
+    for tile in small.tiles:
         whole[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = expected_sums(tile, 0, 2, 0)
     return whole
 
@@ -71,18 +84,18 @@ def shown(data: bytes) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(data)))
 
 
-def test_pictures_are_those_of_the_whole_frame(film: Film, sums: np.ndarray, tmp_path: Path) -> None:
+def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
-        assert same(made(film, PictureWish(extension), tmp_path), encode(color, extension), tmp_path)
-    np.testing.assert_array_equal(shown(made(film, PictureWish("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
-    assert made(film, PictureWish("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
+        assert same(made(small, PictureWish(extension), tmp_path), encode(color, extension), tmp_path)
+    np.testing.assert_array_equal(shown(made(small, PictureWish("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
+    assert made(small, PictureWish("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
     planes = {name: aovs.values(sums, 24, name) for name in aovs.AOVS}
-    assert same(made(film, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
+    assert same(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
     for name, plane in planes.items():
-        np.testing.assert_array_equal(shown(made(film, PictureWish("png", (name,)), tmp_path)), aovs.visible(name, plane))
+        np.testing.assert_array_equal(shown(made(small, PictureWish("png", (name,)), tmp_path)), aovs.visible(name, plane))
         grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
-        assert same(made(film, PictureWish("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
+        assert same(made(small, PictureWish("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
 def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
@@ -93,10 +106,10 @@ def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: P
     small.close()
 
 
-def test_a_denoised_picture_is_read_in_bands(film: Film, tmp_path: Path) -> None:
-    color = np.random.default_rng(5).random((HEIGHT, WIDTH, 3), np.float32)
+def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
+    color = np.random.default_rng(5).random((small.height, small.width, 3), np.float32)
     wish = PictureWish("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
-    assert same(made(film, wish, tmp_path), encode(color, "exr"), tmp_path)
+    assert same(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
 
 
 @pytest.mark.parametrize("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")

@@ -19,7 +19,7 @@ from renderer.kernel.surface.surface import surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sky, Sphere, Texture
 from renderer.scene.environment import sampled_alone
-from tests.renderer.builders import disk, gray, icosphere, square
+from tests.renderer.builders import as_rendered, disk, gray, icosphere, square
 from tests.renderer.judge import limit
 
 N = 400_000
@@ -30,11 +30,11 @@ _FOUR_PI = np.float32(4 * math.pi)
 def _by_lights(made, stack, p, n, u, out):
     o, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
-        light = sample_light(made, o, normal, u[i, 0], (u[i, 1], u[i, 2]))
+        light = sample_light(made, o, normal, u[i, 0], (u[i, 1], u[i, 2]), None)
         cosine = vec.dot(light.direction, normal)
         if not (light.pdf > np.float32(0.0) and cosine > np.float32(0.0)):
             continue
-        if not any_hit(made.bvh, stack, o, vec.sub(light.end, o), np.float32(1.0)):
+        if not any_hit(made.bvh, stack, o, vec.sub(light.end, o), np.float32(1.0), None):
             out[i] = vec.luminance(light.radiance) * cosine / light.pdf
 
 
@@ -45,7 +45,7 @@ def _by_chance(made, stack, p, n, u, out):
         d = square_to_sphere((u[i, 0], u[i, 1]))
         cosine = vec.dot(d, normal)
         if cosine > np.float32(0.0):
-            hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf))
+            hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf), None)
             if hit.primitive == NO_PRIMITIVE:
                 radiance = environment_radiance(made.environment, made.environment_frame, d)
             else:
@@ -81,7 +81,7 @@ def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.
             environment=environment,
         )
     )
-    return sampled_alone(made)
+    return as_rendered(sampled_alone(made))
 
 
 def _faded(mesh):

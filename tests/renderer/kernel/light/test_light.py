@@ -13,7 +13,7 @@ from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, 
 from renderer.kernel.surface.surface import shines, surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.scene.lights import chosen_by
-from tests.renderer.builders import emitter, gray, scene, square
+from tests.renderer.builders import as_rendered, emitter, gray, scene, square
 from tests.renderer.bvh.rays import trace
 from tests.renderer.judge import assert_uniform, direction_test, limit
 
@@ -27,7 +27,7 @@ NORMAL = (0.6, 0.48, 0.64)
 @entry
 def _sample(made, p, n, u, direction, end, radiance, pdf):
     for i in range(len(u)):
-        light = sample_light(made, (p[0], p[1], p[2]), (n[0], n[1], n[2]), u[i, 0], (u[i, 1], u[i, 2]))
+        light = sample_light(made, (p[0], p[1], p[2]), (n[0], n[1], n[2]), u[i, 0], (u[i, 1], u[i, 2]), None)
         pdf[i] = light.pdf
         for k in range(3):
             direction[i, k] = light.direction[k]
@@ -42,12 +42,12 @@ def _density(made, stack, p, n, direction, pdf):
     for i in range(len(direction)):
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
         pdf[i] = environment_seen(made, d, True)[1]
-        hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf))
+        hit = closest_hit(made.bvh, stack, o, d, np.float32(np.inf), None)
         if hit.primitive != NO_PRIMITIVE:
             surface = surface_at(made, o, d, hit)
             if shines(surface):
                 cosine = -vec.dot(surface.geometric, d)
-                pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine, True)
+                pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine, True, None)
 
 
 def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):
@@ -55,14 +55,16 @@ def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     vectors = [np.zeros((n, 3), np.float32) for _ in range(3)]
     pdf = np.zeros(n, np.float32)
-    _sample(made, np.array(p, np.float32), np.array(normal, np.float32), u, *vectors, pdf)
+    _sample(as_rendered(made), np.array(p, np.float32), np.array(normal, np.float32), u, *vectors, pdf)
     return *vectors, pdf
 
 
 def density(made, p=P, normal=NO_NORMAL):
     def values(w):
         out = np.zeros(len(w), np.float32)
-        _density(made, new_stack(), np.array(p, np.float32), np.array(normal, np.float32), np.ascontiguousarray(w), out)
+        _density(
+            as_rendered(made), new_stack(), np.array(p, np.float32), np.array(normal, np.float32), np.ascontiguousarray(w), out
+        )
         return out
 
     return values

@@ -18,6 +18,9 @@ SPP = 4
 # Of the pixels. Roundings differ, since the compiler merges other multiplications with additions: they decide now and then
 # what a path does where a number lies within 1e-7 of a border, such as an edge. At 64 samples a pixel none of all these parted.
 MOST_PARTED = 0.005
+# For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
+# them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments.
+MOVING = ("what moves", "a camera that moves")
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
@@ -32,7 +35,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
-@pytest.mark.parametrize("name", FEATURES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.long if name in MOVING else ()) for name in FEATURES])
 def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
     scale = 2.0 ** -made(name)[1].film_exponent / SPP
@@ -48,7 +51,7 @@ def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.
 def test_the_features_ask_for_all_editions_and_are_seen() -> None:
     """Else what stands above would compare nothing with nothing."""
     names = list(FEATURES)
-    full, moving = names.index("textures"), names.index("what moves")
+    full, moving = names.index("textures"), names.index(MOVING[0])
     black = ("no light",)
     for k, name in enumerate(names):
         scene, settings = made(name)

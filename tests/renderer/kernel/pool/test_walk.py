@@ -19,7 +19,7 @@ from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
 from renderer.kernel.pool.ways import BEST, BLOCKED, new_ways, set_out
 from renderer.wide.values import as_floats, as_wide, nil
-from tests.renderer.builders import icosphere
+from tests.renderer.builders import icosphere, still
 from tests.renderer.bvh.rays import Hits, trace
 from tests.renderer.bvh.test_instances import directions, forest
 
@@ -71,7 +71,7 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
 def _one_by_one(bvh, stack, start, end, out):
     for i in range(len(start)):
         o, e = (start[i, 0], start[i, 1], start[i, 2]), (end[i, 0], end[i, 1], end[i, 2])
-        out[i] = any_hit(bvh, stack, o, vec.sub(e, o), np.float32(1.0))
+        out[i] = any_hit(bvh, stack, o, vec.sub(e, o), np.float32(1.0), None)
 
 
 NAMES = ["instances", "a mesh", "triangles and spheres", "one packet", "nothing", "boundless boxes"]
@@ -109,7 +109,7 @@ def _scenes() -> dict[str, Bvh]:
     ball = icosphere(4)
     few = np.arange(9, dtype=np.int32).reshape(3, 3)
     none = np.zeros((0, 4), np.float32)
-    return {
+    made = {
         "instances": build(position, triangle, sphere, instances),
         "a mesh": build(ball.positions, ball.triangles, none),
         "triangles and spheres": build(position, triangle[:30], sphere),
@@ -117,6 +117,7 @@ def _scenes() -> dict[str, Bvh]:
         "nothing": build(position[:0], triangle[:0], none),
         "boundless boxes": build(position, triangle[:100], sphere, brute=True),
     }
+    return {name: still(bvh) for name, bvh in made.items()}
 
 
 def _rays(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
-from tests.renderer.builders import box, icosphere, scene
+from tests.renderer.builders import as_rendered, box, icosphere, scene
 from tests.renderer.kernel.subject import many
 from tests.renderer.kernel.wander import touch, wander
 
@@ -21,7 +21,7 @@ WIDTHS = {"point": 3, "geometric": 3, "shading": 3, "uv": 2, "uv1": 2, "color": 
 def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent, shadow_point, start, number):
     for i in range(len(o)):
         origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
-        hit = closest_hit(made.bvh, stack, origin, direction, np.float32(np.inf))
+        hit = closest_hit(made.bvh, stack, origin, direction, np.float32(np.inf), None)
         number[i, 0] = -1
         if hit.primitive == NO_PRIMITIVE:
             continue
@@ -51,7 +51,7 @@ def look(made, o, d):
     o = many(o, len(d))
     found = {name: np.zeros((len(d), width), np.float32) for name, width in WIDTHS.items()}
     found["number"] = np.zeros((len(d), 4), np.int64)
-    _look(made, new_stack(), o, d, *found.values())
+    _look(as_rendered(made), new_stack(), o, d, *found.values())
     return found
 
 
