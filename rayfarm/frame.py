@@ -24,11 +24,14 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from rayfarm.stage import Stage
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["Order", "camera_words", "moment_words", "render_to", "say_bad_samples", "statistics"]
+    F32 = npt.NDArray[np.float32]
+
+__all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "say_bad_samples", "statistics"]
 
 
 @dataclass(frozen=True)
@@ -45,19 +48,31 @@ class Order:
     turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
 
-    def settings(self, summary: dict[str, Any], moment: Moment) -> RenderSettings:
-        """What to render at a moment of a scene. Raises CommandError or SettingsError."""
+    def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
+        """What to render at a moment of a scene. shutter: another one than is asked for. Raises CommandError or SettingsError."""
         settings = self.picture.settings(summary["cameras"], summary["defaults"])
         if self.turntable is None:
             return settings
         turns = moment.seconds(summary["fps"]) / self.turntable
-        shutter = Shutter(settings.shutter, settings.shutter_at, settings.shutter_keys)
+        shutter = shutter or Shutter(settings.shutter, settings.shutter_at, settings.shutter_keys)
         views = orbit_over(settings.view, settings.views, moment, shutter, summary["fps"], self.turntable, summary["up"])
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
 
     def files(self, output: Path) -> list[Path]:
         """All pictures of a frame."""
         return [output, options.denoised_name(output)] if self.denoise else [output]
+
+
+def motion_of(stage: Stage, order: Order, moment: Moment, clock: Clock) -> F32 | None:
+    """A frame's motion vectors, where they are asked for. The scene of the stage is another one afterwards."""
+    if aovs.MOTION not in order.planes:
+        return None
+    from renderer.vectors import BETWEEN_SHUTTER, motion_vectors
+
+    compiled, summary = stage.between(moment)
+    found = motion_vectors(compiled, order.settings(summary, moment, BETWEEN_SHUTTER), order.threads)
+    clock.mark("motion_s")
+    return found
 
 
 def render_to(
@@ -68,8 +83,12 @@ def render_to(
     settings: RenderSettings,
     clock: Clock,
     show: Show,
+    motion: F32 | None = None,
 ) -> RenderStats:
-    """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for."""
+    """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for.
+
+    motion: from `motion_of`.
+    """
     from renderer.film import mean
     from renderer.image import encode
     from renderer.render import RenderStats
@@ -82,7 +101,8 @@ def render_to(
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
         sums = part_of_frame(compiled, settings, tile, order.first, count, done)
     clock.mark("render_s")
-    channels = aovs.layers({name: aovs.values(sums, settings.film_exponent, name) for name in order.planes})
+    planes = {name: aovs.values(sums, settings.film_exponent, name) for name in order.planes if name != aovs.MOTION}
+    channels = aovs.layers(planes if motion is None else {**planes, aovs.MOTION: motion})
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
     encode.write(output, mean(sums, settings.film_exponent), **looks)
     if order.denoise:

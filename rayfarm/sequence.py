@@ -11,7 +11,7 @@ from typing import Any
 from rayfarm import options
 from rayfarm.console import bar, err
 from rayfarm.errors import CommandError
-from rayfarm.frame import Order, camera_words, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
 from rayfarm.output_files import check_writable
 from rayfarm.rendering import Clock, Show
 from rayfarm.stage import Stage
@@ -132,6 +132,7 @@ def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show
 
     clock = Clock()
     moment = replace(shot.moment, frame=frame)
+    motion = motion_of(stage, order, moment, clock)
     compiled, summary = stage.at(moment)
     clock.mark("prepare_s")
     for warning in options.told(summary["warnings"], order.picture.environment()):
@@ -141,6 +142,6 @@ def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show
     settings = order.settings(summary, moment)
     warm_up(settings, edition_for(settings, compiled))
     clock.mark("compile_s")
-    done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show)
+    done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show, motion)
     say_bad_samples(shot.scene, settings, done, moment_words(moment) + camera_words(order, settings))
     return {"frame": frame, "fps": summary["fps"], "file": str(shot.file(frame)), **statistics(clock, done)}

@@ -9,6 +9,7 @@ from renderer.scene import compile as compiling
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot, read
+from renderer.vectors import BETWEEN
 from tests.renderer.builders import icosphere
 from tests.renderer.scene.builders import Gltf, clip
 
@@ -137,6 +138,23 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
             assert len(compiled.bvh.motion) > 0 or name == "lamp.glb"
             assert len(compiled.key_position) > 0
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
+
+
+@pytest.mark.parametrize("name", SHOTS)
+def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
+    stage = Stage(Shot(folder, name), threads=1)
+    for frame in (5, 6):
+        between, summary = stage.between(Moment(frame))
+        alone = compile_scene(Shot(folder, name).over(Moment(frame), BETWEEN), threads=1)
+        for (part, ours), theirs in zip(flat(between).items(), flat(alone).values(), strict=True):
+            np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} between {frame}")
+        if name.endswith(".glb"):
+            views = [stage.at(Moment(frame + k))[1]["cameras"][0]["view"] for k in (-1, 0, 1)]
+            assert summary["cameras"][0]["views"] == views
+        compiled, _ = stage.at(Moment(frame))
+        alone = compile_scene(read(folder, name, moment=Moment(frame)), threads=1)
+        for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
+            np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
 
 
 def test_what_stands_still_is_made_once(folder, monkeypatch):
