@@ -149,8 +149,8 @@ def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
         for (part, ours), theirs in zip(flat(between).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} between {frame}")
         if name.endswith(".glb"):
-            views = [stage.at(Moment(frame + k))[1]["cameras"][0]["view"] for k in (-1, 0, 1)]
-            assert summary["cameras"][0]["views"] == views
+            eyes = [stage.at(Moment(frame + k))[1]["cameras"][0]["view"]["eye"] for k in (-1, 0, 1)]
+            assert [view["eye"] for view in summary["cameras"][0]["views"]] == eyes
         compiled, _ = stage.at(Moment(frame))
         alone = compile_scene(read(folder, name, moment=Moment(frame)), threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):

@@ -1,0 +1,175 @@
+"""How much denoised shots flicker: each frame denoised by itself, and made steady by its neighbours (renderer/steady.py).
+
+    python3 farm.py bench flicker [--spp 8] [--truth 512] [--size 256x144]
+
+Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of
+Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of how
+frames, as a shot is rendered unless told, and with another one for each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from renderer import aovs
+from renderer.denoise import cleaned
+from renderer.film import ALBEDO, COLOR, NORMAL, mean
+from renderer.render import render_frame
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
+from renderer.scene.moving import while_open
+from renderer.settings import RenderSettings, View
+from renderer.steady import REACH, Still, steadied
+from renderer.vectors import BETWEEN_SHUTTER, motion_vectors
+from tests.renderer.builders import gray, square
+
+FRAMES = 3  # judged; REACH more on both sides are rendered
+F32 = np.ndarray
+Shot = Callable[[float], tuple[SceneDescription, View]]
+FLOOR, RED, LAMP, MIRROR = range(4)
+STILL = View((0.0, 2.2, 5.5), (0.0, 0.4, 0.0), fov=40.0)
+
+
+def room(**more: object) -> SceneDescription:
+    """A textured floor and a wall, two balls and a box, under a lamp and a dim sky."""
+    noise = np.random.default_rng(1).integers(40, 250, (64, 64, 4), np.uint8)
+    noise[..., 3] = 255
+    floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=np.array([[0, 0], [6, 0], [6, 6], [0, 6]], np.float32))
+    wall = square((0, 2, -3), (8, 0, 0), (0, 2, 0), RED)
+    box = square((1.6, 0.6, -0.6), (0.5, 0, 0.2), (0, 0.6, 0), RED)
+    lamp = square((-1.5, 4, 1), (0.4, 0, 0), (0, 0, 0.4), LAMP)
+    found = SceneDescription(
+        meshes=[floor, wall, box, lamp],
+        instances=[Instance(k) for k in range(4)],
+        spheres=[Sphere((-1.3, 0.6, -0.8), 0.6, RED, "left")],
+        materials=[
+            Material(base_color=gray(1.0), base_color_texture=0),
+            Material(base_color=(0.7, 0.3, 0.2)),
+            Material(base_color=gray(0.0), emission=gray(30.0), double_sided=True),
+            Material(kind="conductor", roughness=0.1),
+        ],
+        images=[Image("noise", noise)],
+        textures=[Texture(0)],
+        environment=Environment(gray(0.15)),
+        moves=True,
+    )
+    for name, value in more.items():
+        setattr(found, name, [*getattr(found, name), *value])  # type: ignore[misc]
+    return found
+
+
+def stands_still(t: float) -> tuple[SceneDescription, View]:
+    """Nothing moves."""
+    return room(), STILL
+
+
+def camera_goes(t: float) -> tuple[SceneDescription, View]:
+    """The camera goes along over the texture."""
+    return room(), replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
+
+
+def body_flies(t: float) -> tuple[SceneDescription, View]:
+    """A ball flies, and its shadow with it."""
+    return room(spheres=[Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True)]), STILL
+
+
+def board_turns(t: float) -> tuple[SceneDescription, View]:
+    """A board turns before a camera that stands still, with its shadow."""
+    turned = np.eye(4)
+    sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
+    turned[0, 0] = turned[2, 2] = cosine
+    turned[0, 2], turned[2, 0], turned[:3, 3] = sine, -sine, (0.4, 0.7, 0.8)
+    board = square((0, 0, 0), (0.6, 0, 0), (0, 0.6, 0), RED)
+    return room(meshes=[board], instances=[Instance(4, turned, moves=True)]), STILL
+
+
+def mirror_passes(t: float) -> tuple[SceneDescription, View]:
+    """The camera goes by a ball that mirrors all around it."""
+    return room(spheres=[Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror")]), camera_goes(t)[1]
+
+
+SHOTS: dict[str, Shot] = {
+    "nothing moves": stands_still,
+    "camera over texture": camera_goes,
+    "body and its shadow": body_flies,
+    "board that turns": board_turns,
+    "camera past a mirror": mirror_passes,
+}
+
+
+def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> Still:
+    """A frame, denoised by itself."""
+    description, view = shot(frame)
+    settings = RenderSettings(*size, view, seed=seed)
+    sums = render_frame(compile_scene(description), settings, spp)
+    exponent = settings.film_exponent
+    over = while_open(lambda moment: shot(frame + moment.offset)[0], Moment(), BETWEEN_SHUTTER)
+    views = tuple(shot(frame + k)[1] for k in (-1, 0, 1))
+    moving = replace(settings, views=views if len({*views}) > 1 else ())
+    return Still(
+        cleaned(mean(sums, exponent, COLOR), mean(sums, exponent, ALBEDO), mean(sums, exponent, NORMAL)),
+        aovs.values(sums, exponent, "object"),
+        aovs.values(sums, exponent, "material"),
+        motion_vectors(compile_scene(over), moving),
+    )
+
+
+def off_along(first: F32, second: F32, there: Still) -> tuple[F32, np.ndarray]:
+    """How what is off changes on the way to the second frame, and where that can be told: within the picture, of one object."""
+    height, width = first.shape[:2]
+    rows, columns = np.mgrid[0:height, 0:width]
+    y = np.rint(rows - there.motion[..., 1]).astype(int)
+    x = np.rint(columns + there.motion[..., 0]).astype(int)
+    inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+    y, x = np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)
+    return second - first[y, x], inside
+
+
+def figures(made: dict[int, F32], truth: dict[int, Still]) -> tuple[float, float]:
+    """(error, flicker) of the judged frames."""
+    level = float(np.mean([each.clean.color.mean() for each in truth.values()]))
+    off = {n: picture - truth[n].clean.color for n, picture in made.items()}
+    error = math.sqrt(np.mean([(each**2).mean() for each in off.values()])) / level
+    changes = []
+    for n in sorted(off)[1:]:
+        change, inside = off_along(off[n - 1], off[n], truth[n])
+        changes.append((change[inside] ** 2).mean())
+    return error, math.sqrt(np.mean(changes)) / level
+
+
+def main() -> int:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--spp", type=int, default=8)
+    parser.add_argument("--truth", type=int, default=512)
+    parser.add_argument("--size", default="256x144")
+    parser.add_argument("--shot", choices=list(SHOTS), default=None)
+    options = parser.parse_args()
+    size = tuple(int(part) for part in options.size.split("x"))
+    print(f"{options.spp} samples a pixel, {options.size}; truth {options.truth}, denoised. Per cent of the mean.")
+    print("| shot | seeds | error, by itself | steady | flicker, by itself | steady |")
+    print("|---|---|---:|---:|---:|---:|")
+    for name, shot in SHOTS.items():
+        if options.shot not in (None, name):
+            continue
+        numbers = range(REACH, REACH + FRAMES)
+        truth = {n: still(shot, n, options.truth, 1000 + n, size) for n in numbers}  # type: ignore[arg-type]
+        for seeds in ("one", "each"):
+            whole = range(FRAMES + 2 * REACH)
+            frames = {n: still(shot, n, options.spp, n if seeds == "each" else 0, size) for n in whole}  # type: ignore[arg-type]
+            alone = figures({n: frames[n].clean.color for n in numbers}, truth)
+            steady = figures({n: steadied(frames, n) for n in numbers}, truth)
+            row = " | ".join(f"{100 * value:.2f}" for value in (alone[0], steady[0], alone[1], steady[1]))
+            print(f"| {name} | {seeds} | {row} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
