@@ -26,7 +26,7 @@ _LEAST_COSINE = 0.9
 _ASTRAY = 0.5  # pixels that a vector and the one back may lack of meeting
 _ALIKE = 0.25  # light that differs by this share counts exp(-1)
 _DARK = 0.02  # the least albedo to divide by
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Still(NamedTuple):
@@ -45,8 +45,8 @@ def steadied(frames: Mapping[int, Still], number: int) -> F32:
     """
     here = frames[number]
     surface = np.maximum(here.clean.albedo, _DARK)
-    light = here.clean.color / surface
-    total, weight = light.astype(np.float64), np.ones(light.shape[:2])
+    light = (here.clean.color / surface).astype(np.float64)
+    total, weight = light.copy(), np.ones(light.shape[:2])
     for way in (-1, 1):
         rows, columns = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(np.float64)
         alive = np.ones(light.shape[:2], bool)
@@ -117,9 +117,9 @@ def _seen(
     return total / np.maximum(weight, 1e-9)[..., None], weight
 
 
-def _alike(light: F32, found: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _alike(light: npt.NDArray[np.float64], found: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """How far two lights are much the same, 0 ... 1."""
-    a, b = light @ _LUMINANCE, found @ _LUMINANCE.astype(np.float64)
+    a, b = light @ _LUMINANCE, found @ _LUMINANCE
     apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)
     alike: npt.NDArray[np.float64] = np.exp(-((apart / _ALIKE) ** 2))
     return alike

@@ -3,8 +3,8 @@
     python3 farm.py bench flicker [--spp 8] [--truth 512] [--size 256x144]
 
 Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of
-Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of how
-frames, as a shot is rendered unless told, and with another one for each.
+how what is off changes from a frame to the next, along the motion vectors. The truth: many samples, denoised. With one seed for
+all frames, as a shot is rendered unless told, and with another one for each.
 """
 
 from __future__ import annotations
