@@ -37,11 +37,21 @@ FLOOR, RED, LAMP, MIRROR = range(4)
 STILL = View((0.0, 2.2, 5.5), (0.0, 0.4, 0.0), fov=40.0)
 
 
+def stone(size: int = 256) -> np.ndarray:
+    """A texture with structure at all scales, as surfaces have (1/f), and joints: (size, size, 4) uint8."""
+    random = np.random.default_rng(1)
+    far = np.fft.fftfreq(size)[:, None] ** 2 + np.fft.fftfreq(size)[None] ** 2
+    grain = np.fft.ifft2(np.fft.fft2(random.standard_normal((size, size))) / np.sqrt(far + 1e-4)).real
+    grain = 0.5 + 0.15 * grain / grain.std()
+    joints = np.minimum(*(np.abs(np.mod(axis, size // 4) - size // 8) for axis in np.mgrid[0:size, 0:size])) < 2
+    gray = np.clip(np.where(joints, 0.2, grain), 0.05, 0.95)
+    return (np.stack([gray, 0.9 * gray, 0.75 * gray, np.ones_like(gray)], -1) * 255).astype(np.uint8)
+
+
 def room(**more: object) -> SceneDescription:
     """A textured floor and a wall, two balls and a box, under a lamp and a dim sky."""
-    noise = np.random.default_rng(1).integers(40, 250, (64, 64, 4), np.uint8)
-    noise[..., 3] = 255
-    floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=np.array([[0, 0], [6, 0], [6, 6], [0, 6]], np.float32))
+    corners = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], np.float32)
+    floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=corners)
     wall = square((0, 2, -3), (8, 0, 0), (0, 2, 0), RED)
     box = square((1.6, 0.6, -0.6), (0.5, 0, 0.2), (0, 0.6, 0), RED)
     lamp = square((-1.5, 4, 1), (0.4, 0, 0), (0, 0, 0.4), LAMP)
@@ -55,7 +65,7 @@ def room(**more: object) -> SceneDescription:
             Material(base_color=gray(0.0), emission=gray(30.0), double_sided=True),
             Material(kind="conductor", roughness=0.1),
         ],
-        images=[Image("noise", noise)],
+        images=[Image("stone", stone())],
         textures=[Texture(0)],
         environment=Environment(gray(0.15)),
         moves=True,
@@ -121,6 +131,11 @@ def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) ->
     )
 
 
+def _shown(light: F32) -> F32:
+    """As a screen shows it, roughly: else a lamp in a mirror would have all the say."""
+    return light / (1 + light)
+
+
 def off_along(first: F32, second: F32, there: Still) -> tuple[F32, np.ndarray]:
     """How what is off changes on the way to the second frame, and where that can be told: within the picture, of one object."""
     height, width = first.shape[:2]
@@ -134,8 +149,9 @@ def off_along(first: F32, second: F32, there: Still) -> tuple[F32, np.ndarray]:
 
 def figures(made: dict[int, F32], truth: dict[int, Still]) -> tuple[float, float]:
     """(error, flicker) of the judged frames."""
-    level = float(np.mean([each.clean.color.mean() for each in truth.values()]))
-    off = {n: picture - truth[n].clean.color for n, picture in made.items()}
+    whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
+    off = {n: _shown(picture / whole) - _shown(truth[n].clean.color / whole) for n, picture in made.items()}
+    level = float(np.mean([_shown(each.clean.color / whole).mean() for each in truth.values()]))
     error = math.sqrt(np.mean([(each**2).mean() for each in off.values()])) / level
     changes = []
     for n in sorted(off)[1:]:
