@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,11 +26,14 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from rayfarm.stage import Stage
+    from renderer.denoise import Clean
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
+    from renderer.steady import Still
 
     F32 = npt.NDArray[np.float32]
+    Hold = Callable[[Still, Callable[[F32], None]], None]
 
 __all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "say_bad_samples", "statistics"]
 
@@ -63,9 +67,9 @@ class Order:
         return [output, options.denoised_name(output)] if self.denoise else [output]
 
 
-def motion_of(stage: Stage, order: Order, moment: Moment, clock: Clock) -> F32 | None:
-    """A frame's motion vectors, where they are asked for. The scene of the stage is another one afterwards."""
-    if aovs.MOTION not in order.planes:
+def motion_of(stage: Stage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
+    """A frame's motion vectors, where they are asked for or needed. The scene of the stage is another one afterwards."""
+    if not needed and aovs.MOTION not in order.planes:
         return None
     from renderer.vectors import BETWEEN_SHUTTER, motion_vectors
 
@@ -84,14 +88,18 @@ def render_to(
     clock: Clock,
     show: Show,
     motion: F32 | None = None,
+    hold: Hold | None = None,
+    writes: bool = True,
 ) -> RenderStats:
     """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for.
 
-    motion: from `motion_of`.
+    motion: from `motion_of`. hold: takes the denoised frame, with what writes a picture in its place, instead of its being
+    written. writes: whether the raw picture is written.
     """
     from renderer.film import mean
     from renderer.image import encode
     from renderer.render import RenderStats
+    from renderer.steady import Still
 
     picture, done = order.picture, RenderStats()
     count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)
@@ -102,22 +110,32 @@ def render_to(
         sums = part_of_frame(compiled, settings, tile, order.first, count, done)
     clock.mark("render_s")
     planes = {name: aovs.values(sums, settings.film_exponent, name) for name in order.planes if name != aovs.MOTION}
-    channels = aovs.layers(planes if motion is None else {**planes, aovs.MOTION: motion})
+    if motion is not None and aovs.MOTION in order.planes:
+        planes[aovs.MOTION] = motion
+    channels = aovs.layers(planes)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
-    encode.write(output, mean(sums, settings.film_exponent), **looks)
+    if writes:
+        encode.write(output, mean(sums, settings.film_exponent), **looks)
     if order.denoise:
         clean = _denoised(sums, settings.film_exponent, order.threads)
-        encode.write(options.denoised_name(output), clean, **looks)
+        if hold is None or motion is None:
+            encode.write(options.denoised_name(output), clean.color, **looks)
+        else:
+            number, material = (aovs.values(sums, settings.film_exponent, name) for name in ("object", "material"))
+            hold(
+                Still(clean, number, material, motion),
+                lambda picture: encode.write(options.denoised_name(output), picture, **looks),
+            )
         clock.mark("denoise_s")
     return done
 
 
-def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> npt.NDArray[np.float32]:
-    from renderer.denoise import denoise
+def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> Clean:
+    from renderer.denoise import cleaned
     from renderer.film import ALBEDO, COLOR, NORMAL, mean
 
     color, albedo, normal = (mean(sums, film_exponent, channel) for channel in (COLOR, ALBEDO, NORMAL))
-    return denoise(color, albedo, normal, threads)
+    return cleaned(color, albedo, normal, threads)
 
 
 def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:

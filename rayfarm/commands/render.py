@@ -155,7 +155,7 @@ def render(
     settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock)
     with shown() as show:
-        done = render_to(output, order, compiled, summary["defaults"], settings, clock, show, *motion)
+        done = render_to(output, order, compiled, summary["defaults"], settings, clock, show, motion[0])
     _say(output, settings, clock, done)
     say_bad_samples(scene, settings, done, moment_words(moment) + camera_words(order, settings))
     if stats is not None:

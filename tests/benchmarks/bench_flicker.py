@@ -1,6 +1,6 @@
 """How much denoised shots flicker: each frame denoised by itself, and made steady by its neighbours (renderer/steady.py).
 
-    python3 farm.py bench flicker [--spp 8] [--truth 512] [--size 256x144]
+    python3 farm.py bench flicker [--size 192x108] [--shot "camera over texture"]
 
 Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of
 how what is off changes from a frame to the next, along the motion vectors. The truth: many samples, denoised. With one seed for
@@ -33,7 +33,7 @@ from tests.renderer.builders import gray, square
 FRAMES = 3  # judged; REACH more on both sides are rendered
 F32 = np.ndarray
 Shot = Callable[[float], tuple[SceneDescription, View]]
-FLOOR, RED, LAMP, MIRROR = range(4)
+FLOOR, RED, LAMP, MIRROR, WHITE = range(5)
 STILL = View((0.0, 2.2, 5.5), (0.0, 0.4, 0.0), fov=40.0)
 
 
@@ -48,15 +48,15 @@ def stone(size: int = 256) -> np.ndarray:
     return (np.stack([gray, 0.9 * gray, 0.75 * gray, np.ones_like(gray)], -1) * 255).astype(np.uint8)
 
 
-def room(**more: object) -> SceneDescription:
-    """A textured floor and a wall, two balls and a box, under a lamp and a dim sky."""
+def room() -> SceneDescription:
+    """A textured floor and a wall, a ball and a board, under a lamp and a dim sky."""
     corners = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], np.float32)
     floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=corners)
     wall = square((0, 2, -3), (8, 0, 0), (0, 2, 0), RED)
-    box = square((1.6, 0.6, -0.6), (0.5, 0, 0.2), (0, 0.6, 0), RED)
+    board = square((1.6, 0.6, -0.6), (0.5, 0, 0.2), (0, 0.6, 0), RED)
     lamp = square((-1.5, 4, 1), (0.4, 0, 0), (0, 0, 0.4), LAMP)
-    found = SceneDescription(
-        meshes=[floor, wall, box, lamp],
+    return SceneDescription(
+        meshes=[floor, wall, board, lamp],
         instances=[Instance(k) for k in range(4)],
         spheres=[Sphere((-1.3, 0.6, -0.8), 0.6, RED, "left")],
         materials=[
@@ -64,54 +64,82 @@ def room(**more: object) -> SceneDescription:
             Material(base_color=(0.7, 0.3, 0.2)),
             Material(base_color=gray(0.0), emission=gray(30.0), double_sided=True),
             Material(kind="conductor", roughness=0.1),
+            Material(base_color=gray(0.8)),
         ],
         images=[Image("stone", stone())],
         textures=[Texture(0)],
         environment=Environment(gray(0.15)),
         moves=True,
     )
-    for name, value in more.items():
-        setattr(found, name, [*getattr(found, name), *value])  # type: ignore[misc]
+
+
+def indoors() -> SceneDescription:
+    """The same between walls, with a card under the lamp: all light comes by way of the ceiling."""
+    found = room()
+    more = [
+        square((-1.5, 3.6, 1), (0.7, 0, 0), (0, 0, -0.7), RED),
+        square((0, 5, 0), (8, 0, 0), (0, 0, 8), WHITE),
+        square((-4, 2.5, 0), (0, 2.5, 0), (0, 0, 8), WHITE),
+        square((4, 2.5, 0), (0, 0, 8), (0, 2.5, 0), WHITE),
+        square((0, 2.5, 8), (8, 0, 0), (0, -2.5, 0), WHITE),
+    ]
+    found.instances += [Instance(len(found.meshes) + k) for k in range(len(more))]
+    found.meshes += more
+    found.environment = Environment(gray(0.0))
     return found
 
 
-def stands_still(t: float) -> tuple[SceneDescription, View]:
+def stands_still(found: SceneDescription, t: float) -> View:
     """Nothing moves."""
-    return room(), STILL
+    return STILL
 
 
-def camera_goes(t: float) -> tuple[SceneDescription, View]:
+def camera_goes(found: SceneDescription, t: float) -> View:
     """The camera goes along over the texture."""
-    return room(), replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
+    return replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
 
 
-def body_flies(t: float) -> tuple[SceneDescription, View]:
+def body_flies(found: SceneDescription, t: float) -> View:
     """A ball flies, and its shadow with it."""
-    return room(spheres=[Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True)]), STILL
+    found.spheres.append(Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True))
+    return STILL
 
 
-def board_turns(t: float) -> tuple[SceneDescription, View]:
+def board_turns(found: SceneDescription, t: float) -> View:
     """A board turns before a camera that stands still, with its shadow."""
     turned = np.eye(4)
     sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
     turned[0, 0] = turned[2, 2] = cosine
     turned[0, 2], turned[2, 0], turned[:3, 3] = sine, -sine, (0.4, 0.7, 0.8)
-    board = square((0, 0, 0), (0.6, 0, 0), (0, 0.6, 0), RED)
-    return room(meshes=[board], instances=[Instance(4, turned, moves=True)]), STILL
+    found.meshes.append(square((0, 0, 0), (0.6, 0, 0), (0, 0.6, 0), RED))
+    found.instances.append(Instance(len(found.meshes) - 1, turned, moves=True))
+    return STILL
 
 
-def mirror_passes(t: float) -> tuple[SceneDescription, View]:
+def mirror_passes(found: SceneDescription, t: float) -> View:
     """The camera goes by a ball that mirrors all around it."""
-    return room(spheres=[Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror")]), camera_goes(t)[1]
+    found.spheres.append(Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror"))
+    return camera_goes(found, t)
 
 
-SHOTS: dict[str, Shot] = {
+MOVES: dict[str, Callable[[SceneDescription, float], View]] = {
     "nothing moves": stands_still,
     "camera over texture": camera_goes,
     "body and its shadow": body_flies,
     "board that turns": board_turns,
     "camera past a mirror": mirror_passes,
 }
+LIGHTS = {"a lamp": (room, 8, 256), "by the ceiling": (indoors, 16, 400)}  # with so many samples; and the truth's
+
+
+def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescription, float], View]) -> Shot:
+    """A move in a place."""
+
+    def at(t: float) -> tuple[SceneDescription, View]:
+        found = place()
+        return found, move(found, t)
+
+    return at
 
 
 def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> Still:
@@ -163,27 +191,26 @@ def figures(made: dict[int, F32], truth: dict[int, Still]) -> tuple[float, float
 def main() -> int:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--spp", type=int, default=8)
-    parser.add_argument("--truth", type=int, default=512)
-    parser.add_argument("--size", default="256x144")
-    parser.add_argument("--shot", choices=list(SHOTS), default=None)
+    parser.add_argument("--size", default="192x108")
+    parser.add_argument("--shot", choices=list(MOVES), default=None)
     options = parser.parse_args()
-    size = tuple(int(part) for part in options.size.split("x"))
-    print(f"{options.spp} samples a pixel, {options.size}; truth {options.truth}, denoised. Per cent of the mean.")
-    print("| shot | seeds | error, by itself | steady | flicker, by itself | steady |")
-    print("|---|---|---:|---:|---:|---:|")
-    for name, shot in SHOTS.items():
-        if options.shot not in (None, name):
-            continue
-        numbers = range(REACH, REACH + FRAMES)
-        truth = {n: still(shot, n, options.truth, 1000 + n, size) for n in numbers}  # type: ignore[arg-type]
-        for seeds in ("one", "each"):
-            whole = range(FRAMES + 2 * REACH)
-            frames = {n: still(shot, n, options.spp, n if seeds == "each" else 0, size) for n in whole}  # type: ignore[arg-type]
-            alone = figures({n: frames[n].clean.color for n in numbers}, truth)
-            steady = figures({n: steadied(frames, n) for n in numbers}, truth)
-            row = " | ".join(f"{100 * value:.2f}" for value in (alone[0], steady[0], alone[1], steady[1]))
-            print(f"| {name} | {seeds} | {row} |", flush=True)
+    width, height = (int(part) for part in options.size.split("x"))
+    print(f"{width}x{height}, per cent of the mean; of each the frame by itself, then made steady")
+    print("| shot | light | seeds | error | steady | flicker | steady |")
+    print("|---|---|---|---:|---:|---:|---:|")
+    numbers, whole = range(REACH, REACH + FRAMES), range(FRAMES + 2 * REACH)
+    for light, (place, spp, most) in LIGHTS.items():
+        for name, move in MOVES.items():
+            if options.shot not in (None, name):
+                continue
+            shot = shot_of(place, move)
+            truth = {n: still(shot, n, most, 1000 + n, (width, height)) for n in numbers}
+            for seeds in ("one", "each"):
+                frames = {n: still(shot, n, spp, n if seeds == "each" else 0, (width, height)) for n in whole}
+                alone = figures({n: frames[n].clean.color for n in numbers}, truth)
+                steady = figures({n: steadied(frames, n) for n in numbers}, truth)
+                row = " | ".join(f"{100 * value:.2f}" for value in (alone[0], steady[0], alone[1], steady[1]))
+                print(f"| {name} | {light} | {seeds} | {row} |", flush=True)
     return 0
 
 

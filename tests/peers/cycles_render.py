@@ -3,8 +3,8 @@
     python cycles_render.py jobs.json
 
 jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame, shutter, vectors}; max_depth counts path segments as
-Rayfarm does, sky is a radiance that comes from everywhere. Where Blender's importer takes a number in another sense than glTF's specification
-says, `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
+Rayfarm does, sky is a radiance that comes from everywhere. Where Blender's importer takes a number in another sense than
+glTF's specification says, `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from PIL import Image
 from rayfarm.options import Env
 from rayfarm.stage import open_stage
 from renderer.arrays.scene import flat
+from renderer.denoise import is_available
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
@@ -207,6 +208,23 @@ def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, 
         np.testing.assert_allclose(seen, [0 if frame == 0 else way, 0, way, 0], atol=1e-4)
         if not camera_alone:
             assert not layers["Vector.Z"][-1].any(), "the floor keeps still"
+
+
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_denoised_frames_are_made_steady_and_the_same_however_they_are_come_to(shot: Path, tmp_path: Path) -> None:
+    asked = ["--frames", "0-3", "--denoise", *SMALL]
+    assert rayfarm("render", shot, "-o", tmp_path / "a.#.exr", *asked).returncode == 0
+    whole = {frame: layers_of(tmp_path / f"a.{frame}-denoised.exr")["R"] for frame in range(4)}
+    (tmp_path / "a.1-denoised.exr").unlink()
+    raw = (tmp_path / "a.0.exr").read_bytes()
+    done = rayfarm("render", shot, "-o", tmp_path / "a.#.exr", *asked)
+    assert "3 of 4 frames are there" in done.stderr
+    np.testing.assert_array_equal(layers_of(tmp_path / "a.1-denoised.exr")["R"], whole[1])
+    assert (tmp_path / "a.0.exr").read_bytes() == raw
+    assert rayfarm("render", shot, "-o", tmp_path / "b.#.exr", "--frames", "1", "--denoise", *SMALL).returncode == 0
+    alone = layers_of(tmp_path / "b.1-denoised.exr")["R"]
+    assert np.abs(alone - whole[1]).max() > 0, "its neighbours count"
+    assert np.abs(alone - whole[1]).mean() < 0.05 * alone.mean()
 
 
 def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
