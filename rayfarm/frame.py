@@ -16,7 +16,7 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs
 from renderer.frames import frame_text
-from renderer.scene.animation import Moment, Shutter
+from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.settings import RenderSettings, Tile
 from renderer.work import most_samples
@@ -71,10 +71,10 @@ def motion_of(stage: Stage, order: Order, moment: Moment, clock: Clock, needed: 
     """A frame's motion vectors, where they are asked for or needed. The scene of the stage is another one afterwards."""
     if not needed and aovs.MOTION not in order.planes:
         return None
-    from renderer.vectors import BETWEEN_SHUTTER, motion_vectors
+    from renderer.vectors import motion_vectors
 
     compiled, summary = stage.between(moment)
-    found = motion_vectors(compiled, order.settings(summary, moment, BETWEEN_SHUTTER), order.threads)
+    found = motion_vectors(compiled, order.settings(summary, moment, BETWEEN), order.threads)
     clock.mark("motion_s")
     return found
 

@@ -3,17 +3,14 @@
 A pass of its own, one ray a pixel, and no plane of the film: a film holds means over samples, and a mean of two things' motion at
 an edge is the motion of neither. So a picture costs and is the same whether or not anybody asks for its vectors.
 
-The scene is compiled as if the shutter were open from the frame before to the frame after (`BETWEEN`), which knows of everything
-that motion blur does, and looked at in the middle.
+The scene is compiled as if the shutter were open from the frame before to the frame after (`renderer.scene.animation.BETWEEN`),
+which knows of everything that motion blur does, and looked at in the middle.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,18 +22,15 @@ from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame
 from renderer.kernel.vectors import see_places
-from renderer.scene.animation import Shutter
 from renderer.scene.compiled import CompiledScene
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
 
-__all__ = ["BETWEEN", "BETWEEN_SHUTTER", "load_kernel", "motion_vectors"]
+__all__ = ["load_kernel", "motion_vectors"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
-BETWEEN: Mapping[str, Any] = MappingProxyType({"shutter": 2.0, "shutter_at": "centred", "shutter_keys": 3})
-BETWEEN_SHUTTER = Shutter.of(BETWEEN)
 _MOVING = list(EDITIONS)[-1]
 _KERNEL = "vectors"
 _ROWS = 16  # of pixels: a part of the work
@@ -49,7 +43,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     The first two lead from where the thing is at the frame to where it was a frame before, the last two from where it will be a
     frame after to where it is: with a thing that goes on evenly both are the same. 0 where it is behind the camera then.
 
-    scene: compiled with the shutter of BETWEEN, or one that stands still. settings: their view is the frame's, their views, if
+    scene: compiled of `Shot.between`, or one that stands still. settings: their view is the frame's, their views, if
     the camera moves, those of the frame before, the frame and the frame after. threads: None for one per core.
     """
     sharp = [replace(view, aperture=0.0) for view in settings.views]

@@ -10,14 +10,14 @@ from typing import Any
 from renderer.cameras import camera_number
 from renderer.errors import RayfarmError
 from renderer.frames import frame_number
-from renderer.scene.animation import Moment
+from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
 from renderer.settings import RenderSettings, View
-from renderer.vectors import BETWEEN, BETWEEN_SHUTTER, load_kernel, motion_vectors
+from renderer.vectors import load_kernel, motion_vectors
 from worker.bounded import run_bounded
 from worker.context import WorkerContext
 from worker.contract import FrameVectors, Manifest
@@ -65,12 +65,12 @@ def _work(folder: Path, manifest: Manifest, work: FrameVectors, result: Path) ->
     """In the bounded child."""
     shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
     moment = Moment(frame_number(work.frame), work.fps, work.clip)
-    read = shot.over(moment, BETWEEN)
+    read = shot.between(moment)
     fps, up = read.fps, read.up
     compiled = compile_scene(read)
     view, views = _views(shot, read, compiled, work)
     if work.turntable is not None:
-        views = orbit_over(view, views, moment, BETWEEN_SHUTTER, fps, work.turntable, up)
+        views = orbit_over(view, views, moment, BETWEEN, fps, work.turntable, up)
         view = orbit(view, moment.seconds(fps) / work.turntable, up)
     settings = RenderSettings(work.width, work.height, view, views=views)
     motion_vectors(compiled, settings).astype("<f4").tofile(result)

@@ -21,13 +21,13 @@ from renderer import aovs
 from renderer.denoise import cleaned
 from renderer.film import ALBEDO, COLOR, NORMAL, mean
 from renderer.render import render_frame
-from renderer.scene.animation import Moment
+from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
 from renderer.scene.moving import while_open
 from renderer.settings import RenderSettings, View
 from renderer.steady import REACH, Still, steadied
-from renderer.vectors import BETWEEN_SHUTTER, motion_vectors
+from renderer.vectors import motion_vectors
 from tests.renderer.builders import gray, square
 
 FRAMES = 3  # judged; REACH more on both sides are rendered
@@ -148,7 +148,7 @@ def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) ->
     settings = RenderSettings(*size, view, seed=seed)
     sums = render_frame(compile_scene(description), settings, spp)
     exponent = settings.film_exponent
-    over = while_open(lambda moment: shot(frame + moment.offset)[0], Moment(), BETWEEN_SHUTTER)
+    over = while_open(lambda moment: shot(frame + moment.offset)[0], Moment(), BETWEEN)
     views = tuple(shot(frame + k)[1] for k in (-1, 0, 1))
     moving = replace(settings, views=views if len({*views}) > 1 else ())
     return Still(

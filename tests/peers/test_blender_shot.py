@@ -22,7 +22,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot
 from renderer.settings import RenderSettings
-from renderer.vectors import BETWEEN, motion_vectors
+from renderer.vectors import motion_vectors
 from tests.peers.blender import python_with_bpy
 from tests.renderer.scene.builders import world
 
@@ -162,7 +162,7 @@ def test_the_motion_vectors_of_cycles(shot: tuple[Shot, dict[str, Any]], folder:
     picture = oiio.ImageBuf(str(folder / name))
     planes = dict(zip(picture.spec().channelnames, np.moveaxis(picture.get_pixels(oiio.FLOAT), -1, 0), strict=True))
     theirs = np.stack([next(plane for key, plane in planes.items() if key.endswith(f"Vector.{axis}")) for axis in "XYZW"], -1)
-    description = Shot(folder, "shot-plain.glb").over(Moment(frame), BETWEEN)
+    description = Shot(folder, "shot-plain.glb").between(Moment(frame))
     (camera,) = description.cameras
     settings = RenderSettings(SIZE, SIZE, camera.view, views=camera.keys)
     ours = motion_vectors(compile_scene(description), settings)

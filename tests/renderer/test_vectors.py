@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.scene.animation import Moment
+from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.load import Shot
 from renderer.scene.moving import while_open
 from renderer.settings import RenderSettings, View
-from renderer.vectors import BETWEEN, BETWEEN_SHUTTER, motion_vectors
+from renderer.vectors import motion_vectors
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import gray, square
 from tests.renderer.scene.builders import world
@@ -102,7 +102,7 @@ def settings_of(views: list[View]) -> RenderSettings:
 
 
 def over(at: Callable[[float], SceneDescription]) -> SceneDescription:
-    return while_open(lambda moment: at(moment.offset), Moment(), BETWEEN_SHUTTER)
+    return while_open(lambda moment: at(moment.offset), Moment(), BETWEEN)
 
 
 def described(**things) -> SceneDescription:
@@ -211,7 +211,7 @@ def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> N
         for point, triangles in zip(points, corners, strict=True):
             a, b, c = triangles[n]
             point[nearer] = (a + u[..., None] * (b - a) + v[..., None] * (c - a))[nearer]
-    ours = motion_vectors(compile_scene(shot.over(Moment(9), BETWEEN)), settings_of(views))
+    ours = motion_vectors(compile_scene(shot.between(Moment(9))), settings_of(views))
     met = np.isfinite(best)
     assert met.sum() > 150
     apart = np.abs(ours[met] - known(points, views)[met]).max(-1)
