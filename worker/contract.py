@@ -330,9 +330,8 @@ class WorkerReport:
     state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    current: list[dict[str, Any]] = field(
-        default_factory=list
-    )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise or vectors, frame}
+    # A slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise or vectors, frame}.
+    current: list[dict[str, Any]] = field(default_factory=list)
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
     blurs: bool = False  # whether it prepares them with an open shutter
