@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs
 from renderer.frames import frame_text
-from renderer.scene.animation import Moment, Shutter
+from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.settings import RenderSettings, Tile
 from renderer.work import most_samples
@@ -24,11 +25,17 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from rayfarm.stage import Stage
+    from renderer.denoise import Clean
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
+    from renderer.steady import Still
 
-__all__ = ["Order", "camera_words", "moment_words", "render_to", "say_bad_samples", "statistics"]
+    F32 = npt.NDArray[np.float32]
+    Hold = Callable[[Still, Callable[[F32], None]], None]
+
+__all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "say_bad_samples", "statistics"]
 
 
 @dataclass(frozen=True)
@@ -45,19 +52,31 @@ class Order:
     turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
 
-    def settings(self, summary: dict[str, Any], moment: Moment) -> RenderSettings:
-        """What to render at a moment of a scene. Raises CommandError or SettingsError."""
+    def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
+        """What to render at a moment of a scene. shutter: another one than is asked for. Raises CommandError or SettingsError."""
         settings = self.picture.settings(summary["cameras"], summary["defaults"])
         if self.turntable is None:
             return settings
         turns = moment.seconds(summary["fps"]) / self.turntable
-        shutter = Shutter(settings.shutter, settings.shutter_at, settings.shutter_keys)
+        shutter = shutter or Shutter(settings.shutter, settings.shutter_at, settings.shutter_keys)
         views = orbit_over(settings.view, settings.views, moment, shutter, summary["fps"], self.turntable, summary["up"])
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
 
     def files(self, output: Path) -> list[Path]:
         """All pictures of a frame."""
         return [output, options.denoised_name(output)] if self.denoise else [output]
+
+
+def motion_of(stage: Stage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
+    """A frame's motion vectors, where they are asked for or needed. The scene of the stage is another one afterwards."""
+    if not needed and aovs.MOTION not in order.planes:
+        return None
+    from renderer.vectors import motion_vectors
+
+    compiled, summary = stage.between(moment)
+    found = motion_vectors(compiled, order.settings(summary, moment, BETWEEN), order.threads)
+    clock.mark("motion_s")
+    return found
 
 
 def render_to(
@@ -68,11 +87,19 @@ def render_to(
     settings: RenderSettings,
     clock: Clock,
     show: Show,
+    motion: F32 | None = None,
+    hold: Hold | None = None,
+    writes: bool = True,
 ) -> RenderStats:
-    """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for."""
+    """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for.
+
+    motion: from `motion_of`. hold: takes the denoised frame, with what writes a picture in its place, instead of its being
+    written. writes: whether the raw picture is written.
+    """
     from renderer.film import mean
     from renderer.image import encode
     from renderer.render import RenderStats
+    from renderer.steady import Still
 
     picture, done = order.picture, RenderStats()
     count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)
@@ -82,22 +109,33 @@ def render_to(
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
         sums = part_of_frame(compiled, settings, tile, order.first, count, done)
     clock.mark("render_s")
-    channels = aovs.layers({name: aovs.values(sums, settings.film_exponent, name) for name in order.planes})
+    planes = {name: aovs.values(sums, settings.film_exponent, name) for name in order.planes if name != aovs.MOTION}
+    if motion is not None and aovs.MOTION in order.planes:
+        planes[aovs.MOTION] = motion
+    channels = aovs.layers(planes)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
-    encode.write(output, mean(sums, settings.film_exponent), **looks)
+    if writes:
+        encode.write(output, mean(sums, settings.film_exponent), **looks)
     if order.denoise:
         clean = _denoised(sums, settings.film_exponent, order.threads)
-        encode.write(options.denoised_name(output), clean, **looks)
+        if hold is None or motion is None:
+            encode.write(options.denoised_name(output), clean.color, **looks)
+        else:
+            number, material = (aovs.values(sums, settings.film_exponent, name) for name in ("object", "material"))
+            hold(
+                Still(clean, number, material, motion),
+                lambda picture: encode.write(options.denoised_name(output), picture, **looks),
+            )
         clock.mark("denoise_s")
     return done
 
 
-def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> npt.NDArray[np.float32]:
-    from renderer.denoise import denoise
+def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> Clean:
+    from renderer.denoise import cleaned
     from renderer.film import ALBEDO, COLOR, NORMAL, mean
 
     color, albedo, normal = (mean(sums, film_exponent, channel) for channel in (COLOR, ALBEDO, NORMAL))
-    return denoise(color, albedo, normal, threads)
+    return cleaned(color, albedo, normal, threads)
 
 
 def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from rayfarm.errors import CommandError
-from renderer.aovs import AOVS
+from renderer.aovs import MOTION, NAMES
 from renderer.cameras import camera_number
 from renderer.described import sentences
 from renderer.errors import SettingsError
@@ -46,7 +46,7 @@ Aov = Annotated[
     str | None,
     typer.Option(
         metavar="NAME,...",
-        help=f"Further layers of an .exr: {', '.join(AOVS)}; `all` for every one.",
+        help=f"Further layers of an .exr: {', '.join(NAMES)}; `all` for all but {MOTION}, which takes a pass of its own.",
         rich_help_panel="What is written",
     ),
 ]

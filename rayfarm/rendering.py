@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rayfarm.console import Ticker, bar
 from rayfarm.errors import CommandError
 from rayfarm.options import Env
-from rayfarm.stage import open_stage
+from rayfarm.stage import Stage, open_stage
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 
@@ -51,10 +51,12 @@ def load_scene(
     moment: Moment = Moment(),
     camera: str | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
+    before: Callable[[Stage], None] = lambda stage: None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
     """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.
 
-    moment: of what moves in it. camera: the one it is seen by. shutter: what is asked for of its settings.
+    moment: of what moves in it. camera: the one it is seen by. shutter: what is asked for of its settings. before: done first,
+    while the scene's files are open.
     """
     with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter) as stage:
         task = progress.add_task("reading", total=None)
@@ -64,6 +66,7 @@ def load_scene(
                 clock.mark("load_s")
             progress.update(task, description=step)
 
+        before(stage)
         found = stage.at(moment, say)
         clock.mark("build_s")
     return found

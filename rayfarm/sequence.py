@@ -5,16 +5,18 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rayfarm import options
 from rayfarm.console import bar, err
 from rayfarm.errors import CommandError
-from rayfarm.frame import Order, camera_words, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
 from rayfarm.output_files import check_writable
 from rayfarm.rendering import Clock, Show
 from rayfarm.stage import Stage
+from rayfarm.steady import Steadying
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
 from renderer.scene.animation import Moment
@@ -61,17 +63,30 @@ def render_sequence(shot: Sequence, stage: Stage, order: Order) -> dict[str, Any
     failed: dict[float, str] = {}
     statistic: list[dict[str, Any]] = []
     told: set[str] = set()
-    with _Progress(len(missing)) as progress:
-        for frame in missing:
+    steadying = Steadying(shot.frames if order.denoise and order.tile is None else (), missing)
+    todo = steadying.plan if order.denoise else missing
+
+    def fail(frame: float, error: Exception) -> None:
+        failed[frame] = str(error) or "the memory is full"
+        progress.fail(frame, "" if failed[frame] in told else f": {failed[frame]}")
+        told.add(failed[frame])
+
+    with _Progress(len(todo)) as progress:
+        for frame in todo:
             try:
-                statistic.append(_render(shot, stage, order, frame, progress.begin(frame), told))
+                found = _render(shot, stage, order, frame, progress.begin(frame), told, steadying)
+                if frame in steadying.missing:
+                    statistic.append(found)
                 progress.finish(str(shot.file(frame)))
             except (RayfarmError, OSError, MemoryError) as error:
                 if isinstance(error, CommandError) and not statistic:
                     raise  # what is asked for cannot be, of any frame
-                failed[frame] = str(error) or "the memory is full"
-                progress.fail(frame, "" if failed[frame] in told else f": {failed[frame]}")
-                told.add(failed[frame])
+                fail(frame, error)
+            for neighbour, write in steadying.settle(frame):
+                try:
+                    write()
+                except (RayfarmError, OSError, MemoryError) as error:
+                    fail(neighbour, error)
     if failed:
         named = frames_text(list(failed))
         err.print(f"{len(failed)} of {len(shot.frames)} frames failed: {named}", markup=False, soft_wrap=True)
@@ -127,11 +142,15 @@ class _Progress:
         self._bar.update(self._task, completed=self._done)
 
 
-def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show, told: set[str]) -> dict[str, Any]:
+def _render(
+    shot: Sequence, stage: Stage, order: Order, frame: float, show: Show, told: set[str], steadying: Steadying
+) -> dict[str, Any]:
     from renderer.render import edition_for, warm_up
 
     clock = Clock()
     moment = replace(shot.moment, frame=frame)
+    is_held = steadying.has_neighbours(frame)
+    motion = motion_of(stage, order, moment, clock, needed=is_held)
     compiled, summary = stage.at(moment)
     clock.mark("prepare_s")
     for warning in options.told(summary["warnings"], order.picture.environment()):
@@ -141,6 +160,8 @@ def _render(shot: Sequence, stage: Stage, order: Order, frame: float, show: Show
     settings = order.settings(summary, moment)
     warm_up(settings, edition_for(settings, compiled))
     clock.mark("compile_s")
-    done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show)
+    hold = partial(steadying.take, frame) if is_held else None
+    written = frame in steadying.missing
+    done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show, motion, hold, written)
     say_bad_samples(shot.scene, settings, done, moment_words(moment) + camera_words(order, settings))
     return {"frame": frame, "fps": summary["fps"], "file": str(shot.file(frame)), **statistics(clock, done)}

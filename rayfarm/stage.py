@@ -60,19 +60,28 @@ class Stage:
         The scene is good until the next one is asked for: what changes in it is changed in place. The camera that frames a scene
         without one frames it as it is at its beginning, and then stands still.
         """
+        return self._at(moment, say, lambda each: self._shot.over(each, self._shutter))
+
+    def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
+        """As `at`, of the time from the frame before to the frame after: what motion vectors are made of."""
+        return self._at(moment, lambda step: None, self._shot.between)
+
+    def _at(
+        self, moment: Moment, say: Say, read_at: Callable[[Moment], SceneDescription]
+    ) -> tuple[CompiledScene, dict[str, Any]]:
         from renderer.scene.compile import summarise_again
         from renderer.scene.same import compiles_alike
 
         if self._last is not None and not self._last.read.moves:
             return self._last.compiled, self._last.summary
         say("reading")
-        read = self._shot.over(moment, self._shutter)
+        read = read_at(moment)
         frames_itself = read.moves and self._is_auto(read)
         if frames_itself and self._auto is None and moment.frame != self._shot.start:
             say("framing")
             self._last = self._built(self._shot.at(replace(moment, frame=self._shot.start)))
             self._auto = self._last.summary["cameras"][-1]
-            read = self._shot.over(moment, self._shutter)
+            read = read_at(moment)
         if self._last is not None and compiles_alike(read, self._last.read):
             described = replace(self._last.described, cameras=read.cameras)
             self._last = self._last._replace(read=read, described=described)

@@ -1,4 +1,6 @@
-"""What a film holds beside colour: the values of each plane, its channels in an EXR, and how it looks on a screen.
+"""What there is of a frame beside colour: the values of each plane, its channels in an EXR, and how it looks on a screen.
+
+The film holds all of them but motion, which is a pass of its own (renderer/vectors.py).
 
 Channels are named as Blender and Cycles name theirs, so that compositors recognise them.
 """
@@ -15,7 +17,7 @@ from renderer import film
 from renderer.errors import SettingsError
 from renderer.film import Sums
 
-__all__ = ["AOVS", "VECTORS", "channels", "known", "layers", "planes", "span", "values", "visible"]
+__all__ = ["AOVS", "MOTION", "NAMES", "channels", "known", "layers", "planes", "size", "span", "values", "visible"]
 
 F32 = npt.NDArray[np.float32]
 Span = tuple[F32 | np.float32, F32 | np.float32] | None
@@ -36,9 +38,11 @@ _CHANNELS = {
     "material": ("IndexMA.X",),
     "samples": ("Debug Sample Count.X",),
     "error": ("Standard Error.X",),  # ours: Cycles has none
+    "motion": ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W"),
 }
-AOVS = tuple(_CHANNELS)
-VECTORS = ("albedo", "normal", "position")  # of three values a pixel
+MOTION = "motion"
+NAMES = tuple(_CHANNELS)
+AOVS = tuple(name for name in NAMES if name != MOTION)  # those of the film
 
 # Of a heat map: black body, with a blue beginning so that little is told from nothing.
 _HEAT = np.array([(0, 0, 0), (50, 25, 120), (190, 45, 100), (250, 140, 35), (255, 250, 195)], np.float32) / 255
@@ -46,12 +50,12 @@ _GOLDEN = 0.6180339887498949  # hues this far apart never come close to an earli
 
 
 def known(names: Iterable[str]) -> list[str]:
-    """The AOVs that a list of names means, `all` for every one. Raises SettingsError for one that is not known."""
+    """The AOVs that a list of names means, `all` for every one of the film. Raises SettingsError for one that is not known."""
     wanted = list(names)
     for name in wanted:
-        if name not in (*AOVS, "all"):
-            raise SettingsError(f"aov {name!r} is not known; known are {', '.join(AOVS)}, or all")
-    return list(AOVS) if "all" in wanted else wanted
+        if name not in (*NAMES, "all"):
+            raise SettingsError(f"aov {name!r} is not known; known are {', '.join(NAMES)}, or all (but motion)")
+    return [*AOVS, *({MOTION} & {*wanted})] if "all" in wanted else wanted
 
 
 def planes(name: str) -> tuple[int, ...]:
@@ -67,13 +71,18 @@ def _numbers(*channels: slice | int) -> tuple[int, ...]:
     return tuple(i for each in channels for i in (range(film.CHANNELS)[each] if isinstance(each, slice) else (each,)))
 
 
+def size(name: str) -> int:
+    """How many values a pixel of an AOV, or of `color`, has."""
+    return 3 if name == "color" else len(_CHANNELS[name])
+
+
 def channels(name: str) -> tuple[str, ...]:
     """An AOV's channels in an EXR."""
     return _CHANNELS[name]
 
 
 def values(sums: Sums, film_exponent: int, name: str) -> F32:
-    """An AOV's values of a film's or tile's sums: (h, w, 3) float32 for albedo, normal and position, else (h, w).
+    """The values of an AOV of the film: (h, w, 3) float32 for albedo, normal and position, else (h, w).
 
     albedo 0 ... 1; normal, position, depth in the world; object, material: 1 + the number, 0 where nothing is hit; samples:
     those that count; error: the standard error of the pixel's luminance (film.error).
@@ -105,6 +114,8 @@ def span(name: str, plane: F32) -> Span:
     if name == "depth":
         hit = plane > 0
         return (np.float32(plane[hit].min()), np.float32(plane[hit].max())) if hit.any() else (np.float32(0), np.float32(1))
+    if name == MOTION:
+        return np.float32(0), np.abs(plane).max(initial=np.float32(0))
     if name in ("samples", "error"):
         finite = plane[np.isfinite(plane)]
         top = 0.0 if not finite.size else finite.max() if name == "samples" else np.percentile(finite, 99)
@@ -116,7 +127,8 @@ def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8
     """An AOV as (h, w, 3) uint8 to look at.
 
     albedo as colour; normals from -1 ... 1; positions and depths over the picture's own range, near light and nothing black;
-    ids in colours that stay; samples and error as heat maps. between: `span` of the whole, where the plane is a part of it.
+    ids in colours that stay; samples and error as heat maps; motion, to the next frame's place, about grey: red to the right,
+    green upwards. between: `span` of the whole, where the plane is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
     if name == "albedo":
@@ -127,6 +139,9 @@ def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8
         shown = plane * 0.5 + 0.5
     elif name == "position":
         shown = np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
+    elif name == MOTION:
+        way = np.concatenate([-plane[..., 2:], np.zeros_like(plane[..., :1])], axis=2)
+        shown = np.asarray(0.5 + 0.5 * way / max(float(high), 1e-30), np.float32)
     elif name == "depth":
         near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
         shown = np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)

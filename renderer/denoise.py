@@ -6,13 +6,14 @@ Optional: the package pyoidn brings the library along. A denoised picture is a g
 from __future__ import annotations
 
 import importlib.util
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
 
-__all__ = ["denoise", "is_available"]
+__all__ = ["Clean", "cleaned", "denoise", "is_available"]
 
 F32 = npt.NDArray[np.float32]
 _RANGE = np.float32(1e6)  # beyond half precision's range nothing is gained; infinities would spread
@@ -23,8 +24,21 @@ def is_available() -> bool:
     return importlib.util.find_spec("pyoidn") is not None
 
 
+class Clean(NamedTuple):
+    """A picture without most of its noise, and the guides that were cleaned for it: (h, w, 3) float32 each."""
+
+    color: F32
+    albedo: F32
+    normal: F32
+
+
 def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> F32:
-    """The picture without most of its noise, (h, w, 3) float32 scene-linear; the inputs stay as they are.
+    """The picture alone of `cleaned`."""
+    return cleaned(color, albedo, normal, threads).color
+
+
+def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> Clean:
+    """The picture without most of its noise, scene-linear; the inputs stay as they are.
 
     color: scene-linear radiance. albedo 0 ... 1 and normal -1 ... 1: of the first hits, with their own noise (of lens blur,
     edges, textures). They are denoised first, each by itself, and then taken as clean (`cleanAux`): that keeps the edges of
@@ -57,4 +71,4 @@ def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
             clean = np.ascontiguousarray(image, np.float32)
             guides[name] = run(np.empty_like(clean), {name: clean})
         noisy = np.clip(np.ascontiguousarray(color, np.float32), 0, _RANGE)
-        return run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=True)
+        return Clean(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=True), **guides)

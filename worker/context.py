@@ -65,6 +65,7 @@ class WorkerContext:
             denoises=denoise.is_available(),
             frames=True,
             blurs=True,
+            vectors=True,
         )
 
     def after_fork(self) -> None:

@@ -4,6 +4,7 @@
     service --- Celery task RENDER_BATCH -> worker     RenderBatch
     service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
+    service --- Celery task VECTORS ------> worker     FrameVectors
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
     service --- key order_key(name) ------> worker     why it is to take no more tasks; no key: it takes them
@@ -31,11 +32,13 @@ __all__ = [
     "RENDER_BATCH",
     "RESULTS",
     "SAMPLES_HEADER",
+    "VECTORS",
     "VERSION_HEADER",
     "WORKER_KEYS",
     "BlobRef",
     "DenoiseFrame",
     "FrameInfo",
+    "FrameVectors",
     "Manifest",
     "PrepareFrames",
     "RenderBatch",
@@ -54,6 +57,7 @@ PREPARE = "rayfarm.prepare"
 PREPARE_FRAMES = "rayfarm.prepare_frames"
 RENDER_BATCH = "rayfarm.render_batch"
 DENOISE = "rayfarm.denoise"
+VECTORS = "rayfarm.vectors"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S = 1.0
@@ -290,6 +294,30 @@ class DenoiseFrame:
 
 
 @dataclass(frozen=True)
+class FrameVectors:
+    """Ask for a frame's motion vectors (renderer/vectors.py), which the worker stores as a blob: float32 little-endian, four
+    values a pixel, rows from the top."""
+
+    work: str  # unique for every time it is handed out
+    job: str
+    frame: int
+    scene: str
+    width: int
+    height: int
+    auto: dict[str, Any]  # the view that frames the scene at its beginning
+    fps: float | None = None  # these two: renderer.scene.animation.Moment
+    clip: str | None = None
+    camera: str | int | None = None  # by name or number
+    view: dict[str, Any] | None = None  # one of the request's own, instead
+    turntable: float | None = None  # seconds in which it goes around
+
+    @classmethod
+    def from_json(cls, data: Any) -> FrameVectors:
+        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        return cls(**_fields(cls, data))
+
+
+@dataclass(frozen=True)
 class WorkerReport:
     """A worker of itself, every HEARTBEAT_EVERY_S."""
 
@@ -302,12 +330,12 @@ class WorkerReport:
     state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    current: list[dict[str, Any]] = field(
-        default_factory=list
-    )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise, frame}
+    # A slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise or vectors, frame}.
+    current: list[dict[str, Any]] = field(default_factory=list)
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
     blurs: bool = False  # whether it prepares them with an open shutter
+    vectors: bool = False  # whether it makes motion vectors
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -344,6 +372,8 @@ class Result:
                          handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)
+        vectors-made     work, worker, sha256 (of the blob)
+        vectors-failed   work, worker, error (a sentence)
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo

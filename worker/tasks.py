@@ -13,7 +13,18 @@ from celery import Celery
 
 from renderer.errors import RayfarmError
 from worker import context
-from worker.contract import DENOISE, PREPARE, PREPARE_FRAMES, RENDER_BATCH, DenoiseFrame, PrepareFrames, RenderBatch, Result
+from worker.contract import (
+    DENOISE,
+    PREPARE,
+    PREPARE_FRAMES,
+    RENDER_BATCH,
+    VECTORS,
+    DenoiseFrame,
+    FrameVectors,
+    PrepareFrames,
+    RenderBatch,
+    Result,
+)
 from worker.denoise import denoise_failure, denoise_frame
 from worker.errors import RefusedError, Trouble, WorkError
 from worker.frames import prepare_frames
@@ -21,6 +32,7 @@ from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
 from worker.scenes import discard_damaged
+from worker.vectors import frame_vectors, vectors_failure
 
 __all__ = ["register"]
 
@@ -36,6 +48,7 @@ def register(app: Celery) -> None:
     app.task(_prepare_frames, name=PREPARE_FRAMES, bind=True)
     app.task(_render_batch, name=RENDER_BATCH, bind=True)
     app.task(_denoise, name=DENOISE, bind=True)
+    app.task(_vectors, name=VECTORS, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -149,6 +162,34 @@ def _denoise(task: Any, frame: dict[str, Any]) -> None:
         worker.results.send(Result(event))
     finally:
         worker.board.write(_slot(), {})
+
+
+def _vectors(task: Any, vectors: dict[str, Any]) -> None:
+    """Make a frame's motion vectors (FrameVectors as a dict), and say where they are."""
+    worker = context.current()
+    try:
+        work = FrameVectors.from_json(vectors)
+    except ValueError as error:
+        worker.results.send(Result(vectors_failure(worker, str(vectors.get("work")), str(error))))
+        return
+    worker.board.write(_slot(), {"vectors": work.job, "frame": work.frame})
+    try:
+        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+            sentence = f"the worker process died {DEATHS_ALLOWED} times while it made them"
+            event = vectors_failure(worker, work.work, sentence)
+        else:
+            manifest = patiently(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
+            event = frame_vectors(worker, manifest, work)
+    except (Trouble, RefusedError) as error:
+        event = vectors_failure(
+            worker, work.work, f"{worker.name} could not exchange the scene's files with the service: {error}"
+        )
+    except Exception as error:
+        log.exception("motion vectors of %s failed", work.scene)
+        event = vectors_failure(worker, work.work, f"{worker.name} could not make them ({type(error).__name__}: {error})")
+    finally:
+        worker.board.write(_slot(), {})
+    worker.results.send(Result(event))
 
 
 def _deaths(task: Any, worker: context.WorkerContext, work: str) -> int:

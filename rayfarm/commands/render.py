@@ -12,7 +12,7 @@ import typer
 from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, CommandError
-from rayfarm.frame import Order, camera_words, moment_words, render_to, say_bad_samples, statistics
+from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
 from rayfarm.movie import render_movie
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
@@ -29,6 +29,7 @@ from renderer.settings import RenderSettings
 from service.watching.movie import is_movie
 
 if TYPE_CHECKING:
+    from rayfarm.frame import F32
     from renderer.render import RenderStats
 
 __all__ = ["register"]
@@ -144,13 +145,17 @@ def render(
 
     clock.mark("import_s")
     environment = picture.environment()
-    compiled, summary = load_scene(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter())
+    motion: list[F32 | None] = []
+    compiled, summary = load_scene(
+        *(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter()),
+        before=lambda stage: motion.append(motion_of(stage, order, moment, clock)),
+    )
     for warning in options.told(summary["warnings"], environment):
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock)
     with shown() as show:
-        done = render_to(output, order, compiled, summary["defaults"], settings, clock, show)
+        done = render_to(output, order, compiled, summary["defaults"], settings, clock, show, motion[0])
     _say(output, settings, clock, done)
     say_bad_samples(scene, settings, done, moment_words(moment) + camera_words(order, settings))
     if stats is not None:

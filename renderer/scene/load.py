@@ -13,7 +13,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
 from renderer.scene import sky
-from renderer.scene.animation import SHUTTER, Moment, Shutter
+from renderer.scene.animation import BETWEEN, SHUTTER, Moment, Shutter
 from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.moving import between_files, while_open
@@ -83,6 +83,16 @@ class Shot:
         if self._files.is_numbered:
             between_files(moving, shutter, self._beside(moment, -1.0), self._beside(moment, 1.0))
         return moving
+
+    def between(self, moment: Moment = _START) -> SceneDescription:
+        """The scene from the frame before to the frame after, what moves with three keys: what motion vectors are made of.
+
+        Where a frame beside shows nothing, or cannot be read, it is the scene at the moment. Raises SceneError.
+        """
+        try:
+            return self.over(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
+        except SceneError:
+            return self.at(moment)
 
     def _beside(self, moment: Moment, frames: float) -> SceneDescription | None:
         """The scene at that moment, but by another frame's numbered files; None where these are not there."""

@@ -23,10 +23,11 @@ from renderer.frames import MAX_FRAME, frame_key, frame_name
 from renderer.image import tonemap
 from service.api.describe import frame_out, frames_out
 from service.api.lookup import find_job, no_frame
+from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
-from service.scheduling.denoising import Denoised
+from service.scheduling.aside import MadeAside
 from service.store import bands
 from service.store.films import Film
 from service.store.models import Scene
@@ -40,7 +41,10 @@ router = APIRouter(prefix="/api/jobs/{id}/frames", tags=["frames"])
 Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
-AOV_HELP = f"color, or one of {', '.join(aovs.AOVS)}; for exr also a list as color,normal, or all: layers beside the colour"
+AOV_HELP = (
+    f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
+    "beside the colour. motion waits until a worker has made it"
+)
 
 
 class Pixel(BaseModel):
@@ -110,7 +114,7 @@ async def image(
     planes, in_layers = _planes(aov)
     if denoise and planes:
         raise Invalid("denoise: only colour is denoised; leave aov out.")
-    PictureWish(extension, planes, in_layers).check()
+    PictureWish(extension, planes, in_layers, width=width).check()
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
     denoised = await _denoised(id, n, film, samples, farm) if denoise else None
     if denoised is not None:
@@ -122,7 +126,8 @@ async def image(
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
-    wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob)
+    motion = await motion_of(find_job(id, farm), n, film, farm) if aovs.MOTION in planes else None
+    wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make((id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder)
     kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
@@ -166,7 +171,7 @@ async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     return Digest(digest=made, samples=samples)
 
 
-async def _denoised(id: str, n: float, film: Film, samples: int, farm: Farm) -> Denoised:
+async def _denoised(id: str, n: float, film: Film, samples: int, farm: Farm) -> MadeAside:
     """Waits without a thread of its own: many readers may wait at a time."""
     if not samples:
         raise Conflict("The picture has no samples yet. Try again when its first tiles are there.")
@@ -182,7 +187,7 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
         names = aovs.known(name for name in asked if name not in ("color", ""))
     except SettingsError as error:
         raise Invalid(f"{error}.") from None
-    return tuple(dict.fromkeys(names)), bool(names) and (len(asked) > 1 or "all" in asked)
+    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:

@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import APIRouter
 
 from renderer import __version__
-from renderer.aovs import AOVS
+from renderer.aovs import NAMES
 from renderer.described import described
 from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
@@ -32,7 +32,7 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         },
         **described(),
         "curves": list(CURVES),
-        "aovs": list(AOVS),
+        "aovs": list(NAMES),
         "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }

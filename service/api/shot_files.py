@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from renderer.frames import frame_key, frame_name, parse_frames
 from renderer.image import tonemap
 from service.api.describe import frames_out
 from service.api.lookup import find_job
+from service.api.motion import motion_of
 from service.api.schemas import FrameOut
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
@@ -110,6 +112,8 @@ async def _zipped(job: Job, film: Film, wish: PictureWish, frames: str | None, w
                     continue
                 done.add(frame.number)
                 key = frame_key(frame.number)
+                if aovs.MOTION in wish.planes:
+                    wish = replace(wish, motion=await motion_of(now, frame.number, film, farm))
                 about = (job.id, "zip", key, film.version(key), wish)
                 made = await farm.pictures.make(about, memory(film, wish), picture, film, key, wish, folder)
                 name = frame_name(f"{_title(job)}.####.{wish.extension}", frame.number)
@@ -131,7 +135,8 @@ def _wish(format: str, aov: str, exposure: float, curve: str) -> PictureWish:
         planes = aovs.known(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
     except SettingsError as error:
         raise Invalid(f"{error}.") from None
-    wish = PictureWish(format, tuple(dict.fromkeys(planes)), bool(planes), exposure, _curve(curve))
+    planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
+    wish = PictureWish(format, tuple(planes), bool(planes), exposure, _curve(curve))
     wish.check()
     return wish
 

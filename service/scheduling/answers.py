@@ -12,8 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
-from service.scheduling.denoising import Denoised, Denoising
+from service.scheduling.denoising import Denoising
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.merging import batch_of, merge
 from service.scheduling.messages import (
@@ -31,6 +32,8 @@ from service.scheduling.messages import (
     PrepareGoesOn,
     PrepareReturned,
     PrepareStarted,
+    VectorsFailed,
+    VectorsMade,
     Wake,
     understand,
 )
@@ -39,6 +42,7 @@ from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
+from service.scheduling.vectors import Vectors
 
 __all__ = ["Answers", "TellTiles"]
 
@@ -69,6 +73,7 @@ class Answers:
         preparing: Preparing,
         moments: Moments,
         denoising: Denoising,
+        vectors: Vectors,
         tell: Tell,
         tell_tiles: TellTiles,
     ) -> None:
@@ -79,6 +84,7 @@ class Answers:
         self._preparing = preparing
         self._moments = moments
         self._denoising = denoising
+        self._vectors = vectors
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
@@ -175,9 +181,13 @@ class Answers:
                     self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
                     self._tell("job", job.id)
             case DenoiseDone():
-                self._denoising.heard(message.work, Denoised(message.sha256, message.version, message.samples))
+                self._denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
             case DenoiseFailed():
                 self._denoising.heard(message.work, None, message.error)
+            case VectorsMade():
+                self._vectors.heard(message.work, MadeAside(message.sha256))
+            case VectorsFailed():
+                self._vectors.heard(message.work, None, message.error)
             case PrepareStarted():
                 self._preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
                 self._tell("scene", message.scene)

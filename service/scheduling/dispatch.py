@@ -15,7 +15,9 @@ from worker.contract import (
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
+    VECTORS,
     DenoiseFrame,
+    FrameVectors,
     PrepareFrames,
     RenderBatch,
     celery_config,
@@ -60,6 +62,10 @@ class Dispatcher:
     def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
         """Ask for a frame to be denoised. Raises QueueError."""
         self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work)
+
+    def send_vectors(self, work: FrameVectors, kind: str) -> None:
+        """Ask for a frame's motion vectors. Raises QueueError."""
+        self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
         """What waits in a queue and no worker has taken yet: lease id -> message. Raises redis.RedisError."""

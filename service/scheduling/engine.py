@@ -18,9 +18,10 @@ import redis
 from service.errors import FarmError
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.answers import Answers, TellTiles
+from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads
 from service.scheduling.changes import Changes
-from service.scheduling.denoising import Denoised, Denoising
+from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
@@ -29,11 +30,13 @@ from service.scheduling.records import Records
 from service.scheduling.results import Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
+from service.scheduling.vectors import Vectors
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.film_store import FilmStore
 from service.store.films import Film
+from worker.contract import DenoiseFrame, FrameVectors
 
 __all__ = ["Engine"]
 
@@ -71,14 +74,15 @@ class Engine:
         self._preparing = Preparing(self._dispatcher, self._workers, settings.prepare_deadline)
         self._moments = Moments(self._dispatcher, self._workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self._denoising = Denoising(self._dispatcher, self._workers, blobs)
+        self._vectors = Vectors(self._dispatcher, self._workers, blobs)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
-            *(self._bulkheads, self._changes, change, let_go),
+            *(self._vectors, self._bulkheads, self._changes, change, let_go),
         )
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
-            *(self._denoising, change, tell_tiles),
+            *(self._denoising, self._vectors, change, tell_tiles),
         )
         self._has_begun = False
         self._looked_around = 0.0
@@ -96,6 +100,7 @@ class Engine:
         if self._thread.is_alive():
             self._thread.join(10)
         self._denoising.close()
+        self._vectors.close()
         self._dispatcher.close()
         self._redis.close()
 
@@ -122,9 +127,15 @@ class Engine:
             self._workers.pause(worker, why)
         self.changed("worker", worker)
 
-    def denoise(self, job: str, frame: int, film: Film) -> Future[Denoised]:
+    def denoise(self, job: str, frame: int, film: Film) -> Future[MadeAside]:
         """The frame as it is now, denoised by a worker. Raises Unavailable where none can."""
-        answer = self._denoising.want(job, frame, film.version(frame), film.width, film.height)
+        return self._awaited(self._denoising.want(DenoiseFrame("", job, frame, film.width, film.height), film.version(frame)))
+
+    def vectors(self, wish: FrameVectors) -> Future[MadeAside]:
+        """A frame's motion vectors, made by a worker. Raises Unavailable where none can."""
+        return self._awaited(self._vectors.want(wish))
+
+    def _awaited(self, answer: Future[MadeAside]) -> Future[MadeAside]:
         if not answer.done():
             self._results.wake()
         return answer
@@ -165,6 +176,7 @@ class Engine:
         for job in self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy()):
             self._lifecycle.record(job)
         self._denoising.fill()
+        self._vectors.fill()
         self._scheduler.fill(self._lifecycle.start)
         self._answers.take_in(BLOCK_MS)
 
@@ -193,6 +205,7 @@ class Engine:
     def _each_second(self) -> None:
         self._answers.review()
         self._denoising.review()
+        self._vectors.review()
         self._scheduler.review(self._results)
         for scene, kind in self._preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)

@@ -27,6 +27,7 @@ from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
+from service.scheduling.vectors import Vectors
 from service.shot import Shot
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, blobs_of
@@ -48,6 +49,7 @@ class Lifecycle:
         preparing: Preparing,
         moments: Moments,
         denoising: Denoising,
+        vectors: Vectors,
         bulkheads: Bulkheads,
         changes: Changes,
         tell: Tell,
@@ -59,6 +61,7 @@ class Lifecycle:
         self._preparing = preparing
         self._moments = moments
         self._denoising = denoising
+        self._vectors = vectors
         self._bulkheads = bulkheads
         self._changes = changes
         self._tell = tell
@@ -84,6 +87,7 @@ class Lifecycle:
             self._bulkheads.forget(id)
             if row is None:
                 self._denoising.forget(id)
+                self._vectors.forget(id)
                 self._films.delete(id)
             elif job is not None:
                 self._records.progress(job)

@@ -27,6 +27,8 @@ __all__ = [
     "PrepareGoesOn",
     "PrepareReturned",
     "PrepareStarted",
+    "VectorsFailed",
+    "VectorsMade",
     "Wake",
     "understand",
 ]
@@ -102,6 +104,24 @@ class DenoiseFailed(_Denoise):
     """A frame could not be denoised."""
 
     type: Literal["denoise-failed"]
+    error: Sentence
+
+
+class _Vectors(_Denoise):
+    """About a frame's motion vectors."""
+
+
+class VectorsMade(_Vectors):
+    """They are made."""
+
+    type: Literal["vectors-made"]
+    sha256: Id
+
+
+class VectorsFailed(_Vectors):
+    """They could not be made."""
+
+    type: Literal["vectors-failed"]
     error: Sentence
 
 
@@ -228,6 +248,8 @@ Message = (
     | FramePrepared
     | FrameFailed
     | FramesReturned
+    | VectorsMade
+    | VectorsFailed
     | Wake
 )
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])

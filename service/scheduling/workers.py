@@ -60,6 +60,12 @@ class Roster:
         unable = {report.kind for report in ready if not report.blurs}
         return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
 
+    def pointing_kind(self) -> str | None:
+        """The kind of the workers that make motion vectors, with most slots, as `blurring_kind`; None where none is ready."""
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.vectors}
+        return self._kind_of([report for report in ready if report.kind not in unable])
+
     def denoising_kind(self) -> str | None:
         """The kind of the workers that can denoise, with most slots; None where none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])

@@ -30,7 +30,7 @@ def bands(film: Film, frame: int, names: Sequence[str]) -> Iterator[F32]:
     Raises what a Film raises when it is read.
     """
     wanted = sorted({plane for name in names for plane in aovs.planes(name)})
-    size = sum(3 if name == "color" or name in aovs.VECTORS else 1 for name in names)
+    size = sum(map(aovs.size, names))
 
     def values(sums: Sums) -> F32:
         found = [_means(sums, film.film_exponent, name) for name in names]

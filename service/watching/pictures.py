@@ -42,7 +42,7 @@ class PictureWish:
     """What a reader asks for.
 
     planes: AOVs by name, none for colour. in_layers: as layers beside the colour, else the one plane alone.
-    denoised: opens the colour to take instead.
+    denoised: opens the colour to take instead. motion: opens what the film has not, and comes last among the planes.
     """
 
     extension: str
@@ -52,6 +52,7 @@ class PictureWish:
     curve: str = "neutral"
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
+    motion: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
         """Raise Invalid for a wish that no file fulfils."""
@@ -59,6 +60,10 @@ class PictureWish:
             raise Invalid(f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
         if self.planes and self.extension == "rgb9e5":
             raise Invalid("aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
+        if aovs.MOTION in self.planes and self.width is not None:
+            raise Invalid("width: motion is told in pixels of the whole picture; leave width out.")
+        if self.planes == (aovs.MOTION,) and self.extension == "hdr":
+            raise Invalid("aov: motion has four values a pixel, and a .hdr three; ask for image.exr.")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,7 +79,7 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
         if wish.in_layers:
             names = (*RGB, *(channel for name in wish.planes for channel in aovs.channels(name)))
         else:
-            names = RGB
+            names = aovs.channels(aovs.MOTION) if wish.planes == (aovs.MOTION,) else RGB
         parts = (_threefold(band) for band in smaller(_values(film, frame, wish), side))
         return Made.written(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
     if wish.extension == "rgb9e5":
@@ -95,7 +100,7 @@ def shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
 def memory(film: Film, wish: PictureWish) -> int:
     """About the most bytes that `picture` takes."""
     side = side_of(wish.width, film.width, film.height)
-    channels = sum(3 if name == "color" or name in aovs.VECTORS else 1 for name in wish.names)
+    channels = sum(map(aovs.size, wish.names))
     tile = film.tiles[0]
     of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
     if wish.extension in ("exr", "hdr"):
@@ -108,6 +113,9 @@ def memory(film: Film, wish: PictureWish) -> int:
 
 def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
     """(rows, width, channels) from the top."""
+    if wish.motion is not None:
+        yield from _with_motion(film, frame, [name for name in wish.names if name != aovs.MOTION], wish.motion)
+        return
     if wish.denoised is None:
         yield from bands(film, frame, wish.names)
         return
@@ -115,6 +123,15 @@ def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
         for y in range(0, film.height, ROWS):
             rows = min(ROWS, film.height - y)
             yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
+
+
+def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], BinaryIO]) -> Iterator[F32]:
+    """As `bands`, and the motion vectors beside them."""
+    with motion() as file:
+        for band in bands(film, frame, names or ["samples"]):
+            size = aovs.size(aovs.MOTION)
+            vectors = np.frombuffer(file.read(4 * size * band.shape[0] * film.width), "<f4").reshape(-1, film.width, size)
+            yield np.concatenate([band, vectors], axis=2) if names else vectors
 
 
 def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt.NDArray[np.uint8]]:
@@ -125,9 +142,9 @@ def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt
 def _plane(film: Film, frame: int, wish: PictureWish) -> Iterator[npt.NDArray[np.uint8]]:
     """A plane as it is looked at: between its least and greatest values, so it is read as a whole first."""
     (name,) = wish.planes
-    size = 3 if name in aovs.VECTORS else 1
-    plane = _laid(np.empty((film.height, film.width, size), np.float32), bands(film, frame, wish.names))
-    plane = plane if size == 3 else plane[..., 0]
+    size = aovs.size(name)
+    plane = _laid(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
+    plane = plane if size > 1 else plane[..., 0]
     between = aovs.span(name, plane)
     for y in range(0, film.height, ROWS):
         yield aovs.visible(name, plane[y : y + ROWS], between)

@@ -2,9 +2,9 @@
 
     python cycles_render.py jobs.json
 
-jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame, shutter}; max_depth counts path segments as Rayfarm does,
-sky is a radiance that comes from everywhere. Where Blender's importer takes a number in another sense than glTF's specification
-says, `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
+jobs.json: a list of {glb, exr, size, samples, max_depth, sky, frame, shutter, vectors}; max_depth counts path segments as
+Rayfarm does, sky is a radiance that comes from everywhere. Where Blender's importer takes a number in another sense than
+glTF's specification says, `as_gltf_says` corrects what it imported; docs/correctness.md has how much each makes.
 """
 
 from __future__ import annotations
@@ -52,11 +52,15 @@ def render(
     sky: list[float],
     frame: int | None = None,
     shutter: float | None = None,
+    vectors: bool = False,
 ) -> None:
-    """One picture. frame: of a file that moves, by 24 a second. shutter: of a frame's time, centred."""
+    """One picture. frame: of a file that moves, by 24 a second. shutter: of a frame's time, centred. vectors: beside it."""
     prepare(glb, size, max_depth, sky)
     if shutter is not None:
         open_shutter(shutter)
+    if vectors:
+        bpy.context.view_layer.use_pass_vector = True
+        bpy.context.scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
     if frame is not None:
         bpy.context.scene.frame_set(frame)
     bpy.context.scene.render.filepath = exr

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from renderer.film import mean
@@ -21,6 +22,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot
 from renderer.settings import RenderSettings
+from renderer.vectors import motion_vectors
 from tests.peers.blender import python_with_bpy
 from tests.renderer.scene.builders import world
 
@@ -147,3 +149,27 @@ def test_it_moves(shot: tuple[Shot, dict[str, Any]]) -> None:
     for name in ("mast", "yard", "flag", "tube"):
         for a, b in ((0, 1), (1, 2)):
             assert np.abs(np.array(places[a][name]) - np.array(places[b][name])).max() > 0.1
+
+
+@pytest.mark.parametrize("frame", [7, 13, 24])
+def test_the_motion_vectors_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int) -> None:
+    """In pixels. Cycles takes the mean of a pixel's samples, which at edges is of two things: hence the share of the pixels."""
+    name = f"vectors-{frame}.exr"
+    job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / name), "frame": frame, "vectors": True}
+    job |= {"size": SIZE, "samples": 64, "max_depth": 2, "sky": SKY}
+    (folder / "jobs.json").write_text(json.dumps([job]))
+    run("cycles_render.py", folder / "jobs.json")
+    picture = oiio.ImageBuf(str(folder / name))
+    planes = dict(zip(picture.spec().channelnames, np.moveaxis(picture.get_pixels(oiio.FLOAT), -1, 0), strict=True))
+    theirs = np.stack([next(plane for key, plane in planes.items() if key.endswith(f"Vector.{axis}")) for axis in "XYZW"], -1)
+    description = Shot(folder, "shot-plain.glb").between(Moment(frame))
+    (camera,) = description.cameras
+    settings = RenderSettings(SIZE, SIZE, camera.view, views=camera.keys)
+    ours = motion_vectors(compile_scene(description), settings)
+    seen = (np.abs(theirs) > 0).any(-1)  # of the sky Cycles tells nothing
+    apart = np.abs(ours - theirs)[seen].max(-1)
+    figures = f"frame {frame}: up to {np.abs(theirs).max():.1f} pixels; apart {np.percentile(apart, [50, 90, 95])}"
+    print(figures)
+    assert seen.mean() > 0.3, figures
+    assert np.median(apart) < 0.01, figures
+    assert np.percentile(apart, 90) < 0.1, figures

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import av
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 from PIL import Image
 
 from rayfarm.options import Env
 from rayfarm.stage import open_stage
 from renderer.arrays.scene import flat
+from renderer.denoise import is_available
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
@@ -41,6 +43,13 @@ def shot(tmp_path: Path) -> Path:
     path = tmp_path / "shot.glb"
     path.write_bytes(turning().glb())
     return path
+
+
+def layers_of(path: Path) -> dict[str, np.ndarray]:
+    """An EXR's channels, (h, w) each."""
+    picture = oiio.ImageBuf(str(path))
+    found = picture.get_pixels(oiio.FLOAT)
+    return {name: found[..., i] for i, name in enumerate(picture.spec().channelnames)}
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -173,6 +182,49 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
     with open_stage(tmp_path / "bare.glb", Env()) as stage:
         alone = stage.at(Moment(18))[1]["cameras"][-1]
     assert start == later == alone
+
+
+@pytest.mark.parametrize("camera_alone", [False, True])
+def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
+    """The triangle goes 2 units a second to the right, or the camera does, 5 units away from it."""
+    path = tmp_path / "shot.glb"
+    path.write_bytes(turning(camera_alone).glb())
+    asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]
+    done = rayfarm("render", path, "-o", tmp_path / "out.#.exr", *asked)
+    assert done.returncode == 0, done.stderr
+    step = (2 / 24) / 5 / (2 * np.tan(0.4)) * 16  # pixels a frame
+    for frame in (0, 1):
+        still = tmp_path / "still.exr"
+        assert rayfarm("render", path, "-o", still, f"--frame={frame}", "--aov=motion", *SMALL).returncode == 0
+        assert rayfarm("render", path, "-o", tmp_path / "plain.exr", f"--frame={frame}", *SMALL).returncode == 0
+        layers, alone, plain = (layers_of(name) for name in (tmp_path / f"out.{frame}.exr", still, tmp_path / "plain.exr"))
+        assert [name for name in layers if name.startswith("Vector")] == ["Vector.X", "Vector.Y", "Vector.Z", "Vector.W"]
+        for name in ("R", "G", "B"):
+            np.testing.assert_array_equal(layers[name], plain[name])
+        middle = 7, 12  # sees the triangle
+        seen = [float(layers[f"Vector.{axis}"][middle]) for axis in "XYZW"]
+        assert seen == [float(alone[f"Vector.{axis}"][middle]) for axis in "XYZW"]
+        way = step if camera_alone else -step
+        np.testing.assert_allclose(seen, [0 if frame == 0 else way, 0, way, 0], atol=1e-4)
+        if not camera_alone:
+            assert not layers["Vector.Z"][-1].any(), "the floor keeps still"
+
+
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_denoised_frames_are_made_steady_and_the_same_however_they_are_come_to(shot: Path, tmp_path: Path) -> None:
+    asked = ["--frames", "0-3", "--denoise", *SMALL]
+    assert rayfarm("render", shot, "-o", tmp_path / "a.#.exr", *asked).returncode == 0
+    whole = {frame: layers_of(tmp_path / f"a.{frame}-denoised.exr")["R"] for frame in range(4)}
+    (tmp_path / "a.1-denoised.exr").unlink()
+    raw = (tmp_path / "a.0.exr").read_bytes()
+    done = rayfarm("render", shot, "-o", tmp_path / "a.#.exr", *asked)
+    assert "3 of 4 frames are there" in done.stderr
+    np.testing.assert_array_equal(layers_of(tmp_path / "a.1-denoised.exr")["R"], whole[1])
+    assert (tmp_path / "a.0.exr").read_bytes() == raw
+    assert rayfarm("render", shot, "-o", tmp_path / "b.#.exr", "--frames", "1", "--denoise", *SMALL).returncode == 0
+    alone = layers_of(tmp_path / "b.1-denoised.exr")["R"]
+    assert np.abs(alone - whole[1]).max() > 0, "its neighbours count"
+    assert np.abs(alone - whole[1]).mean() < 0.05 * alone.mean()
 
 
 def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from rayfarm.stage import Stage
 from renderer.arrays.scene import flat
+from renderer.errors import SceneError
 from renderer.scene import compile as compiling
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
@@ -137,6 +138,34 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
             assert len(compiled.bvh.motion) > 0 or name == "lamp.glb"
             assert len(compiled.key_position) > 0
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
+
+
+@pytest.mark.parametrize("name", SHOTS)
+def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
+    stage = Stage(Shot(folder, name), threads=1)
+    for frame in (5, 6):
+        between, summary = stage.between(Moment(frame))
+        alone = compile_scene(Shot(folder, name).between(Moment(frame)), threads=1)
+        for (part, ours), theirs in zip(flat(between).items(), flat(alone).values(), strict=True):
+            np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} between {frame}")
+        if name.endswith(".glb"):
+            eyes = [stage.at(Moment(frame + k))[1]["cameras"][0]["view"]["eye"] for k in (-1, 0, 1)]
+            assert [view["eye"] for view in summary["cameras"][0]["views"]] == eyes
+        compiled, _ = stage.at(Moment(frame))
+        alone = compile_scene(read(folder, name, moment=Moment(frame)), threads=1)
+        for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
+            np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
+
+
+def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
+    g = Gltf()
+    ball(g)
+    visible = "/nodes/0/extensions/KHR_node_visibility/visible"
+    (tmp_path / "gone.glb").write_bytes(clip(g, "go", (visible, "pointer", [0, 1], np.uint8([1, 0]), "STEP")).glb())
+    shot = Shot(tmp_path, "gone.glb")
+    with pytest.raises(SceneError, match="shows no surface"):
+        shot.at(Moment(24))
+    assert shot.between(Moment(23)).keys == 0
 
 
 def test_what_stands_still_is_made_once(folder, monkeypatch):

@@ -25,7 +25,7 @@ def test_values_are_means_and_plain_numbers():
     values = {name: aovs.values(sums_of(), 4, name) for name in aovs.AOVS}
     for name, plane in values.items():
         assert plane.dtype == np.float32
-        assert plane.shape == ((4, 6, 3) if name in aovs.VECTORS else (4, 6))
+        assert plane.shape == ((4, 6, 3) if aovs.size(name) == 3 else (4, 6))
     assert (values["albedo"] == 0.5).all()
     assert (values["normal"] == (0, 0, 1)).all()
     assert (values["depth"] == np.arange(6)).all()
@@ -38,7 +38,7 @@ def test_values_are_means_and_plain_numbers():
 def test_every_plane_has_channels_of_its_own():
     planes = {name: aovs.values(sums_of(), 4, name) for name in aovs.AOVS}
     layers = aovs.layers(planes)
-    assert len(layers) == sum(3 if name in aovs.VECTORS else 1 for name in aovs.AOVS)
+    assert len(layers) == sum(3 if aovs.size(name) == 3 else 1 for name in aovs.AOVS)
     assert all(plane.shape == (4, 6) for plane in layers.values())
     np.testing.assert_array_equal(layers["Position.X"], planes["position"][..., 0])
 
@@ -47,7 +47,7 @@ def test_every_plane_can_be_looked_at():
     for name in aovs.AOVS:
         shown = aovs.visible(name, aovs.values(sums_of(), 4, name))
         assert (shown.dtype, shown.shape) == (np.uint8, (4, 6, 3))
-        empty = aovs.visible(name, np.zeros((2, 2, 3) if name in aovs.VECTORS else (2, 2), np.float32))
+        empty = aovs.visible(name, np.zeros((2, 2, 3) if aovs.size(name) == 3 else (2, 2), np.float32))
         assert empty.shape == (2, 2, 3)
     depth = aovs.visible("depth", aovs.values(sums_of(), 4, "depth"))[0, :, 0].astype(int)
     assert depth[0] == 0, "nothing is hit"

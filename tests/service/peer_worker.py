@@ -27,6 +27,7 @@ from worker.contract import (
     BlobRef,
     DenoiseFrame,
     FrameInfo,
+    FrameVectors,
     PrepareFrames,
     RenderBatch,
     Result,
@@ -88,6 +89,9 @@ class PeerWorker:
         self.denoises = denoises
         self.knows_frames = True
         self.blurs = True
+        self.knows_vectors = True
+        self.on_vectors: Callable[[str], None] = lambda job: None
+        self.vectors: list[FrameVectors] = []  # made
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
@@ -127,6 +131,7 @@ class PeerWorker:
             *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
             frames=self.knows_frames,
             blurs=self.blurs,
+            vectors=self.knows_vectors,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -170,6 +175,8 @@ class PeerWorker:
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
             if "frames" in arguments:
                 self._prepare_frames(PrepareFrames(**arguments["frames"]))
+            elif "vectors" in arguments:
+                self._point(FrameVectors(**arguments["vectors"]))
             elif queue == prepare_queue(self.kind).encode():
                 self._prepare(arguments["scene"])
             elif queue == denoise_queue(self.kind).encode():
@@ -192,6 +199,20 @@ class PeerWorker:
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
+
+    def _point(self, work: FrameVectors) -> None:
+        """The vectors of a pixel are its column, its row, the frame (in halves), and minus its column."""
+        about = {"work": work.work, "worker": self.name}
+        try:
+            self.on_vectors(work.job)
+            rows, columns = np.mgrid[0 : work.height, 0 : work.width]
+            made = np.stack([columns, rows, np.full_like(rows, work.frame), -columns], -1).astype("<f4").tobytes()
+            sha256 = hashlib.sha256(made).hexdigest()
+            self.http.put(f"/api/farm/blobs/{sha256}", content=made).raise_for_status()
+            self.vectors.append(work)
+            self.send({"type": "vectors-made", **about, "sha256": sha256})
+        except (ValueError, httpx.HTTPError) as error:
+            self.send({"type": "vectors-failed", **about, "error": str(error)})
 
     def _render(self, work: RenderBatch) -> None:
         self.batches.append(work)

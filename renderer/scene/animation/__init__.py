@@ -13,6 +13,6 @@ trigonometry.py   sines and angles with the same bits on every host
 from renderer.scene.animation.clips import Clip
 from renderer.scene.animation.curves import Curve, smooth
 from renderer.scene.animation.moment import DEFAULT_FPS, Moment
-from renderer.scene.animation.shutter import SHUTTER, Shutter
+from renderer.scene.animation.shutter import BETWEEN, SHUTTER, Shutter
 
-__all__ = ["DEFAULT_FPS", "SHUTTER", "Clip", "Curve", "Moment", "Shutter", "smooth"]
+__all__ = ["BETWEEN", "DEFAULT_FPS", "SHUTTER", "Clip", "Curve", "Moment", "Shutter", "smooth"]

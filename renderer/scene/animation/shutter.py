@@ -8,7 +8,7 @@ from typing import Any
 
 from renderer.scene.animation.moment import Moment
 
-__all__ = ["SHUTTER", "Shutter"]
+__all__ = ["BETWEEN", "SHUTTER", "Shutter"]
 
 SHUTTER = ("shutter", "shutter_at", "shutter_keys")  # the settings that it is made of
 
@@ -34,3 +34,6 @@ class Shutter:
         """The moment of a frame at a share of the time between opening, 0, and closing, 1."""
         opens = -0.5 * self.length if self.at == "centred" else -self.length
         return replace(moment, offset=opens + share * self.length)
+
+
+BETWEEN = Shutter(2.0, "centred", 3)  # from the frame before to the frame after, looked at in these and in between

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
-from service.scheduling import denoising
+from service.scheduling.denoising import Denoising
 from service.store.bands import bands
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
@@ -151,7 +151,7 @@ def test_a_fault_of_the_worker_is_told_and_the_next_try_is_a_new_one(service: Se
 
 
 def test_too_late_is_told(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(denoising, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(Denoising, "_patience_s", 0.5)
     job = finished(service)
     worker.on_denoise = lambda job: time.sleep(4)
     assert "in time" in problem(raw(service, job, "?denoise=true"), 504)

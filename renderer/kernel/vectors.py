@@ -1,0 +1,146 @@
+"""Where the points that the pixels' middles see are at three times: as the shutter opens, in the middle, and as it closes.
+
+One ray a pixel, through its middle and the lens's, in the middle of the shutter. Places are worked out in double precision at
+the keys themselves, so that a vector between two of them does not have the noise of two roundings to single precision.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.bvh.motion import placed_at
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.jit import device, entry, out_of_line, subroutine
+from renderer.kernel.camera import moving_ray
+from renderer.kernel.integrators.visibility import MAX_PASSED
+from renderer.kernel.material.material import is_transparent, opacity
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import surface_at
+
+__all__ = ["see_places"]
+
+_INF = np.float32(np.inf)
+_HALF = np.float32(0.5)
+_OPENS, _CLOSES = np.float32(0.0), np.float32(1.0)
+_MIDDLE = (_HALF, _HALF)
+
+
+@device
+def _key(keys, time):
+    """The number of the key at a time: opening, the middle or closing. keys: an odd number of them, or 1."""
+    return 0 if time == _OPENS else keys - 1 if time == _CLOSES else keys // 2
+
+
+@device
+def _row(fixed, moving, keys, i, time):
+    """Row i of a table, the last rows of which have keys: the table `moving` has theirs, and of which key; else `fixed`."""
+    count = len(moving) // keys if keys > 0 else 0
+    first = len(fixed) - count
+    if i < first:
+        return fixed[i, 0], fixed[i, 1], fixed[i, 2]
+    row = _key(keys, time) * count + i - first
+    return moving[row, 0], moving[row, 1], moving[row, 2]
+
+
+@device
+def _radius(scene, i, time):
+    keys = np.int64(scene.bvh.keyed[1])
+    count = len(scene.key_sphere) // keys
+    first = len(scene.sphere) - count
+    return np.float64(scene.sphere[i, 3] if i < first else scene.key_sphere[_key(keys, time) * count + i - first, 3])
+
+
+@subroutine
+def _of_triangle(scene, hit, time):
+    """The place of a triangle's point, in the world."""
+    out_of_line()
+    keys = np.int64(scene.bvh.keyed[1])
+    corners = scene.triangle[hit.primitive]
+    a = _row(scene.position, scene.key_position, keys, np.int64(corners[0]), time)
+    b = _row(scene.position, scene.key_position, keys, np.int64(corners[1]), time)
+    c = _row(scene.position, scene.key_position, keys, np.int64(corners[2]), time)
+    u, v = np.float64(hit.u), np.float64(hit.v)
+    w = 1.0 - u - v
+    x = w * a[0] + u * b[0] + v * c[0]
+    y = w * a[1] + u * b[1] + v * c[1]
+    z = w * a[2] + u * b[2] + v * c[2]
+    if hit.instance < 0:
+        return x, y, z
+    if len(scene.bvh.instance_motion) > 0:
+        first, count = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
+        if count > 0:
+            p, q, r = placed_at(scene.bvh.motion, first, count, time)
+            return (
+                p[0] * x + p[1] * y + p[2] * z + p[3],
+                q[0] * x + q[1] * y + q[2] * z + q[3],
+                r[0] * x + r[1] * y + r[2] * z + r[3],
+            )
+    m = scene.to_world[hit.instance]
+    return (
+        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3],
+        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3],
+        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3],
+    )
+
+
+@subroutine
+def _of_sphere(scene, hit, o, d, time):
+    """The place of a sphere's point: spheres do not turn, so it stays in the same direction from the centre."""
+    out_of_line()
+    keys = np.int64(scene.bvh.keyed[1])
+    i = np.int64(hit.primitive) - len(scene.triangle)
+    c = _row(scene.sphere, scene.key_sphere, keys, i, _HALF)
+    t = np.float64(hit.t)
+    x, y, z = o[0] + t * d[0] - c[0], o[1] + t * d[1] - c[1], o[2] + t * d[2] - c[2]
+    scale = _radius(scene, i, time) / math.sqrt(x * x + y * y + z * z)
+    c = _row(scene.sphere, scene.key_sphere, keys, i, time)
+    return c[0] + scale * x, c[1] + scale * y, c[2] + scale * z
+
+
+@subroutine
+def _seen(scene, stack, o, d):
+    """(the first Hit that is no more than half see-through, where the ray to it starts)."""
+    out_of_line()
+    hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF)
+    for _ in range(MAX_PASSED):
+        if hit.primitive == NO_PRIMITIVE:
+            break
+        surface = surface_at(scene, o, d, hit)
+        if not is_transparent(scene, surface.material):
+            break
+        if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3]) >= _HALF:
+            break
+        o = departure(surface, False, d)
+        hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF)
+    return hit, o
+
+
+@device
+def _write(places, y, x, which, place, near):
+    places[y, x, which, 0] = place[0]
+    places[y, x, which, 1] = place[1]
+    places[y, x, which, 2] = place[2]
+    places[y, x, which, 3] = near
+
+
+@entry
+def see_places(scene, stack, camera, top, places):
+    """Fills `places`, (h, w, 3, 4) float64, for the pixels of so many rows from row `top` on.
+
+    At each of the three times: a point x y z of the world and 1, or where nothing is met the ray's direction and 0.
+    scene: as the edition of what moves is given it, with an odd number of keys. stack: from new_stack.
+    """
+    for y in range(places.shape[0]):
+        for x in range(places.shape[1]):
+            o, d = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
+            hit, o = _seen(scene, stack, o, d)
+            for which in range(3):
+                time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
+                if hit.primitive == NO_PRIMITIVE:
+                    _write(places, y, x, which, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])), 0.0)
+                elif hit.primitive < len(scene.triangle):
+                    _write(places, y, x, which, _of_triangle(scene, hit, time), 1.0)
+                else:
+                    _write(places, y, x, which, _of_sphere(scene, hit, o, d, time), 1.0)

@@ -1,0 +1,135 @@
+"""Denoised frames of a shot made steady: each is averaged with its neighbours along the motion vectors.
+
+A denoiser that sees one frame at a time guesses anew at each, and what it guesses flickers. Where the same thing is seen in
+neighbouring frames, their guesses are several of one quantity. As in SVGF (Schied et al. 2017) and its kin, a neighbour counts as
+far as it shows the same thing: the same object and material, a normal that agrees, a vector that leads back, and light that
+is much the same, so that the edge of a moving shadow stays where it is. Light is averaged without the surface's own colour, which
+would blur with every shift by part of a pixel; that is averaged where nothing shifts. Both directions of time: a frame of a
+finished shot has successors too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.denoise import Clean
+
+__all__ = ["REACH", "Still", "steadied"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+REACH = 2  # frames before and after
+_LEAST_COSINE = 0.9
+_ASTRAY = 0.5  # pixels that a vector and the one back may lack of meeting
+_ALIKE = 0.12  # light that differs by this share counts exp(-1)
+_WHOLE = 0.05  # pixels by which a shift may lack of a whole number
+_DARK = 0.02  # the least albedo to divide by
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Still(NamedTuple):
+    """A denoised frame by itself, and what tells what it shows."""
+
+    clean: Clean
+    object: F32  # (h, w), renderer.aovs
+    material: F32  # (h, w)
+    motion: F32  # (h, w, 4), renderer.vectors
+
+
+class _Places(NamedTuple):
+    """Where in a neighbour the pixels of a frame are: rows and columns, and which are there."""
+
+    rows: F64
+    columns: F64
+    alive: Mask
+
+
+def steadied(frames: Mapping[float, Still], number: float) -> F32:
+    """The frame of that number, averaged with those of its neighbours that there are, at most REACH away: (h, w, 3) float32.
+
+    frames: by their numbers; a neighbour counts if all between it and the frame are there. The answer depends on these alone.
+    """
+    here = frames[number]
+    light, surface = _light(here), _surface(here)
+    total, weight = light.copy(), np.ones(light.shape[:2])
+    colors, times = surface.copy(), np.ones(light.shape[:2])
+    for way in (-1, 1):
+        rows, columns = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(np.float64)
+        places = _Places(rows, columns, np.ones(light.shape[:2], bool))
+        for step in range(1, REACH + 1):
+            there = frames.get(number + way * step)
+            if there is None:
+                break
+            places = _followed(frames[number + way * (step - 1)], there, places, way)
+            found, share = _seen(here, there, places)
+            share = share * _alike(light, found)
+            total += share[..., None] * found
+            weight += share
+            share = np.where(_is_whole(places.rows) & _is_whole(places.columns), share, 0.0)
+            colors += share[..., None] * _nearest(_surface(there), places)
+            times += share
+    return (total / weight[..., None] * (colors / times[..., None])).astype(np.float32)
+
+
+def _surface(still: Still) -> F64:
+    return np.maximum(still.clean.albedo, _DARK).astype(np.float64)
+
+
+def _light(still: Still) -> F64:
+    return still.clean.color / _surface(still)
+
+
+def _is_whole(place: F64) -> Mask:
+    near: Mask = np.abs(place - np.rint(place)) < _WHOLE
+    return near
+
+
+def _nearest(plane: npt.NDArray[np.floating], places: _Places) -> npt.NDArray[np.floating]:
+    found: npt.NDArray[np.floating] = plane[np.rint(places.rows).astype(np.intp), np.rint(places.columns).astype(np.intp)]
+    return found
+
+
+def _followed(before: Still, there: Still, places: _Places, way: int) -> _Places:
+    """The places a frame further: before (way -1) or after. Where the vector back is another, something stands before it."""
+    shift = _nearest(before.motion, places)
+    x, y = (shift[..., 0], shift[..., 1]) if way < 0 else (-shift[..., 2], -shift[..., 3])
+    rows, columns = places.rows - y, places.columns + x
+    height, width = rows.shape
+    alive = places.alive & (rows > -0.5) & (rows < height - 0.5) & (columns > -0.5) & (columns < width - 0.5)
+    found = _Places(np.where(alive, rows, 0.0), np.where(alive, columns, 0.0), alive)
+    back = _nearest(there.motion, found)
+    gone, come = (shift[..., :2], back[..., 2:]) if way < 0 else (shift[..., 2:], back[..., :2])
+    return found._replace(alive=alive & (np.abs(gone - come).max(axis=-1) < _ASTRAY))
+
+
+def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
+    """The other frame's light between four pixels, of those alone that show the same thing; and their share, 0 ... 1."""
+    height, width = places.rows.shape
+    light, normal = _light(there), here.clean.normal
+    top, left = np.floor(places.rows).astype(np.intp), np.floor(places.columns).astype(np.intp)
+    down, right = places.rows - top, places.columns - left
+    total, weight = np.zeros((height, width, 3)), np.zeros((height, width))
+    for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        y, x = np.clip(top + i, 0, height - 1), np.clip(left + j, 0, width - 1)
+        same = places.alive & (there.object[y, x] == here.object) & (there.material[y, x] == here.material)
+        other = there.clean.normal[y, x]
+        lengths = np.sqrt((other**2).sum(axis=-1) * (normal**2).sum(axis=-1))
+        same &= (other * normal).sum(axis=-1) >= _LEAST_COSINE * lengths
+        share = np.where(same, (down if i else 1 - down) * (right if j else 1 - right), 0.0)
+        total += share[..., None] * light[y, x]
+        weight += share
+    return total / np.maximum(weight, 1e-9)[..., None], weight
+
+
+def _alike(light: F64, found: F64) -> F64:
+    """How far two lights are much the same, 0 ... 1."""
+    a, b = ((each * _LUMINANCE).sum(axis=-1) for each in (light, found))
+    apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)
+    alike: F64 = np.exp(-((apart / _ALIKE) ** 2))
+    return alike

@@ -1,0 +1,123 @@
+"""Motion vectors: how far what a pixel sees lies, in the picture, from where it is a frame before and a frame after.
+
+A pass of its own, one ray a pixel, and no plane of the film: a film holds means over samples, and a mean of two things' motion at
+an edge is the motion of neither. So a picture costs and is the same whether or not anybody asks for its vectors.
+
+The scene is compiled as if the shutter were open from the frame before to the frame after (`renderer.scene.animation.BETWEEN`),
+which knows of everything that motion blur does, and looked at in the middle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer import jit
+from renderer.arrays.edition import only
+from renderer.arrays.has import EDITIONS
+from renderer.arrays.scene import example
+from renderer.bvh.traverse import new_stack
+from renderer.kernel.camera import axes_of, camera_frame
+from renderer.kernel.vectors import see_places
+from renderer.scene.compiled import CompiledScene
+from renderer.settings import RenderSettings, View
+from renderer.threads import Team, parts_of
+
+__all__ = ["load_kernel", "motion_vectors"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+
+_MOVING = list(EDITIONS)[-1]
+_KERNEL = "vectors"
+_ROWS = 16  # of pixels: a part of the work
+_FURTHEST = 1e7  # pixels
+
+
+def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
+    """(h, w, 4) float32: x and y in pixels, to the right and upwards, as Cycles has its Vector pass.
+
+    The first two lead from where the thing is at the frame to where it was a frame before, the last two from where it will be a
+    frame after to where it is: with a thing that goes on evenly both are the same. 0 where it is behind the camera then.
+
+    scene: compiled of `Shot.between`, or one that stands still. settings: their view is the frame's, their views, if
+    the camera moves, those of the frame before, the frame and the frame after. threads: None for one per core.
+    """
+    sharp = [replace(view, aperture=0.0) for view in settings.views]
+    settings = replace(settings, view=replace(settings.view, aperture=0.0), views=tuple(sharp))
+    views = [settings.views[k] for k in (0, len(sharp) // 2, -1)] if sharp else [settings.view] * 3
+    places = np.empty((settings.height, settings.width, 3, 4))
+    prepared, camera = only(scene, _MOVING), camera_frame(settings)
+
+    def see(part: tuple[int, int]) -> None:
+        see_places(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
+
+    parts = parts_of(0, settings.height, _ROWS)
+    if not jit.is_ready(_KERNEL):
+        load_kernel()
+    with Team(threads) as team:
+        team.each(see, parts)
+    before, now, after = (_projected(views[k], settings, places[:, :, k]) for k in range(3))
+    found = np.concatenate([_way(now, before, settings, views), _way(after, now, settings, views)], axis=2)
+    return found.astype(np.float32)
+
+
+def load_kernel() -> None:
+    """Compiles the kernel, or loads it."""
+    nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+    with jit.compiling(_KERNEL):
+        see_places(only(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4)))
+
+
+def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
+    """(h, w, 2) from one place of the picture to another, upwards; 0 where one of them is nowhere, or beyond all sense."""
+    way = end - start
+    if views[1].projection == "panorama":
+        way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way round
+    way[..., 1] = -way[..., 1]
+    nowhere = ~(np.abs(way) < _FURTHEST).all(axis=2)
+    way[nowhere] = 0.0
+    return way + 0.0  # no -0
+
+
+def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
+    """(h, w, 2) places in the picture, x to the right and y down from the upper left corner; NaN behind the camera.
+
+    places: (h, w, 4) points and 1, or directions and 0. By products, quotients and roots one at a time.
+    """
+    right, up, back, eye = axes_of(view)
+    near = places[..., 3]
+    ray = [places[..., k] - near * eye[k] for k in range(3)]
+    x, y, z = ((ray[0] * axis[0] + ray[1] * axis[1]) + ray[2] * axis[2] for axis in (right, up, -back))
+    middle, height = (settings.width / 2.0, settings.height / 2.0), settings.height
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if view.projection == "panorama":
+            turn, rise = _angle(x, z), _angle(y, np.sqrt(x * x + z * z))
+            across, down = turn / (2.0 * math.pi) * settings.width, -rise / math.pi * height
+        elif view.projection == "orthographic":
+            pixel = view.height / height
+            across, down = near * x / pixel, near * -y / pixel  # what is infinitely far stays where it is
+        else:
+            pixel = 2.0 * math.tan(math.radians(view.fov) / 2.0) / height
+            behind = z <= 0
+            z = np.where(behind, np.nan, z)
+            across, down = x / z / pixel, -y / z / pixel
+    return np.stack([middle[0] + across, middle[1] + down], axis=2)
+
+
+def _angle(y: F64, x: F64) -> F64:
+    """As arctan2, with the same bits on every host."""
+    low, high = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
+    tangent = low / np.maximum(high, 1e-300)
+    for _ in range(2):  # twice halved the angle is below pi / 16, where the series is short
+        tangent = tangent / (1.0 + np.sqrt(1.0 + tangent * tangent))
+    square, total = tangent * tangent, np.zeros_like(tangent)
+    for k in reversed(range(12)):
+        total = total * square + (-1.0) ** k / (2 * k + 1)
+    angle = 4.0 * tangent * total
+    angle = np.where(abs(y) > abs(x), math.pi / 2 - angle, angle)
+    angle = np.where(x < 0, math.pi - angle, angle)
+    return np.where(y < 0, -angle, angle)

@@ -1,0 +1,54 @@
+"""Motion vectors of a job's frames, for the routers that make pictures of them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import BinaryIO
+
+from starlette.concurrency import run_in_threadpool
+
+from renderer.frames import frame_key
+from service.errors import Conflict
+from service.farm import Farm
+from service.shot import Shot
+from service.store.films import Film
+from service.store.models import Job, Scene
+from worker.contract import FrameVectors
+
+__all__ = ["motion_of"]
+
+
+async def motion_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], BinaryIO]:
+    """What opens a frame's motion vectors, when a worker has made them: waits without a thread of its own.
+
+    Raises Unavailable where none can, and what went wrong where one could not.
+    """
+    wish = await run_in_threadpool(_wish, job, n, film, farm)
+    made = await run_in_threadpool(farm.engine.vectors, wish)
+    # Shielded: a reader that leaves must not take them from those who wait for the same.
+    found = await asyncio.shield(asyncio.wrap_future(made))
+    return partial(farm.blobs.open, found.sha256)
+
+
+def _wish(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors:
+    with farm.sessions() as session:
+        scene = session.get(Scene, job.scene)
+    if scene is None or not scene.info:
+        raise Conflict("The job's scene is still being prepared. Try again when it is.")
+    shot = Shot.of(job.shot) or Shot()
+    return FrameVectors(
+        work="",
+        job=job.id,
+        frame=frame_key(n),
+        scene=job.scene,
+        width=film.width,
+        height=film.height,
+        auto=scene.info["cameras"][-1]["view"],
+        fps=shot.fps,
+        clip=shot.clip,
+        camera=job.request.get("camera"),
+        view=job.request.get("view"),
+        turntable=shot.turntable,
+    )

@@ -1,0 +1,218 @@
+"""How much denoised shots flicker: each frame denoised by itself, and made steady by its neighbours (renderer/steady.py).
+
+    python3 farm.py bench flicker [--size 192x108] [--shot "camera over texture"]
+
+Error: the root mean square of what is off from the truth, over its mean. Flicker: the root mean square, over the same mean, of
+how what is off changes from a frame to the next, along the motion vectors. The truth: many samples, denoised. With one seed for
+all frames, as a shot is rendered unless told, and with another one for each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from renderer import aovs
+from renderer.denoise import cleaned
+from renderer.film import ALBEDO, COLOR, NORMAL, mean
+from renderer.render import render_frame
+from renderer.scene.animation import BETWEEN, Moment
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
+from renderer.scene.moving import while_open
+from renderer.settings import RenderSettings, View
+from renderer.steady import REACH, Still, steadied
+from renderer.vectors import motion_vectors
+from tests.renderer.builders import gray, square
+
+FRAMES = 3  # judged; REACH more on both sides are rendered
+F32 = np.ndarray
+Shot = Callable[[float], tuple[SceneDescription, View]]
+FLOOR, RED, LAMP, MIRROR, WHITE = range(5)
+STILL = View((0.0, 2.2, 5.5), (0.0, 0.4, 0.0), fov=40.0)
+
+
+def stone(size: int = 256) -> np.ndarray:
+    """A texture with structure at all scales, as surfaces have (1/f), and joints: (size, size, 4) uint8."""
+    random = np.random.default_rng(1)
+    far = np.fft.fftfreq(size)[:, None] ** 2 + np.fft.fftfreq(size)[None] ** 2
+    grain = np.fft.ifft2(np.fft.fft2(random.standard_normal((size, size))) / np.sqrt(far + 1e-4)).real
+    grain = 0.5 + 0.15 * grain / grain.std()
+    joints = np.minimum(*(np.abs(np.mod(axis, size // 4) - size // 8) for axis in np.mgrid[0:size, 0:size])) < 2
+    gray = np.clip(np.where(joints, 0.2, grain), 0.05, 0.95)
+    return (np.stack([gray, 0.9 * gray, 0.75 * gray, np.ones_like(gray)], -1) * 255).astype(np.uint8)
+
+
+def room() -> SceneDescription:
+    """A textured floor and a wall, a ball and a board, under a lamp and a dim sky."""
+    corners = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], np.float32)
+    floor = replace(square((0, 0, 0), (8, 0, 0), (0, 0, -8), FLOOR), uvs=corners)
+    wall = square((0, 2, -3), (8, 0, 0), (0, 2, 0), RED)
+    board = square((1.6, 0.6, -0.6), (0.5, 0, 0.2), (0, 0.6, 0), RED)
+    lamp = square((-1.5, 4, 1), (0.4, 0, 0), (0, 0, 0.4), LAMP)
+    return SceneDescription(
+        meshes=[floor, wall, board, lamp],
+        instances=[Instance(k) for k in range(4)],
+        spheres=[Sphere((-1.3, 0.6, -0.8), 0.6, RED, "left")],
+        materials=[
+            Material(base_color=gray(1.0), base_color_texture=0),
+            Material(base_color=(0.7, 0.3, 0.2)),
+            Material(base_color=gray(0.0), emission=gray(30.0), double_sided=True),
+            Material(kind="conductor", roughness=0.1),
+            Material(base_color=gray(0.8)),
+        ],
+        images=[Image("stone", stone())],
+        textures=[Texture(0)],
+        environment=Environment(gray(0.15)),
+        moves=True,
+    )
+
+
+def indoors() -> SceneDescription:
+    """The same between walls, with a card under the lamp: all light comes by way of the ceiling."""
+    found = room()
+    more = [
+        square((-1.5, 3.6, 1), (0.7, 0, 0), (0, 0, -0.7), RED),
+        square((0, 5, 0), (8, 0, 0), (0, 0, 8), WHITE),
+        square((-4, 2.5, 0), (0, 2.5, 0), (0, 0, 8), WHITE),
+        square((4, 2.5, 0), (0, 0, 8), (0, 2.5, 0), WHITE),
+        square((0, 2.5, 8), (8, 0, 0), (0, -2.5, 0), WHITE),
+    ]
+    found.instances += [Instance(len(found.meshes) + k) for k in range(len(more))]
+    found.meshes += more
+    found.environment = Environment(gray(0.0))
+    return found
+
+
+def stands_still(found: SceneDescription, t: float) -> View:
+    """Nothing moves."""
+    return STILL
+
+
+def camera_goes(found: SceneDescription, t: float) -> View:
+    """The camera goes along over the texture."""
+    return replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
+
+
+def body_flies(found: SceneDescription, t: float) -> View:
+    """A ball flies, and its shadow with it."""
+    found.spheres.append(Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True))
+    return STILL
+
+
+def board_turns(found: SceneDescription, t: float) -> View:
+    """A board turns before a camera that stands still, with its shadow."""
+    turned = np.eye(4)
+    sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
+    turned[0, 0] = turned[2, 2] = cosine
+    turned[0, 2], turned[2, 0], turned[:3, 3] = sine, -sine, (0.4, 0.7, 0.8)
+    found.meshes.append(square((0, 0, 0), (0.6, 0, 0), (0, 0.6, 0), RED))
+    found.instances.append(Instance(len(found.meshes) - 1, turned, moves=True))
+    return STILL
+
+
+def mirror_passes(found: SceneDescription, t: float) -> View:
+    """The camera goes by a ball that mirrors all around it."""
+    found.spheres.append(Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror"))
+    return camera_goes(found, t)
+
+
+MOVES: dict[str, Callable[[SceneDescription, float], View]] = {
+    "nothing moves": stands_still,
+    "camera over texture": camera_goes,
+    "body and its shadow": body_flies,
+    "board that turns": board_turns,
+    "camera past a mirror": mirror_passes,
+}
+LIGHTS = {"a lamp": (room, 8, 256), "by the ceiling": (indoors, 16, 400)}  # with so many samples; and the truth's
+
+
+def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescription, float], View]) -> Shot:
+    """A move in a place."""
+
+    def at(t: float) -> tuple[SceneDescription, View]:
+        found = place()
+        return found, move(found, t)
+
+    return at
+
+
+def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> Still:
+    """A frame, denoised by itself."""
+    description, view = shot(frame)
+    settings = RenderSettings(*size, view, seed=seed)
+    sums = render_frame(compile_scene(description), settings, spp)
+    exponent = settings.film_exponent
+    over = while_open(lambda moment: shot(frame + moment.offset)[0], Moment(), BETWEEN)
+    views = tuple(shot(frame + k)[1] for k in (-1, 0, 1))
+    moving = replace(settings, views=views if len({*views}) > 1 else ())
+    return Still(
+        cleaned(mean(sums, exponent, COLOR), mean(sums, exponent, ALBEDO), mean(sums, exponent, NORMAL)),
+        aovs.values(sums, exponent, "object"),
+        aovs.values(sums, exponent, "material"),
+        motion_vectors(compile_scene(over), moving),
+    )
+
+
+def _shown(light: F32) -> F32:
+    """As a screen shows it, roughly: else a lamp in a mirror would have all the say."""
+    return light / (1 + light)
+
+
+def off_along(first: F32, second: F32, there: Still) -> tuple[F32, np.ndarray]:
+    """How what is off changes on the way to the second frame, and where that can be told: within the picture, of one object."""
+    height, width = first.shape[:2]
+    rows, columns = np.mgrid[0:height, 0:width]
+    y = np.rint(rows - there.motion[..., 1]).astype(int)
+    x = np.rint(columns + there.motion[..., 0]).astype(int)
+    inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+    y, x = np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)
+    return second - first[y, x], inside
+
+
+def figures(made: dict[int, F32], truth: dict[int, Still]) -> tuple[float, float]:
+    """(error, flicker) of the judged frames."""
+    whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
+    off = {n: _shown(picture / whole) - _shown(truth[n].clean.color / whole) for n, picture in made.items()}
+    level = float(np.mean([_shown(each.clean.color / whole).mean() for each in truth.values()]))
+    error = math.sqrt(np.mean([(each**2).mean() for each in off.values()])) / level
+    changes = []
+    for n in sorted(off)[1:]:
+        change, inside = off_along(off[n - 1], off[n], truth[n])
+        changes.append((change[inside] ** 2).mean())
+    return error, math.sqrt(np.mean(changes)) / level
+
+
+def main() -> int:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--size", default="192x108")
+    parser.add_argument("--shot", choices=list(MOVES), default=None)
+    options = parser.parse_args()
+    width, height = (int(part) for part in options.size.split("x"))
+    print(f"{width}x{height}, per cent of the mean; of each the frame by itself, then made steady")
+    print("| shot | light | seeds | error | steady | flicker | steady |")
+    print("|---|---|---|---:|---:|---:|---:|")
+    numbers, whole = range(REACH, REACH + FRAMES), range(FRAMES + 2 * REACH)
+    for light, (place, spp, most) in LIGHTS.items():
+        for name, move in MOVES.items():
+            if options.shot not in (None, name):
+                continue
+            shot = shot_of(place, move)
+            truth = {n: still(shot, n, most, 1000 + n, (width, height)) for n in numbers}
+            for seeds in ("one", "each"):
+                frames = {n: still(shot, n, spp, n if seeds == "each" else 0, (width, height)) for n in whole}
+                alone = figures({n: frames[n].clean.color for n in numbers}, truth)
+                steady = figures({n: steadied(frames, n) for n in numbers}, truth)
+                row = " | ".join(f"{100 * value:.2f}" for value in (alone[0], steady[0], alone[1], steady[1]))
+                print(f"| {name} | {light} | {seeds} | {row} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
