@@ -6,6 +6,7 @@
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds whole
                                            grids of statistics, installations and comparisons; more arguments go to pytest
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
+    python3 farm.py film                   our shot as a film, by the farm that runs here
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
     python3 farm.py bench [name ...]       the benchmarks
     python3 farm.py bench peers [--quick]  against Mitsuba, Embree and Cycles, by a table (hours; installs Embree and Blender)
@@ -44,8 +45,8 @@ def main():
     command, rest = arguments[0], arguments[1:]
     if command == "test":
         return run_tests(install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS), rest)
-    if command == "sheets":
-        program = str(ROOT / "scenes" / "sheets.py")
+    if command in ("sheets", "film"):
+        program = str(ROOT / "scenes" / (command + ".py"))
         return subprocess.call([str(install()), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)

@@ -2,8 +2,8 @@
 
     python scenes/caterpillar.py
 
-The caterpillar is a glTF skin, the top a body in three nested groups, the camera has keys, and the shutter is open for half of a frame's
-time. The last frame goes on in the first. All of it is this project's own; film.py makes the film of it that docs/ shows.
+The caterpillar is a glTF skin, the top a body in nested groups, the camera has keys, and the shutter is open for half of a
+frame's time. The last frame goes on in the first. All of it is this project's own; film.py makes the film that docs/ shows.
 """
 
 from __future__ import annotations
@@ -27,6 +27,12 @@ GENERATOR = "scenes/caterpillar.py"
 MOMENTS = np.arange(FRAMES) / FPS
 
 WOOD = {"red": (0.62, 0.035, 0.03), "cream": (0.86, 0.72, 0.48), "tip": (0.30, 0.02, 0.03)}
+BRICKS = (
+    ("mustard", -2.45, 0, -3.3, 24),
+    ("blue", -1.1, 0, -3.75, -8),
+    ("white", -1.72, 1, -3.5, 14),
+    ("mint", 4.6, 0, -3.6, 32),
+)  # x, how many below, z, turn
 # Colour, roughness, strength of the varnish.
 TOY = {
     "skin": ((1.0, 1.0, 1.0), 0.42, 0.5),
@@ -45,7 +51,7 @@ def files() -> dict[str, str | bytes]:
         "top.glb": _rigid({name: (part, _material(WOOD[name], 0.3, 0.9)) for name, part in top_parts().items()}),
         "block.glb": _rigid({"block": (block(), _material((0.8, 0.8, 0.8), 0.5, 0.0))}),
         "wood.jpg": _picture(_planks(np.random.default_rng(4)), "JPEG"),
-        "caterpillar.yaml": text_of(scene(), COMMENT, Path(__file__).name),
+        "caterpillar.yaml": text_of(scene(), COMMENT, Path(__file__).name, f"0-{FRAMES - 1}"),
     }
 
 
@@ -76,7 +82,8 @@ def _mesh(file: Glb, parts: dict[str, tuple[Part, dict[str, Any]]]) -> int:
             attributes["JOINTS_0"] = file.accessor(part.joints, BYTE)
             attributes["WEIGHTS_0"] = file.accessor(shares, BYTE, normalized=True)
         indices = file.accessor(part.triangles.ravel(), SHORT)
-        primitives.append({"attributes": attributes, "indices": indices, "material": file.add("materials", {"name": name, **material})})
+        at = file.add("materials", {"name": name, **material})
+        primitives.append({"attributes": attributes, "indices": indices, "material": at})
     if any("extensions" in material for _, material in parts.values()):
         file.document["extensionsUsed"] = ["KHR_materials_clearcoat"]
     return file.add("meshes", {"primitives": primitives})
@@ -116,11 +123,13 @@ def _keys(values: np.ndarray, digits: int = 4) -> dict[str, Any]:
 def scene() -> Scene:
     """What is written to caterpillar.yaml."""
     eye, target = camera(MOMENTS)
+    front = {"name": "front", "eye": _keys(eye), "target": _keys(target), "fov": 30, "aperture": 0.05, "focus": [-0.2, 0.9, 0.5]}
+    moon = [{"scale": 1.25}, {"translate": [1.25, 2.15, -9.4]}]
     return {
         "name": "Caterpillar and top",
         "fps": FPS,
         "settings": {"width": 960, "height": 540, "spp": 128, "max_depth": 7, "shutter": 0.5},
-        "cameras": [{"name": "front", "eye": _keys(eye), "target": _keys(target), "fov": 30, "aperture": 0.05, "focus": [-0.2, 0.9, 0.5]}],
+        "cameras": [front],
         "environment": {"color": [0.13, 0.15, 0.19]},
         "textures": {"planks": {"image": "wood.jpg"}},
         "materials": {
@@ -139,7 +148,7 @@ def scene() -> Scene:
         "shapes": [
             {"name": "wall", "type": "lathe", "material": "wall", "profile": [[11, -3], [11, 9]], "segments": 96},
             {"name": "table", "type": "quad", "material": "table", "transform": [{"scale": [11, 8, 1]}, _about("x", -90)]},
-            {"name": "moon", "type": "disk", "material": "moon", "transform": [{"scale": 1.25}, {"translate": [1.25, 2.15, -9.4]}]},
+            {"name": "moon", "type": "disk", "material": "moon", "transform": moon},
             _lamp("window", (-5.2, 5.0, 4.2), (1.7, 1.9), 38, 128),
             _lamp("sky", (6.2, 4.0, 3.6), (2.4, 2.0), 22, -120),
             _lamp("rim", (3.2, 5.2, -5.2), (1.5, 0.9), 40, -32),
@@ -169,7 +178,8 @@ def _lamp(material: str, at: tuple[float, ...], size: tuple[float, float], tilt:
 def _top() -> Shape:
     """It travels, within that leans to a side that goes round, within that spins."""
     turns = top_turns(MOMENTS)
-    spins = {"name": "spins", "type": "mesh", "file": "top.glb", "transform": [_about("y", _keys(turns["spin"] - turns["sway"], 2))]}
+    spin = [_about("y", _keys(turns["spin"] - turns["sway"], 2))]
+    spins = {"name": "spins", "type": "mesh", "file": "top.glb", "transform": spin}
     leans = [_about("x", _keys(turns["lean"], 3)), _about("y", _keys(turns["sway"], 2))]
     return {
         "name": "top",
@@ -182,9 +192,7 @@ def _top() -> Shape:
 def _bricks() -> list[Shape]:
     """Building blocks in the background, one on two."""
     found = []
-    for i, (material, x, y, z, turn) in enumerate(
-        [("mustard", -2.45, 0, -3.3, 24), ("blue", -1.1, 0, -3.75, -8), ("white", -1.72, 1, -3.5, 14), ("mint", 4.6, 0, -3.6, 32)]
-    ):
+    for i, (material, x, y, z, turn) in enumerate(BRICKS):
         transform = [{"scale": 0.55}, _about("y", turn), {"translate": [x, round(0.55 + 1.1 * y, 3), z]}]
         found.append({"name": f"block {i}", "type": "mesh", "file": "block.glb", "material": material, "transform": transform})
     return found
@@ -199,7 +207,16 @@ def _rings(x: float, z: float) -> list[Shape]:
         turn = np.linspace(-np.pi, np.pi, 25)
         profile = np.stack([reach - thick + thick * np.cos(turn), thick + thick * np.sin(turn)], -1).round(4).tolist()
         at = {"translate": [x, round(height, 3), z]}
-        found.append({"name": f"ring {material}", "type": "lathe", "material": material, "profile": profile, "segments": 72, "transform": [at]})
+        found.append(
+            {
+                "name": f"ring {material}",
+                "type": "lathe",
+                "material": material,
+                "profile": profile,
+                "segments": 72,
+                "transform": [at],
+            }
+        )
         height += 1.9 * thick
     return [*found, sphere("knob", "white", (x, height + 0.2, z), 0.24)]
 

@@ -217,7 +217,8 @@ def skin_picture() -> np.ndarray:
 
 
 OUTLINE = [(0, 0), (0.03, 0.02), (0.075, 0.09), (0.17, 0.16), (0.33, 0.235), (0.445, 0.32), (0.475, 0.385), (0.45, 0.44)]
-OUTLINE += [(0.36, 0.485), (0.22, 0.515), (0.1, 0.545), (0.06, 0.6), (0.048, 0.72), (0.05, 0.82), (0.075, 0.86), (0.07, 0.91), (0, 0.935)]
+OUTLINE += [(0.36, 0.485), (0.22, 0.515), (0.1, 0.545), (0.06, 0.6), (0.048, 0.72), (0.05, 0.82)]
+OUTLINE += [(0.075, 0.86), (0.07, 0.91), (0, 0.935)]
 TWIST = 0.9  # radians by which the stripes lean over the top's height
 
 
@@ -233,8 +234,12 @@ def top_parts() -> dict[str, Part]:
     found: dict[str, Part] = {}
     quarter = np.pi / 2
     for low, high, name in [(0.0, 0.13, "tip"), (0.13, 0.53, "red"), (0.13, 0.53, "cream"), (0.53, 2.0, "tip")]:
-        rows = slice(*(np.searchsorted(profile[:, 1], [low, high]) + [0, 1]))  # neighbours share a row
-        sectors = [(0.0, 4 * quarter, 49)] if name == "tip" else [((i + 0.5 * (name == "cream")) * quarter, quarter / 2, 7) for i in range(4)]
+        rows = slice(*(np.searchsorted(profile[:, 1], [low, high]) + np.array([0, 1])))  # neighbours share a row
+        sectors = (
+            [(0.0, 4 * quarter, 49)]
+            if name == "tip"
+            else [((i + 0.5 * (name == "cream")) * quarter, quarter / 2, 7) for i in range(4)]
+        )
         pieces = [found[name]] if name in found else []
         for begin, width, columns in sectors:
             turn = np.linspace(begin + width, begin, columns) + TWIST * profile[rows, 1:] / 0.4

@@ -135,7 +135,7 @@ def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     bone = LENGTH / SPINE * np.array([1.0, 0, 0])
     tip = place + _rotated(spine, np.broadcast_to(bone, (*spine.shape[:-1], 3))).sum(1)
     gaze, puzzled = _at(_gaze()[0], t), _at(_gaze()[1], t)
-    sight = top_place(t) + [0, 0.45, 0] - tip
+    sight = top_place(t) + np.array([0, 0.45, 0]) - tip
     down = np.arctan2(sight[:, 1] - 0.25, np.hypot(sight[:, 0], sight[:, 2])) * (1 - 0.75 * puzzled)
     roll = 0.16 * np.sin(2 * _phase(t) + 0.6) + 0.42 * puzzled
     head = _times(_times(_turn(1, 1.5 * np.pi + gaze), _turn(2, 0.75 * down)), _turn(0, roll))

@@ -1,4 +1,4 @@
-"""Writes GLB files: meshes by material, a tree of nodes, one skin, one animation. What the scripts beside this need, and no more."""
+"""Writes GLB files: meshes by material, a tree of nodes, skins, clips. What the scripts beside this need, and no more."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ class Glb:
     """A file that grows: each method adds one thing and gives its index, `data` gives the bytes."""
 
     def __init__(self, generator: str) -> None:
-        self.document: dict[str, Any] = {"asset": {"version": "2.0", "generator": generator}, "scene": 0, "scenes": [{"nodes": []}]}
+        asset = {"version": "2.0", "generator": generator}
+        self.document: dict[str, Any] = {"asset": asset, "scene": 0, "scenes": [{"nodes": []}]}
         self.blob = b""
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
@@ -55,8 +56,8 @@ class Glb:
     def node(self, parent: int | None = None, **item: Any) -> int:
         """A node, below another or at the top."""
         at = self.add("nodes", item)
-        place = self.document["scenes"][0]["nodes"] if parent is None else self.document["nodes"][parent].setdefault("children", [])
-        place.append(at)
+        above = self.document["scenes"][0] if parent is None else self.document["nodes"][parent]
+        above.setdefault("nodes" if parent is None else "children", []).append(at)
         return at
 
     def animation(self, name: str, times: np.ndarray, tracks: dict[tuple[int, str], np.ndarray]) -> int:

@@ -17,9 +17,10 @@ const TURN_S = 4;
  * @param {Scene} scene
  * @param {Shot | null} like whose settings it shows first
  * @param {() => void} changed
+ * @param {boolean} [asShot] what moves is a shot until told otherwise
  * @returns {{elements: HTMLElement[], get: () => Record<string, any>, count: () => number}} count: of frames
  */
-export function shotFields(scene, like, changed) {
+export function shotFields(scene, like, changed, asShot = false) {
   const setting = (/** @type {string} */ name) => settingOf("shot", name);
   const { clips = [], fps: own = null } = scene;
   const moves = clips.some(({ start, end }) => end > start);
@@ -83,7 +84,7 @@ export function shotFields(scene, like, changed) {
   frames.addEventListener("input", () => ((typed = frames.value !== ""), check()));
   for (const input of [fps, turn]) input.addEventListener("input", refill);
 
-  let chosen = like && like.count > 1 ? "shot" : "still";
+  let chosen = (like && like.count > 1) || (asShot && moves) ? "shot" : "still";
   const isShot = () => chosen === "shot";
   const show = () => {
     setShown(shotPart, isShot());
