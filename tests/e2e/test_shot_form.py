@@ -62,6 +62,17 @@ def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
     assert submitted(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
 
 
+@pytest.mark.parametrize(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)])
+def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
+    open_form(page, scene=scene, as_shot=True)
+    shown = page.get_by_label("Frames", exact=True)
+    if frames is None:
+        expect(shown).to_be_hidden()
+    else:
+        expect(shown).to_have_value(frames)
+        expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
+
+
 def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
     open_form(page, scene=MOVES)
     assert submitted(page) == STILL
