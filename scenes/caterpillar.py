@@ -128,7 +128,7 @@ def scene() -> Scene:
     return {
         "name": "Caterpillar and top",
         "fps": FPS,
-        "settings": {"width": 960, "height": 540, "spp": 128, "max_depth": 7, "shutter": 0.5},
+        "settings": {"width": 640, "height": 360, "spp": 32, "max_depth": 7, "shutter": 0.5},
         "cameras": [front],
         "environment": {"color": [0.13, 0.15, 0.19]},
         "textures": {"planks": {"image": "wood.jpg"}},

@@ -20,7 +20,7 @@ MOVES = {
     "clips": [
         {"name": "walk", "start": 0.0, "end": 2.0},
         {"name": "jump", "start": 0.5, "end": 1.5},
-        {"name": "walk", "start": 0, "end": 9},
+        {"name": "walk", "start": 0, "end": 8.99999},  # frame 225, in five digits
     ],
 }
 STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}

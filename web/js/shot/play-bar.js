@@ -56,8 +56,8 @@ export function playBar(frames, player, memory, life) {
   const showLoaded = () => {
     const { here, of } = memory.loaded();
     loaded.hidden = !memory.wanted;
-    setText(inMemory, `${count(here)} of ${count(of)} in memory`);
-    setText(amount, `, ${bytes(memory.bytes())}`);
+    setText(inMemory, `${count(here)} of ${count(of)}`);
+    setText(amount, ` in memory, ${bytes(memory.bytes())}`);
     element.style.setProperty("--loaded", String(of ? here / of : 0));
   };
   const showPart = () => {

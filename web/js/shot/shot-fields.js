@@ -12,6 +12,8 @@ import { parseFrames } from "./frame-numbers.js";
 
 const USUAL_FPS = 24;
 const TURN_S = 4;
+/** Of a frame: so far off may be a key whose time is written in a few digits. */
+const ROUNDED = 1e-3;
 
 /**
  * @param {Scene} scene
@@ -60,7 +62,7 @@ export function shotFields(scene, like, changed, asShot = false) {
     const chosen = clips.filter((_, i) => clip.get() === "all" || clip.get() === choices[i]?.name);
     const start = Math.min(...chosen.map((each) => each.start));
     const end = Math.max(...chosen.map((each) => each.end));
-    return chosen.length ? `${Math.ceil(start * rate - 1e-6)}-${Math.floor(end * rate + 1e-6)}` : "0-95";
+    return chosen.length ? `${Math.ceil(start * rate - ROUNDED)}-${Math.floor(end * rate + ROUNDED)}` : "0-95";
   };
   const numbers = () => {
     const found = parseFrames(frames.value);
