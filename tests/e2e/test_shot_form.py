@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -71,6 +72,16 @@ def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: di
     else:
         expect(shown).to_have_value(frames)
         expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
+
+
+def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page) -> None:
+    told = {"name": "toy", "title": "A toy", "description": "It moves."}
+    page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
+    page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
+    call(page, "views/home", "document.body.replaceChildren(m.homeView().element);")
+    expect(page.locator(".badge")).to_have_text("4 s")
+    page.get_by_role("button", name="A toy").click()
+    expect(page).to_have_url(re.compile(r"#/scenes/abc\?shot$"))
 
 
 def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
