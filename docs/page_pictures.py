@@ -95,14 +95,14 @@ def _shot(page: Page) -> None:
     page.get_by_role("button", name="Play", exact=True).click()
     page.locator(".loaded").filter(has_text="in memory").wait_for()
     page.wait_for_timeout(5 * SETTLE_MS)
-    page.get_by_role("button", name="Pause", exact=True).click()
+    page.get_by_role("button", name="Stop playing").click()
     page.get_by_role("slider", name="Frame").fill("20")
     page.mouse.move(5, 5)
     page.wait_for_timeout(2 * SETTLE_MS)
 
 
 TAKEN = {
-    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 1024}, 0.3, _still),
+    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 256}, 0.4, _still),
     "shot-page": (
         {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
         0.5,

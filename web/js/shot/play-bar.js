@@ -73,7 +73,7 @@ export function playBar(frames, player, memory, life) {
   life.add(
     player.playing.subscribe((on) => {
       play.replaceChildren(icon(on ? "pause" : "play"));
-      play.setAttribute("aria-label", on ? "Pause" : "Play");
+      play.setAttribute("aria-label", on ? "Stop playing" : "Play");
     }),
   );
   life.add(player.loop.subscribe((on) => loop.setAttribute("aria-pressed", String(on))));
