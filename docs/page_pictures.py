@@ -102,7 +102,7 @@ def _shot(page: Page) -> None:
 
 
 TAKEN = {
-    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 256}, 0.4, _still),
+    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _still),
     "shot-page": (
         {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
         0.5,
