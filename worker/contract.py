@@ -256,6 +256,7 @@ class RenderBatch:
     first: int
     count: int
     settings: RenderSettings
+    packing: int = 1  # what the service understands of worker.sums
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""

@@ -26,6 +26,7 @@ from service.scheduling.suspicion import Suspicion
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from worker.contract import RenderBatch, render_queue
+from worker.sums import PACKED
 
 __all__ = ["Scheduler"]
 
@@ -100,7 +101,7 @@ class Scheduler:
         tile: Tile = job.film.tiles[batch.tile]
         frame = job.frames[batch.frame]
         settings = frame.settings or job.settings
-        work = RenderBatch(lease.id, job.id, frame.key, frame.compiled[kind], tile, batch.first, batch.count, settings)
+        work = RenderBatch(lease.id, job.id, frame.key, frame.compiled[kind], tile, batch.first, batch.count, settings, PACKED)
         try:
             self._dispatcher.send_batch(work, kind)
         except BaseException:
