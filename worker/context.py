@@ -65,6 +65,7 @@ class WorkerContext:
             denoises=denoise.is_available(),
             frames=True,
             blurs=True,
+            several=True,
         )
 
     def after_fork(self) -> None:

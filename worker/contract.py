@@ -2,6 +2,7 @@
 
     service --- Celery task PREPARE ------> worker     {scene}
     service --- Celery task RENDER_BATCH -> worker     RenderBatch
+    service --- Celery task RENDER_BATCHES > worker    some of them, to be rendered in turn
     service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
@@ -29,6 +30,7 @@ __all__ = [
     "PREPARE",
     "PREPARE_FRAMES",
     "RENDER_BATCH",
+    "RENDER_BATCHES",
     "RESULTS",
     "SAMPLES_HEADER",
     "VERSION_HEADER",
@@ -53,6 +55,7 @@ __all__ = [
 PREPARE = "rayfarm.prepare"
 PREPARE_FRAMES = "rayfarm.prepare_frames"
 RENDER_BATCH = "rayfarm.render_batch"
+RENDER_BATCHES = "rayfarm.render_batches"
 DENOISE = "rayfarm.denoise"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
@@ -305,10 +308,11 @@ class WorkerReport:
     samples_per_s: float = 0.0  # of one slot, over its latest batches
     current: list[dict[str, Any]] = field(
         default_factory=list
-    )  # a slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise, frame}
+    )  # a slot each: {} or {batch, message, job, frame, tile, first, count} or {scene} or {denoise, frame}
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
     blurs: bool = False  # whether it prepares them with an open shutter
+    several: bool = False  # whether it takes several batches in one message
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""

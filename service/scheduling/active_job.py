@@ -165,14 +165,18 @@ class ActiveJob:
         frame.has_changed = True
         self._touched.add(frame.key)
 
-    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
-        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
+    def aim_s(self, batch_seconds: float, slots: int) -> float:
+        """How long what is handed out at a time is to take.
 
-        Near the end a batch is at most a third of what is left for each slot, so that all slots end at about the same time.
+        Near the end that is at most a third of what is left for each slot, so that all slots end at about the same time.
         """
+        left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost / max(slots, 1)
+        return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
+
+    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
+        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end."""
         cost = self._pixel_cost
-        left_s = max(self.target_samples - self.samples, 0) * cost / max(slots, 1)
-        aim = min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
+        aim = self.aim_s(batch_seconds, slots)
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
@@ -142,7 +143,7 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
     auto = summarise(Shot(tmp_path, "scene.yaml").at(), base)["cameras"][-1]["view"]
     work = PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     said: list[dict[str, Any]] = []
-    frames._work(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path, said.append)
+    frames._answer(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)({"frames": work.frames}, said.append)
     assert [message["frame"] for message in said] == [0, 2, 4, 6]
     assert ["failed" in message for message in said] == [False, False, True, False]
     assert "smoke" in said[2]["failed"]
@@ -190,8 +191,17 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     assert len(manifests) == 2, "frame 0 is the scene as it was prepared"
     assert len(set(service.stored)) == len(service.stored), "what frames share is sent once"
 
+    (opened,) = frames._open.values()
+    said.clear()
+    other = replace(work, work="another", job="another", frames=[6, 0])
+    frames.prepare_frames(worker, manifest, other, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 6), ("frame-prepared", 0)]
+    assert list(frames._open.values()) == [opened], "another job of the same scene finds it open"
+    frames.forget_frames()
+
     at = frames._Stage.at
     monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))
     said.clear()
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]
+    assert not frames._open
