@@ -50,6 +50,7 @@ class ActiveJob:
         self.film = film
         self.compiled = compiled
         self.of_scene = of_scene
+        self.scene_words: list[str] = []  # options that say what was asked of the scene beside its files
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority

@@ -20,6 +20,7 @@ from service.scheduling.dispatch import Dispatcher
 from service.scheduling.held import Held
 from service.scheduling.leases import Lease, Leases
 from service.scheduling.plan import Range
+from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
 from service.scheduling.suspicion import Suspicion
 from service.scheduling.together import together, work_of
@@ -247,15 +248,16 @@ class Scheduler:
             )
             self.give_up(job, batch, sentence)
 
-    def give_up(self, job: ActiveJob, batch: Range, error: str, reproduce: str | None = None) -> None:
-        """A batch cannot be rendered: that ends a still, and of a shot the frame."""
+    def give_up(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
+        """A batch cannot be rendered: that ends a still, and of a shot the frame. command: a worker's, that shows it again."""
         if job.shot is None:
-            self._bulkheads.condemn(job.id, error, reproduce)
+            self._bulkheads.condemn(job.id, error, command)
             return
         frame = job.frames[batch.frame]
         self.withdraw(job, frame.key)
         if not frame.is_over:
-            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, f"{error} {reproduce or ''}".strip()))
+            again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
+            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
 
     def _is_straggler(self, job: ActiveJob, lease: Lease) -> bool:
         """Whether others stand idle while they wait for this batch alone: then a second worker may try it as well."""

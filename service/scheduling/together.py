@@ -26,7 +26,7 @@ def together(job: ActiveJob, batch_seconds: float, slots: int, kind: str, severa
         return groups
     aim = SHARE * job.aim_s(batch_seconds, slots)
     expected = job.expected_s(first)
-    while expected < aim and len(groups[0]) < MOST:
+    while expected < aim and len(groups[0]) < MOST and not job.agenda.overtakes(job.frames[groups[0][-1].frame], kind):
         batch = job.next(batch_seconds, slots, kind)
         if batch is None:
             break

@@ -88,6 +88,8 @@ class PeerWorker:
         self.denoises = denoises
         self.knows_frames = True
         self.blurs = True
+        self.several = True
+        self.messages: list[int] = []  # how many batches each had
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
@@ -127,6 +129,7 @@ class PeerWorker:
             *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
             frames=self.knows_frames,
             blurs=self.blurs,
+            several=self.several,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -175,7 +178,11 @@ class PeerWorker:
             elif queue == denoise_queue(self.kind).encode():
                 self._denoise(DenoiseFrame(**arguments["frame"]))
             else:
-                self._render(RenderBatch.from_json(arguments["batch"]))
+                id = json.loads(message)["headers"]["id"]
+                batches = arguments["batches"] if "batches" in arguments else [arguments["batch"]]
+                self.messages.append(len(batches))
+                for batch in batches:
+                    self._render(RenderBatch.from_json(batch), id)
 
     def _denoise(self, work: DenoiseFrame) -> None:
         """A denoised picture is half the colour plus the albedo and the normal."""
@@ -193,10 +200,12 @@ class PeerWorker:
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
 
-    def _render(self, work: RenderBatch) -> None:
+    def _render(self, work: RenderBatch, message: str) -> None:
+        if self._stop.is_set():
+            return
         self.batches.append(work)
         about = self._about(work)
-        self.current = {key: about[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
+        self.current = {key: about[key] for key in ("batch", "job", "frame", "tile", "first", "count")} | {"message": message}
         try:
             if self.on_batch(work) is not False and not self._stop.is_set():
                 self.answer(work)

@@ -136,7 +136,10 @@ def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker
     job = shoot(service, service.ready_scene(), "0-2")
     done = service.wait_for(job, "finished", 30)
     assert done["shot"]["failed"] == "1"
-    assert "a fault of the scene" in frames_of(service, job)[1]["error"]
+    error = frames_of(service, job)[1]["error"]
+    assert "a fault of the scene" in error
+    assert error.endswith("To see it again: rayfarm render scene.glb --frame=1")
+    assert [digest(service, job, n) for n in (0, 2)] == [expected(n) for n in (0, 2)]
 
 
 def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Service, worker: PeerWorker) -> None:
@@ -148,7 +151,11 @@ def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Servic
     service.patch(job, frames="1-2", spp=8)
     service.wait_for(job, "finished")
     assert [digest(service, job, n) for n in range(5)] == [expected(n, 8 if n in (1, 2) else 4) for n in range(5)]
+    go = threading.Event()
+    worker.on_batch = lambda batch: (go.wait(10), None)[1]
     service.patch(job, spp=8)
+    assert [frame["progress"] for frame in frames_of(service, job).values()] == [0.5, 0.9999, 0.9999, 0.5, 0.5]
+    go.set()
     assert service.wait_for(job, "finished")["samples"] == 5 * 32 * 24 * 8
     assert [digest(service, job, n) for n in range(5)] == [expected(n, 8) for n in range(5)]
 
@@ -251,6 +258,36 @@ def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(serv
             ]
             assert {tuple(view.eye[0] for view in b.settings.views) for b in new.batches} == {(-0.25, 0.25), (2.75, 3.25)}
         assert old.frames == [1]
+
+
+def test_short_frames_go_several_in_a_message_where_all_workers_know_that(service: Service) -> None:
+    with service.worker(name="one") as one:
+        scene = service.ready_scene()
+        job = shoot(service, scene, "0-39", spp=1)
+        service.wait_for(job, "finished")
+        assert len(one.batches) == 4 * 40
+        assert max(one.messages) > 2
+        with service.worker(name="older") as older:
+            older.several = False
+            older.report()
+            one.messages.clear()
+            until(lambda: len(service.http.get("/api/workers").json()) == 2, "the other is there")
+            again = shoot(service, scene, "0-19", spp=1, seed=7)
+            service.wait_for(again, "finished")
+            assert set(one.messages + older.messages) == {1}
+    assert [digest(service, job, n) for n in range(40)] == [expected(n, 1) for n in range(40)]
+
+
+def test_what_a_lost_worker_had_of_a_message_is_rendered_by_others(service: Service) -> None:
+    with service.worker(name="first") as first:
+        job = shoot(service, service.ready_scene(), "0-29", spp=1)
+        stop = threading.Event()
+        first.on_batch = lambda batch: (stop.set(), False)[1] if first.messages[-1] > 2 else None
+        until(stop.is_set, "it has several in hand")
+    with service.worker(name="second") as second:
+        service.wait_for(job, "finished", 30)
+        assert second.batches
+    assert [digest(service, job, n) for n in range(30)] == [expected(n, 1) for n in range(30)]
 
 
 def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWorker) -> None:
