@@ -11,6 +11,7 @@ from renderer.settings import MAX_SPP, RenderSettings
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.plan import Range
+from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, blobs_of
@@ -61,6 +62,7 @@ class ActiveJob:
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frames = {frame.number: self._frame(frame) for frame in frames}
+        self._totals = Totals(self.frames)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
         self.agenda.first = self.shot.first if self.shot else None
@@ -99,7 +101,7 @@ class ActiveJob:
             (frame,) = self.frames.values()
             if frame.plan.done:
                 return True
-        elif all(frame.is_over for frame in self.frames.values()):
+        elif self._totals.renewed().over == len(self.frames):
             return True
         return self.seconds is not None and self.active_s >= self.seconds and self._has_first_wave
 
@@ -110,12 +112,12 @@ class ActiveJob:
     @property
     def samples(self) -> int:
         """What all frames have together."""
-        return sum(frame.samples for frame in self.frames.values())
+        return self._totals.renewed().samples
 
     @property
     def target_samples(self) -> int:
         """What all frames are expected to come to."""
-        return sum(frame.target_samples for frame in self.frames.values() if frame.state != "failed")
+        return self._totals.renewed().target
 
     @property
     def bad_samples(self) -> int:

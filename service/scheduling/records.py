@@ -122,7 +122,7 @@ class Records:
                     frame.bad_samples, frame.progress = each.bad_samples, job.progress if job.shot is None else each.progress
                 if frame is not None and job.shot is not None:
                     frame.noise, frame.compiled = each.noise, each.own or None
-                    frame.settings = None if each.settings is None else each.settings.to_json()
+                    frame.settings = each.settings_json
                     if is_known:  # else somebody has asked for something else, and the frame is what that made of it
                         frame.state, frame.error = each.state, each.error
         for each in changed:
