@@ -23,7 +23,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import SceneDescription
 from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
-from renderer.scene.parts import Saver
+from renderer.scene.parts import Saver, parts_of
 from renderer.scene.same import compiles_alike
 from renderer.settings import View, chosen
 from worker.bounded import Bounds, Send
@@ -52,6 +52,7 @@ class _Open:
         """Raises Trouble or RefusedError."""
         base = patiently(lambda: mapped_scene(worker, work.base), PATIENCE_S)
         self.latest: BlobRef | None = None  # of what was compiled for a frame
+        self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # the service has them while it has that
         self._room = tempfile.TemporaryDirectory(prefix="rayfarm-frames-", ignore_cleanup_errors=True)
         room = Path(self._room.name)
         folder, out = room / "scene", room / "out"
@@ -92,7 +93,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             ref = None
             if message["file"] is not None:
                 path = Path(message["file"])
-                ref = store_scene(worker, path)
+                ref = store_scene(worker, path, opened.of_scene)
                 _sweep(path.parent, opened.latest, ref)
                 opened.latest = ref
             known = (message[name] for name in ("view", "defaults", "warnings", "seconds", "views"))

@@ -182,9 +182,10 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     files = [BlobRef(p.name, hashlib.sha256(p.read_bytes()).hexdigest(), p.stat().st_size) for p in sorted(upload.iterdir())]
     service = Service(upload)
     worker: Any = SimpleNamespace(link=service, cache=BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache"))
-    monkeypatch.setattr(frames, "mapped_scene", lambda worker, sha256: base)
+    compiled_file.save(base, upload / "compiled")
+    sha256 = hashlib.sha256((upload / "compiled").read_bytes()).hexdigest()
     said: list[tuple[str, Any]] = []
-    manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
+    manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], sha256, auto)
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-prepared", 2), ("frame-failed", 4), ("frame-prepared", 6)]
     manifests = [data for data in service.stored if data.startswith(MANIFEST_STARTS)]
