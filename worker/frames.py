@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import json
 import shutil
 import tempfile
@@ -28,7 +29,7 @@ from renderer.scene.same import compiles_alike
 from renderer.settings import View, chosen
 from worker.bounded import Bounds, Send
 from worker.context import WorkerContext
-from worker.contract import BlobRef, FrameInfo, Manifest, PrepareFrames
+from worker.contract import FrameInfo, Manifest, PrepareFrames
 from worker.errors import MachineError, WorkError, is_of_machine
 from worker.patience import patiently
 from worker.prepare import memory_budget, place_files
@@ -51,7 +52,7 @@ class _Open:
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
         """Raises Trouble or RefusedError."""
         base = patiently(lambda: mapped_scene(worker, work.base), PATIENCE_S)
-        self.latest: BlobRef | None = None  # of what was compiled for a frame
+        self._latest: Path | None = None  # the files of what was compiled last
         self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # the service has them while it has that
         self._room = tempfile.TemporaryDirectory(prefix="rayfarm-frames-", ignore_cleanup_errors=True)
         room = Path(self._room.name)
@@ -61,6 +62,12 @@ class _Open:
         bounds = Bounds(memory_budget(), SECONDS, (RayfarmError,), manifest.main)
         leave = partial(shutil.rmtree, room, ignore_errors=True)
         self.child = Standing(lambda: _answer(folder, manifest, work, base, out), leave, bounds, IDLE_S)
+
+    def keep(self, files: Path) -> None:
+        """Of what was compiled for frames these files alone: the next frame may be the same."""
+        if self._latest not in (None, files):
+            shutil.rmtree(self._latest, ignore_errors=True)
+        self._latest = files
 
     def close(self) -> None:
         """Let go of it."""
@@ -94,8 +101,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             if message["file"] is not None:
                 path = Path(message["file"])
                 ref = store_scene(worker, path, opened.of_scene)
-                _sweep(path.parent, opened.latest, ref)
-                opened.latest = ref
+                opened.keep(path.parent)
             known = (message[name] for name in ("view", "defaults", "warnings", "seconds", "views"))
             info = FrameInfo(ref, *known)
             answer("frame-prepared", frame=frame, info=asdict(info))
@@ -122,13 +128,6 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         if not is_of_machine(error):
             raise
         raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
-
-
-def _sweep(out: Path, before: BlobRef | None, now: BlobRef) -> None:
-    """Remove of a moment's files those that the next one does not share: no later one does."""
-    gone = set() if before is None else {before.sha256, *(sha256 for sha256, _ in before.parts)}
-    for sha256 in gone - {now.sha256, *(sha256 for sha256, _ in now.parts)}:
-        (out / sha256).unlink(missing_ok=True)
 
 
 def _answer(
@@ -162,6 +161,8 @@ class _Stage:
         self._base = base
         self._kept = Kept()
         self._saver = Saver(out)
+        # Each moment's files lie in a folder of their own: another that looks the same may be written while these are let go of.
+        self._rooms = (out / str(number) for number in itertools.count())
         self._start = shot.at(Moment(shot.start))
         self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # good until another moment is compiled
         self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
@@ -197,7 +198,9 @@ class _Stage:
         kept, self._kept = self._kept, Kept()  # what was being made when a moment failed is not trusted
         compiled = compile_scene(read, kept=kept)
         assert kept.cuts is not None
-        file = self._saver.save(compiled, kept.cuts)
+        room = next(self._rooms)
+        room.mkdir()
+        file = self._saver.save(compiled, kept.cuts, room)
         self._kept = kept
         self._last = untouched, compiled, file
         return read, compiled, file

@@ -61,8 +61,10 @@ class Saver:
         self._folder = folder
         self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # of a part that outlasts moments: what it was made of
 
-    def save(self, scene: CompiledScene, cuts: Cuts) -> Path:
-        """Writes the scene's manifest, and those of its parts that are not in the folder yet. Gives the manifest."""
+    def save(self, scene: CompiledScene, cuts: Cuts, folder: Path | None = None) -> Path:
+        """Writes the scene's manifest, and those of its parts that are not written yet, into another folder where one is told.
+        Gives the manifest."""
+        folder = folder or self._folder
         arrays = flat(scene)
         parts: list[Part] = []
         pieces: dict[str, list[tuple[int, int, int]]] = {name: [] for name in LAYOUT}
@@ -75,7 +77,7 @@ class Saver:
             if heads is not None and known is not None and _are(known[0], heads):
                 part = known[1]
             else:
-                part = self._written(slices)
+                part = self._written(slices, folder)
             if heads is not None:
                 self._known[name] = heads, part
             at = 0
@@ -89,13 +91,13 @@ class Saver:
             "arrays": {n: {"shape": list(arrays[n].shape), "pieces": pieces[n]} for n in LAYOUT},
         }
         data = json.dumps(manifest, separators=(",", ":")).encode()
-        path = self._folder / hashlib.sha256(data).hexdigest()
+        path = folder / hashlib.sha256(data).hexdigest()
         path.write_bytes(data)
         return path
 
-    def _written(self, slices: dict[str, Array]) -> Part:
+    def _written(self, slices: dict[str, Array], folder: Path) -> Part:
         digest, size = hashlib.sha256(), 0
-        temporary = self._folder / ".part"
+        temporary = folder / ".part"
         with temporary.open("wb") as file:
             for rows in slices.values():
                 fill = bytes(_paged(size) - size)
@@ -103,7 +105,7 @@ class Saver:
                     digest.update(piece)
                     file.write(piece)
                     size += len(piece)
-        temporary.replace(self._folder / digest.hexdigest())
+        temporary.replace(folder / digest.hexdigest())
         return Part(digest.hexdigest(), size)
 
 

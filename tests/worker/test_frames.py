@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -69,11 +71,12 @@ class Bench:
 
     def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
         """Of each frame: the hash of its own compiled scene, its view, and those that it has while the shutter is open."""
-        stage = frames._Stage(self.shot(), self.asked, self.base, self.out)
+        out = Path(tempfile.mkdtemp(dir=self.out))
+        stage = frames._Stage(self.shot(), self.asked, self.base, out)
         found = {}
         for frame in order:
             said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
-            own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"])))
+            own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"]), lambda sha256, _: next(out.rglob(sha256))))
             found[frame] = own, [said["view"], *said["views"]]
         return found
 
@@ -198,6 +201,14 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     frames.prepare_frames(worker, manifest, other, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 6), ("frame-prepared", 0)]
     assert list(frames._open.values()) == [opened], "another job of the same scene finds it open"
+
+    said.clear()
+    has = service.has
+    monkeypatch.setattr(service, "has", lambda sha256: time.sleep(0.1) or has(sha256))  # so that the child is far ahead
+    for again in (other, replace(other, frames=[2, 6, 0])):
+        frames.prepare_frames(worker, manifest, again, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", frame) for frame in (6, 0, 2, 6, 0)], "what comes again is not let go of"
+    monkeypatch.undo()
     frames.forget_frames()
 
     at = frames._Stage.at
