@@ -24,6 +24,8 @@ from worker.contract import DenoiseFrame, FrameVectors
 __all__ = ["Aside", "MadeAside"]
 
 PATIENCE_S_PER_PIXEL = 1e-5
+UNSEEN_ALLOWED = 10  # looks in a row at which nobody has in hand what a worker had: a slot that died is asked again by itself
+SENT_AT_MOST = 3
 Key = tuple[str, int]  # job, frame
 
 
@@ -44,6 +46,7 @@ class _Wanted(Generic[Wish]):
     wish: Wish
     answer: Future[MadeAside] = field(default_factory=Future)
     lease: Lease | None = None
+    sent: int = 0
 
 
 class Aside(ABC, Generic[Wish]):
@@ -52,6 +55,7 @@ class Aside(ABC, Generic[Wish]):
     """
 
     _patience_s = 60.0
+    _doing: str  # what reports of workers call the job whose frame they have in hand
 
     def __init__(self, workers: Workers, blobs: BlobStore) -> None:
         self._workers = workers
@@ -113,11 +117,14 @@ class Aside(ABC, Generic[Wish]):
                 self._fail(key, Unavailable(f"Redis does not answer ({error}). Try again when it does."))
                 raise
             wanted.lease = lease
+            wanted.sent += 1
 
     def heard(self, work: str, made: MadeAside | None, error: str = "") -> None:
         """A worker has made it, or says why not."""
         with self._lock:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
+            if key is not None and (lease := self._wanted[key].lease) is not None:
+                lease.has_arrived = True
         if key is None:
             return  # too late, or of an earlier life of the service
         if made is None:
@@ -143,11 +150,26 @@ class Aside(ABC, Generic[Wish]):
             self._delete(old.sha256)
 
     def review(self) -> None:
-        """Once a second: give up on what does not come back."""
+        """Once a second: hand out again what was lost with its worker, and give up on what does not come back."""
         with self._lock:
+            self._look_for_lost()
             late = [key for key, wanted in self._wanted.items() if wanted.lease is not None and wanted.lease.is_overdue]
         for key in late:
             self._fail(key, TooLate(f"No worker gave the {self._name} in time; they may be busy. Try again."))
+
+    def _look_for_lost(self) -> None:
+        """A worker that is killed takes what it had in hand with it, and the broker hands that out again much later."""
+        doing = [(report.name, each) for report in self._workers.roster.reports.values() for each in report.current]
+        held = {(str(each.get(self._doing)), str(each.get("frame"))): name for name, each in doing}
+        for (job, frame), wanted in self._wanted.items():
+            lease = wanted.lease
+            if lease is None or lease.has_arrived:
+                continue
+            holder = held.get((job, str(frame)))
+            lease.holder = holder or lease.holder
+            lease.unseen = 0 if holder or not lease.holder else lease.unseen + 1
+            if lease.unseen >= UNSEEN_ALLOWED and wanted.sent < SENT_AT_MOST:
+                wanted.lease = None
 
     def forget(self, job: str) -> None:
         """The job is deleted."""

@@ -16,6 +16,7 @@ class Denoising(Aside[DenoiseFrame]):
     """As every Aside; of the film's content as it is."""
 
     _name = "denoised picture"
+    _doing = "denoise"
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:
         super().__init__(workers, blobs)

@@ -16,6 +16,7 @@ class Vectors(Aside[FrameVectors]):
     """As every Aside; of one version for ever."""
 
     _name = "motion vectors"
+    _doing = "vectors"
     _patience_s = 600.0  # the scene is read and compiled for them
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:

@@ -234,6 +234,22 @@ def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     assert abs(found - known).max() < 0.12 * known.max()
 
 
+def under_a_lamp(t: float) -> SceneDescription:
+    """What deforms, by a wall close to a lamp that stands still and shines away from the camera."""
+    sheet = replace(square((1.4, 0.6 * t, 0.5), (0.4, 0, 0), (0, 0.5, 0), GRAY), deforms=True)
+    wall, lamp = square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY), square((-0.2, -0.2, -0.5), (0, 1.1, 0), (1.1, 0, 0), LAMP)
+    scene = described(meshes=[sheet, wall, lamp], instances=[Instance(i) for i in range(3)])
+    scene.materials[LAMP] = replace(scene.materials[LAMP], double_sided=False)
+    return scene
+
+
+def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None:
+    settings = settings_of(size=24, max_depth=2)
+    found, known = (picture(compile_scene(made), settings, 256)[:, :16] for made in (over(under_a_lamp), under_a_lamp(0.0)))
+    assert known.mean() > 0.1
+    assert found.mean() == pytest.approx(known.mean(), rel=0.01)  # the sheet is to the right
+
+
 def test_without_a_shutter_a_frame_is_its_still() -> None:
     still = compile_scene(growing(0.0))
     settings = settings_of(size=32)

@@ -90,7 +90,7 @@ class PeerWorker:
         self.knows_frames = True
         self.blurs = True
         self.knows_vectors = True
-        self.on_vectors: Callable[[str], None] = lambda job: None
+        self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: they are never answered
         self.vectors: list[FrameVectors] = []  # made
         self.several = True
         self.messages: list[int] = []  # how many batches each had
@@ -211,7 +211,8 @@ class PeerWorker:
         """The vectors of a pixel are its column, its row, the frame (in halves), and minus its column."""
         about = {"work": work.work, "worker": self.name}
         try:
-            self.on_vectors(work.job)
+            if self.on_vectors(work.job):
+                return
             rows, columns = np.mgrid[0 : work.height, 0 : work.width]
             made = np.stack([columns, rows, np.full_like(rows, work.frame), -columns], -1).astype("<f4").tobytes()
             sha256 = hashlib.sha256(made).hexdigest()

@@ -372,9 +372,11 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
 @device
 def _area(scene, light, primitive, is_triangle, time):
     """Of lights that are triangles; anything of the others."""
+    area = lookup(scene.light_area, light)
     if time is not None and len(scene.key_position) > 0:
-        return each_lane(_moving_area, is_triangle, (scene, primitive, time))
-    return lookup(scene.light_area, light)
+        paired = _is_parallelogram(scene, light)  # which stands still, and is twice its first triangle
+        area = where(paired, area, each_lane(_moving_area, is_triangle & not_(paired), (scene, primitive, time)))
+    return area
 
 
 @subroutine

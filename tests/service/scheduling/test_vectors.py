@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 import zipfile
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
+from service.scheduling import aside
 from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker
 from tests.service.scheduling.test_denoising import finished, problem
@@ -72,3 +74,25 @@ def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypa
         job = finished(service)
         url = f"/api/jobs/{job}/frames/0/image.exr?aov=motion"
         assert "older release" in problem(service.http.get(url), 503)
+
+
+def test_what_a_killed_worker_had_in_hand_is_handed_out_again(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(aside, "UNSEEN_ALLOWED", 2)
+    job = finished(service)
+    lost: list[str] = []
+
+    def lose_the_first(job: str) -> bool:
+        if lost:
+            return False
+        lost.append(job)
+        worker.current = {"vectors": job, "frame": 0}
+        worker.report()
+        time.sleep(2.2)  # the service looks once a second
+        worker.current = {}
+        return True
+
+    worker.on_vectors = lose_the_first
+    assert service.http.get(f"/api/jobs/{job}/frames/0/image.exr?aov=motion", timeout=30).status_code == 200
+    assert (lost, len(worker.vectors)) == ([job], 1)
