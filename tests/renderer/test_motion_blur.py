@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 
 from renderer.arrays.scene import CompiledScene
@@ -16,10 +19,12 @@ from renderer.render import render_batch, render_frame, replay
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load, save
-from renderer.scene.description import Camera, Environment, Instance, Light, Material, SceneDescription, Sphere
+from renderer.scene.description import Camera, Environment, Image, Instance, Light, Material, SceneDescription, Sphere, Texture
+from renderer.scene.load import Shot
 from renderer.scene.moving import while_open
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 from tests.renderer.builders import gray, icosphere, square
+from tests.renderer.scene.builders import Gltf, clip
 
 FLAT = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), projection="orthographic", height=4.0)
 OPEN = Shutter(1.0)
@@ -193,16 +198,53 @@ def punctual(t: float) -> SceneDescription:
     )
 
 
+def striped() -> list[Image]:
+    """Soft stripes with alpha, bumps, and soft spots."""
+    y, x = (np.mgrid[0:16, 0:16] + 0.5) * (2 * math.pi / 16)
+    stripes = np.stack([0.5 + 0.45 * np.sin(x), 0.5 + 0.45 * np.sin(y), 0.6 + 0.3 * np.cos(x + y), 0.5 + 0.5 * np.cos(2 * x)], -1)
+    bumps = np.stack([0.5 + 0.3 * np.sin(2 * x), 0.5 + 0.3 * np.cos(y), 0 * x + 0.9, 0 * x + 1], -1)
+    spots = np.stack([0.5 + 0.5 * np.sin(x) * np.sin(y)] * 3 + [0 * x + 1], -1)
+    bits = [np.round(255 * pixels).astype(np.uint8) for pixels in (stripes, bumps, spots)]
+    return [Image("stripes", bits[0]), Image("bumps", bits[1], srgb=False), Image("spots", bits[2])]
+
+
+def sliding(t: float) -> SceneDescription:
+    """A lit wall whose colours slide and bumps grow, a pane that lets light pass where stripes turn, a lamp of moving spots."""
+    c, s = math.cos(0.9 * t), math.sin(0.9 * t)
+    textures = [
+        Texture(0, transform=(1.0, 0.0, 0.6 * t, 0.0, 1.0, 0.2 * t)),
+        Texture(0, transform=(c, s, 0.0, -s, c, 0.3 * t)),
+        Texture(1, transform=(2.0 + t, 0.0, 0.0, 0.0, 2.0, 0.0)),
+        Texture(2, transform=(1.0, 0.0, 0.8 * t, 0.0, 1.0, 0.0)),
+        Texture(1),
+    ]
+    wall = {"base_color_texture": 0, "normal_texture": 2, "metallic_roughness_texture": 4, "clearcoat_texture": 1}
+    materials = [
+        Material(kind="metallic_roughness", roughness=1.0, clearcoat=0.5, clearcoat_roughness=0.6, **wall),
+        Material(base_color_texture=1, alpha_mode="blend"),
+        Material(base_color=gray(0.0), emission=gray(9.0), emission_texture=3, double_sided=True),
+    ]
+    places = (((0, 0, -1), (3, 0, 0), (0, 3, 0)), ((-1, 0, 0.5), (0.8, 0, 0), (0, 1.2, 0)), ((1.2, 0, 0), (0, 0, 0.8), (0, 1, 0)))
+    meshes = [square(*place, UNLIT + len(MATERIALS) + k) for k, place in enumerate(places)]
+    for mesh in meshes:
+        mesh.uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    scene = described(meshes=meshes, instances=[Instance(k) for k in range(3)], lights=[Light("point", gray(12.0), (-1.5, 1, 3))])
+    return replace(scene, materials=[*MATERIALS, *materials], textures=textures, images=striped())
+
+
 def everything(t: float) -> SceneDescription:
     """All that moves, in one scene."""
     first, second = bending(t), lamps(t)
     shift = len(first.meshes)
+    painted = sliding(t)
     placed = [*first.instances, *(replace(i, mesh=i.mesh + shift) for i in second.instances)]
     spheres = [*rolling(t).spheres, *second.spheres]
     lights = [*first.lights, *punctual(t).lights]
     spun = replace(spinning_child(t).instances[0], mesh=shift + len(second.meshes))
-    meshes = [*first.meshes, *second.meshes, *spinning_child(t).meshes]
-    return described(meshes=meshes, instances=[*placed, spun], spheres=spheres, lights=lights)
+    meshes = [*first.meshes, *second.meshes, *spinning_child(t).meshes, *painted.meshes]
+    placed += [replace(i, mesh=i.mesh + shift + len(second.meshes) + 1) for i in painted.instances]
+    scene = described(meshes=meshes, instances=[*placed, spun], spheres=spheres, lights=lights)
+    return replace(scene, materials=painted.materials, textures=painted.textures, images=painted.images)
 
 
 def fly_by(t: float) -> SceneDescription:
@@ -213,7 +255,7 @@ def fly_by(t: float) -> SceneDescription:
     return scene
 
 
-SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by]
+SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by, sliding]
 
 
 @pytest.mark.parametrize("at", SCENES, ids=lambda at: at.__name__)
@@ -291,6 +333,64 @@ def test_keys_may_be_chosen_and_else_follow_the_turns() -> None:
     assert over(turning(0.1)).keys == 5
     assert over(turning(3.3)).keys == 33
     assert over(turning(3.3), Shutter(1.0, keys=7)).keys == 7
+
+
+SLIDING_YAML = """
+textures: {squares: {checker: {squares: 4, colors: [0.1, 0.9]}, offset: {keys: [[0, [0, 0]], [1, [4, 2]]]}}}
+materials: {sheet: {kind: unlit, texture: squares}}
+shapes: [{type: quad, material: sheet, transform: [{scale: 2}]}]
+environment: {color: 0}
+"""
+
+
+def sliding_glb() -> bytes:
+    """A sheet whose texture slides by KHR_texture_transform."""
+    g = Gltf()
+    squares = np.where(np.indices((4, 4)).sum(0) % 2, 230, 30).astype(np.uint8)
+    g.root["extensionsUsed"] = ["KHR_texture_transform", "KHR_materials_unlit"]
+    png = io.BytesIO()
+    PIL.Image.fromarray(np.stack([squares] * 3, -1)).save(png, "PNG")
+    uri = "data:image/png;base64," + base64.b64encode(png.getvalue()).decode()
+    info = {"index": g.texture({"uri": uri}), "extensions": {"KHR_texture_transform": {"offset": [0, 0]}}}
+    sheet = g.material(pbrMetallicRoughness={"baseColorTexture": info}, extensions={"KHR_materials_unlit": {}})
+    corners = np.array([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], np.float32)
+    uvs = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
+    g.mesh(corners, np.array([0, 1, 2, 0, 2, 3], np.uint16), material=sheet, TEXCOORD_0=uvs)
+    path = "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/offset"
+    return clip(g, "slide", (path, "pointer", [0, 1], [(0, 0), (4, 2)], "LINEAR")).glb()
+
+
+@pytest.mark.parametrize("name", ["sheet.yaml", "sheet.glb"])
+def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(SLIDING_YAML.encode() if name.endswith("yaml") else sliding_glb())
+    shot = Shot(tmp_path, name)
+    moving = shot.over(Moment(12.0), {"shutter": 1.0})
+    assert not any("blurred" in warning for warning in moving.warnings)
+    offsets = [(key[2], key[5]) for texture in moving.textures for key in texture.keys]
+    np.testing.assert_allclose(offsets, [(2 + k / 24, 1 + k / 48) for k in (-2, -1, 0, 1, 2)], atol=1e-6)
+    found = picture(compile_scene(moving), settings_of(size=32), 256)
+    moments = [shot.at(Moment(12.0, offset=(k + 0.5) / 48 - 0.5)) for k in range(48)]
+    known = np.mean([picture(compile_scene(still), settings_of(size=32), 16) for still in moments], axis=0)
+    still = picture(compile_scene(shot.at(Moment(12.0))), settings_of(size=32), 16)
+    assert abs(found - known).max() < 0.02 < 0.2 < abs(still - known).max()
+
+
+def test_textures_that_lie_alike_for_a_moment_slide_by_themselves() -> None:
+    """Readers keep them once there."""
+
+    def parting(t: float) -> SceneDescription:
+        still, moved = Texture(0), Texture(0, transform=(1.0, 0.0, max(t, 0.0), 0.0, 1.0, 0.0))
+        scene = described(meshes=[square((0, 0, 0), (1, 0, 0), (0, 1, 0), UNLIT)], instances=[Instance(0)], images=striped())
+        scene.textures = [still] if still == moved else [still, moved]
+        for material, number in ((UNLIT, 0), (GRAY, len(scene.textures) - 1)):
+            scene.materials[material] = replace(scene.materials[material], base_color_texture=number)
+        return scene
+
+    found = over(parting)
+    assert not found.warnings
+    standing, sliding = (found.textures[found.materials[k].base_color_texture or 0] for k in (UNLIT, GRAY))
+    assert not standing.keys
+    assert [key[2] for key in sliding.keys] == [0.0, 0.0, 0.0, 0.25, 0.5]
 
 
 def test_what_cannot_be_blurred_is_named() -> None:
