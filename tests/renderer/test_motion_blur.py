@@ -222,9 +222,9 @@ def sliding(t: float) -> SceneDescription:
     materials = [
         Material(kind="metallic_roughness", roughness=1.0, clearcoat=0.5, clearcoat_roughness=0.6, **wall),
         Material(base_color_texture=1, alpha_mode="blend"),
-        Material(base_color=gray(0.0), emission=gray(9.0), emission_texture=3, double_sided=True),
+        Material(base_color=gray(0.0), emission=gray(4.0), emission_texture=3, double_sided=True),
     ]
-    places = (((0, 0, -1), (3, 0, 0), (0, 3, 0)), ((-1, 0, 0.5), (0.8, 0, 0), (0, 1.2, 0)), ((1.2, 0, 0), (0, 0, 0.8), (0, 1, 0)))
+    places = (((0, 0, -1), (3, 0, 0), (0, 3, 0)), ((-1, 0, 0.5), (0.8, 0, 0), (0, 1.2, 0)), ((1.9, 0, 1), (0, 0, 0.6), (0, 1, 0)))
     meshes = [square(*place, UNLIT + len(MATERIALS) + k) for k, place in enumerate(places)]
     for mesh in meshes:
         mesh.uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
@@ -372,7 +372,7 @@ def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
     moments = [shot.at(Moment(12.0, offset=(k + 0.5) / 48 - 0.5)) for k in range(48)]
     known = np.mean([picture(compile_scene(still), settings_of(size=32), 16) for still in moments], axis=0)
     still = picture(compile_scene(shot.at(Moment(12.0))), settings_of(size=32), 16)
-    assert abs(found - known).max() < 0.02 < 0.2 < abs(still - known).max()
+    assert abs(found - known).mean() < 0.01 < 0.02 < abs(still - known).mean()
 
 
 def test_textures_that_lie_alike_for_a_moment_slide_by_themselves() -> None:
