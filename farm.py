@@ -6,6 +6,8 @@
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds whole
                                            grids of statistics, installations and comparisons; more arguments go to pytest
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
+    python3 farm.py film                   our shot as a film, by the farm that runs here
+    python3 farm.py page-pictures          pictures of the page while that farm renders
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
     python3 farm.py bench [name ...]       the benchmarks
     python3 farm.py bench peers [--quick]  against Mitsuba, Embree and Cycles, by a table (hours; installs Embree and Blender)
@@ -27,6 +29,8 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
 FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
+# What makes pictures of docs/: where its program lies, and what it needs.
+PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
@@ -44,9 +48,10 @@ def main():
     command, rest = arguments[0], arguments[1:]
     if command == "test":
         return run_tests(install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS), rest)
-    if command == "sheets":
-        program = str(ROOT / "scenes" / "sheets.py")
-        return subprocess.call([str(install()), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
+    if command in PICTURES:
+        folder, extras = PICTURES[command]
+        program = str(ROOT / folder / (command.replace("-", "_") + ".py"))
+        return subprocess.call([str(install(extras)), program, *rest], env=dict(os.environ, PYTHONPATH=str(ROOT)))
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":

@@ -28,9 +28,11 @@ def faces(name: str, material: str, positions: list[list[float]], faces: list[li
     return {"name": name, "type": "faces", "material": material, "positions": positions, "faces": faces, **more}
 
 
-def text_of(scene: Scene, comment: str, script: str) -> str:
-    """The scene as YAML, a line for every entry: JSON's flow style is YAML too, and short."""
+def text_of(scene: Scene, comment: str, script: str, frames: str | None = None) -> str:
+    """The scene as YAML, a line for every entry: JSON's flow style is YAML too, and short. frames: of what is made as a shot."""
     lines = [f"# {comment}", f"# Written by scenes/{script}, which says where its numbers come from: edit that, not this."]
+    if frames:
+        lines.append(f"# Frames {frames}")
     for key, value in scene.items():
         if isinstance(value, list):
             lines += [f"{key}:", *(f"  - {json.dumps(item)}" for item in value)]

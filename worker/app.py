@@ -11,6 +11,7 @@ from celery.exceptions import SecurityWarning
 
 from worker import context, tasks
 from worker.contract import celery_config
+from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import die_with_parent
 
@@ -45,6 +46,7 @@ def run(worker: context.WorkerContext) -> int:
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
     signals.worker_process_init.connect(_child_starts)
+    signals.worker_process_shutdown.connect(_child_ends)
     signals.worker_shutting_down.connect(_shutting_down)
     celery = make_app(worker).Worker(
         hostname=f"{worker.name}@{worker.host}",
@@ -69,6 +71,10 @@ def _child_starts(**_: Any) -> None:
     die_with_parent(worker.pid)
     worker.after_fork()
     worker.board.write(tasks._slot(), {})
+
+
+def _child_ends(**_: Any) -> None:
+    forget_frames()
 
 
 def _shutting_down(**_: Any) -> None:

@@ -17,17 +17,32 @@ import signal
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from worker.errors import MachineError, WorkError, is_of_machine
 from worker.process import die_with_parent, share_one_heap
 
-__all__ = ["run_bounded"]
+__all__ = ["Bounds", "Send", "answer_of", "begin", "end", "how_it_ended", "messages", "run_bounded"]
 
 log = logging.getLogger(__name__)
 
 Send = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a child may take, and what is said of it.
+
+    memory_bytes: more than this process has now. seconds: of work. faults: exceptions whose message is already the sentence.
+    subject: how every other sentence begins.
+    """
+
+    memory_bytes: int
+    seconds: float
+    faults: tuple[type[Exception], ...] = ()
+    subject: str = "The file"
 
 
 def run_bounded(
@@ -44,6 +59,25 @@ def run_bounded(
     faults: exceptions whose message is already the sentence. Raises WorkError with a sentence that begins with `subject`
     for every other way to fail: an exception, memory, time, a crash; and MachineError where this machine is at fault.
     """
+    bounds = Bounds(memory_bytes, seconds, faults, subject)
+    child, reading = begin(work, bounds)
+    answer: dict[str, Any] | None = None
+    try:
+        for message in messages(reading, bounds):
+            if "answer" in message or "error" in message:
+                answer = message
+            else:
+                on_message(message)
+    finally:
+        status = end(child, reading, answer is not None)
+    if answer is None:
+        raise WorkError(how_it_ended(status, bounds))
+    return answer_of(answer, bounds)
+
+
+def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, int]:
+    """Fork a child that does `work`, as `run_bounded` says: its pid, and where its messages are read. The last of them has what
+    came of it as `answer`, or an `error`. Raises MachineError."""
     parent = os.getpid()
     try:
         reading, writing = os.pipe()
@@ -57,43 +91,38 @@ def run_bounded(
         raise MachineError(f"this machine cannot start another process ({error.strerror})") from error
     if child == 0:
         os.close(reading)
-        _child(work, writing, parent, memory_bytes, seconds, faults)
+        _child(work, writing, parent, bounds)
     os.close(writing)
-    answer: dict[str, Any] | None = None
-    status = 0
-    try:
-        for message in _messages(reading, seconds):
-            if "answer" in message or "error" in message:
-                answer = message
-            else:
-                on_message(message)
-    except TimeoutError:
-        raise WorkError(f"{subject} took longer than {seconds:.0f} seconds. Make it smaller, or split it into several.") from None
-    finally:
-        os.close(reading)
-        if answer is None:
-            # Either it hangs, or it has closed its pipe and is ending by itself: a crash must keep its own signal.
-            _, status = _wait(child, 1.0)
-        else:
+    return child, reading
+
+
+def end(child: int, reading: int, is_done: bool) -> int:
+    """Let a child go, and reap it: how it ended. is_done: there is nothing more to be had of it."""
+    os.close(reading)
+    if is_done:
+        with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-    if answer is None:
-        raise WorkError(_how_it_ended(status, subject, memory_bytes))
-    if "error" in answer:
-        sentence = answer["error"]
-        if answer.get("machine"):
+        return os.waitpid(child, 0)[1]
+    # Either it hangs, or it has closed its pipe and is ending by itself: a crash must keep its own signal.
+    return _wait(child, 1.0)[1]
+
+
+def answer_of(message: dict[str, Any], bounds: Bounds) -> dict[str, Any]:
+    """What the last message says. Raises WorkError and MachineError where that is an error."""
+    if "error" in message:
+        sentence = message["error"]
+        if message.get("machine"):
             raise MachineError(sentence)
-        raise WorkError(sentence if answer.get("plain") else f"{subject} {sentence}")
-    return answer["answer"]
+        raise WorkError(sentence if message.get("plain") else f"{bounds.subject} {sentence}")
+    answer: dict[str, Any] = message["answer"]
+    return answer
 
 
 def _child(
     work: Callable[[Send], dict[str, Any]],
     writing: int,
     parent: int,
-    memory_bytes: int,
-    seconds: float,
-    faults: tuple[type[Exception], ...],
+    bounds: Bounds,
 ) -> None:
     """The child's whole life; never returns."""
 
@@ -108,16 +137,16 @@ def _child(
             signal.signal(number, signal.SIG_DFL)
         die_with_parent(parent)
         share_one_heap()
-        _limit(memory_bytes, seconds)
+        _limit(bounds.memory_bytes, bounds.seconds)
         send({"answer": work(send)})
         code = 0
-    except faults as error:
+    except bounds.faults as error:
         send({"error": str(error), "plain": True})
     except MemoryError:
-        send({"error": _too_large(memory_bytes)})
+        send({"error": _too_large(bounds.memory_bytes)})
     except OSError as error:
         if error.errno == errno.ENOMEM:
-            send({"error": _too_large(memory_bytes)})
+            send({"error": _too_large(bounds.memory_bytes)})
         elif is_of_machine(error):
             where = error.filename or "a file"
             send({"error": f"this machine cannot write its files ({error.strerror}: {where})", "machine": True})
@@ -156,16 +185,19 @@ def _address_space() -> int:
         return 4 << 30
 
 
-def _messages(reading: int, seconds: float) -> Iterator[dict[str, Any]]:
-    """The child's messages until it closes its end. Raises TimeoutError after `seconds` of waiting for it.
+def messages(reading: int, bounds: Bounds) -> Iterator[dict[str, Any]]:
+    """The child's messages until it closes its end. Raises WorkError after the bounds' seconds of waiting for it.
 
     What the receiver takes for a message does not count: a Redis that is away is no slowness of the child.
     """
     buffer = b""
+    seconds = bounds.seconds
     while True:
         begun = time.monotonic()
         if seconds <= 0 or not select.select([reading], [], [], seconds)[0]:
-            raise TimeoutError
+            raise WorkError(
+                f"{bounds.subject} took longer than {bounds.seconds:.0f} seconds. Make it smaller, or split it into several."
+            )
         seconds -= time.monotonic() - begun
         data = os.read(reading, 1 << 16)
         if not data:
@@ -187,7 +219,9 @@ def _wait(child: int, seconds: float) -> tuple[int, int]:
     return os.waitpid(child, 0)
 
 
-def _how_it_ended(status: int, subject: str, memory_bytes: int) -> str:
+def how_it_ended(status: int, bounds: Bounds) -> str:
+    """A sentence on a child that ended without an answer."""
+    subject, memory_bytes = bounds.subject, bounds.memory_bytes
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

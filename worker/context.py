@@ -66,6 +66,7 @@ class WorkerContext:
             frames=True,
             blurs=True,
             vectors=True,
+            several=True,
         )
 
     def after_fork(self) -> None:

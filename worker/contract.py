@@ -2,6 +2,7 @@
 
     service --- Celery task PREPARE ------> worker     {scene}
     service --- Celery task RENDER_BATCH -> worker     RenderBatch
+    service --- Celery task RENDER_BATCHES > worker    some of them, to be rendered in turn
     service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     service --- Celery task VECTORS ------> worker     FrameVectors
@@ -30,6 +31,7 @@ __all__ = [
     "PREPARE",
     "PREPARE_FRAMES",
     "RENDER_BATCH",
+    "RENDER_BATCHES",
     "RESULTS",
     "SAMPLES_HEADER",
     "VECTORS",
@@ -56,6 +58,7 @@ __all__ = [
 PREPARE = "rayfarm.prepare"
 PREPARE_FRAMES = "rayfarm.prepare_frames"
 RENDER_BATCH = "rayfarm.render_batch"
+RENDER_BATCHES = "rayfarm.render_batches"
 DENOISE = "rayfarm.denoise"
 VECTORS = "rayfarm.vectors"
 RESULTS = "rayfarm:results"
@@ -260,6 +263,7 @@ class RenderBatch:
     first: int
     count: int
     settings: RenderSettings
+    packing: int = 1  # what the service understands of worker.sums
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""
@@ -275,11 +279,8 @@ class RenderBatch:
 
 @dataclass(frozen=True)
 class DenoiseFrame:
-    """Ask for a frame as it is now to be denoised. The worker fetches its means, and stores the result as a blob.
-
-    Means and result are float32 little-endian, rows from the top, three values a pixel: the means are three such pictures
-    one after the other (colour, albedo, normal), the result is one.
-    """
+    """Ask for a frame as it is now to be denoised. The worker fetches its means, three pictures one behind the other (colour,
+    albedo, normal), and stores the result, one, as a blob: float32 little-endian, three values a pixel, rows from the top."""
 
     work: str  # unique for every time it is handed out
     job: str
@@ -330,12 +331,13 @@ class WorkerReport:
     state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    # A slot each: {} or {batch, job, frame, tile, first, count} or {scene} or {denoise or vectors, frame}.
+    # A slot each: {} or {batch, message, job, frame, tile, first, count} or {scene} or {denoise or vectors, frame}.
     current: list[dict[str, Any]] = field(default_factory=list)
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
+    several: bool = False  # whether it takes several batches in one message
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -368,17 +370,15 @@ class Result:
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command)
-        batch-returned   batch, job, frame, tile, first, count, worker, error (a sentence): the worker's own trouble, to be
-                         handed out again without blaming the scene
+        batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)
-        vectors-made     work, worker, sha256 (of the blob)
-        vectors-failed   work, worker, error (a sentence)
+        vectors-made     work, worker, sha256 (of the blob); vectors-failed as denoise-failed
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo
         prepare-failed   scene, kind, worker, error (a sentence)
-        prepare-returned scene, kind, worker, error (a sentence): the worker's own trouble, to be handed out again
+        prepare-returned the same: the worker's own trouble, to be handed out again
         frame-prepared   work, job, kind, worker, frame, info: FrameInfo
         frame-failed     work, job, kind, worker, frame, error (a sentence)
         frames-returned  work, job, kind, worker, error (a sentence): those that are not answered, to be handed out again

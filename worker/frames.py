@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import copy
+import json
+import shutil
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +23,10 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import SceneDescription
 from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
-from renderer.scene.parts import Saver
+from renderer.scene.parts import Saver, parts_of
 from renderer.scene.same import compiles_alike
 from renderer.settings import View, chosen
-from worker.bounded import Send, run_bounded
+from worker.bounded import Bounds, Send
 from worker.context import WorkerContext
 from worker.contract import BlobRef, FrameInfo, Manifest, PrepareFrames
 from worker.errors import MachineError, WorkError, is_of_machine
@@ -31,13 +34,47 @@ from worker.patience import patiently
 from worker.prepare import memory_budget, place_files
 from worker.render import mapped_scene
 from worker.scenes import store_scene
+from worker.standing import Standing
 
-__all__ = ["prepare_frames"]
+__all__ = ["forget_frames", "prepare_frames"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 PATIENCE_S = 60.0
+IDLE_S = 10.0  # that a scene stays open for more of its frames
 
 Answer = Callable[..., None]  # the type of an event, and more of it
+
+
+class _Open:
+    """A scene that a child of this slot has open: its files, what came of it last, and the child."""
+
+    def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
+        """Raises Trouble or RefusedError."""
+        base = patiently(lambda: mapped_scene(worker, work.base), PATIENCE_S)
+        self.latest: BlobRef | None = None  # of what was compiled for a frame
+        self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # the service has them while it has that
+        self._room = tempfile.TemporaryDirectory(prefix="rayfarm-frames-", ignore_cleanup_errors=True)
+        room = Path(self._room.name)
+        folder, out = room / "scene", room / "out"
+        out.mkdir()
+        place_files(worker, manifest, folder)
+        bounds = Bounds(memory_budget(), SECONDS, (RayfarmError,), manifest.main)
+        leave = partial(shutil.rmtree, room, ignore_errors=True)
+        self.child = Standing(lambda: _answer(folder, manifest, work, base, out), leave, bounds, IDLE_S)
+
+    def close(self) -> None:
+        """Let go of it."""
+        self.child.end()
+        self._room.cleanup()
+
+
+_open: dict[str, _Open] = {}  # by what they have open; at most one
+
+
+def forget_frames() -> None:
+    """Let go of what a child of this process has open."""
+    while _open:
+        _open.popitem()[1].close()
 
 
 def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
@@ -45,11 +82,10 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
     Raises Trouble or RefusedError where the service or this machine cannot be used; what was answered stays.
     """
-    open = list(work.frames)
-    latest: BlobRef | None = None  # of what was compiled for a frame
+    left = list(work.frames)
+    opened: _Open
 
     def take(message: dict[str, Any]) -> None:
-        nonlocal latest
         frame = message["frame"]
         if "failed" in message:
             answer("frame-failed", frame=frame, error=message["failed"])
@@ -57,34 +93,31 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             ref = None
             if message["file"] is not None:
                 path = Path(message["file"])
-                ref = store_scene(worker, path)
-                _sweep(path.parent, latest, ref)
-                latest = ref
+                ref = store_scene(worker, path, opened.of_scene)
+                _sweep(path.parent, opened.latest, ref)
+                opened.latest = ref
             known = (message[name] for name in ("view", "defaults", "warnings", "seconds", "views"))
             info = FrameInfo(ref, *known)
             answer("frame-prepared", frame=frame, info=asdict(info))
-        open.remove(frame)
+        left.remove(frame)
 
-    base = patiently(lambda: mapped_scene(worker, work.base), PATIENCE_S)
+    # Whoever asks for the same of the same scene, for whichever job, finds it open.
+    key = json.dumps([asdict(manifest), {**asdict(work), "work": "", "job": "", "frames": []}], sort_keys=True)
     try:
-        with tempfile.TemporaryDirectory(prefix="rayfarm-frames-") as name:
-            folder, out = Path(name) / "scene", Path(name) / "out"
-            out.mkdir()
-            place_files(worker, manifest, folder)
+        while left:
+            if key not in _open:
+                forget_frames()
+                _open[key] = _Open(worker, manifest, work)
+            opened = _open[key]
             try:
-                run_bounded(
-                    lambda send: _work(folder, manifest, work, base, out, send),
-                    take,
-                    memory_bytes=memory_budget(),
-                    seconds=SECONDS,
-                    faults=(RayfarmError,),
-                    subject=manifest.main,
-                )
-            except WorkError as error:
-                if not open:
-                    return
-                answer("frame-failed", frame=open[0], error=str(error))  # it was at this one; the others may be better
-                answer("frames-returned", error=str(error))
+                opened.child.ask({"frames": left}, take)
+            finally:
+                if opened.child.is_over:
+                    forget_frames()
+    except WorkError as error:
+        if left:
+            answer("frame-failed", frame=left[0], error=str(error))  # it was at this one; the others may be better
+            answer("frames-returned", error=str(error))
     except OSError as error:
         if not is_of_machine(error):
             raise
@@ -98,20 +131,26 @@ def _sweep(out: Path, before: BlobRef | None, now: BlobRef) -> None:
         (out / sha256).unlink(missing_ok=True)
 
 
-def _work(folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path, send: Send) -> dict[str, Any]:
-    """In the bounded child: says of each frame what came of it, or under `failed` why nothing did."""
-    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
+def _answer(
+    folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
+) -> Callable[[dict[str, Any], Send], None]:
+    """In the bounded child: what says of each frame what came of it, or under `failed` why nothing did."""
     begun = time.monotonic()
-    stage = _Stage(shot, work, base, out)
-    for frame in work.frames:
-        try:
-            said = stage.at(Moment(frame_number(frame), work.fps, work.clip))
-        except RayfarmError as error:
-            said = {"failed": str(error)}  # an `error` would end the child
-        now = time.monotonic()
-        send({"frame": frame, "seconds": now - begun, **said})
-        begun = now
-    return {}
+    stage = _Stage(Shot(folder, manifest.main, manifest.environment, manifest.variant), work, base, out)
+    opened_s = time.monotonic() - begun
+
+    def answer(request: dict[str, Any], send: Send) -> None:
+        nonlocal opened_s
+        for frame in request["frames"]:
+            begun = time.monotonic()
+            try:
+                said = stage.at(Moment(frame_number(frame), work.fps, work.clip))
+            except RayfarmError as error:
+                said = {"failed": str(error)}  # an `error` would end the child
+            send({"frame": frame, "seconds": time.monotonic() - begun + opened_s, **said})
+            opened_s = 0.0
+
+    return answer
 
 
 class _Stage:

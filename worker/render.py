@@ -57,7 +57,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         "bad": [list(bad) for bad in sums.bad],
         "bad_count": sums.bad_count,
     }
-    return Result(event, pack_sums(sums.sums))
+    return Result(event, pack_sums(sums.sums, batch.packing))
 
 
 def failure(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:

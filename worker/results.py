@@ -27,6 +27,7 @@ class ResultStream:
     def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = PATIENCE_S) -> None:
         self.max_entries = max_entries
         self.patience_s = patience_s
+        self._length = max_entries  # of the stream as it was last seen
         self.redis = redis.Redis.from_url(
             redis_url, socket_timeout=10, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
         )
@@ -44,8 +45,13 @@ class ResultStream:
         waits = False
         while True:
             try:
-                if self.redis.xlen(RESULTS) < self.max_entries:
-                    self.redis.xadd(RESULTS, fields)  # type: ignore[arg-type]
+                if self._length >= self.max_entries:
+                    self._length = int(self.redis.xlen(RESULTS))
+                if self._length < self.max_entries:
+                    with self.redis.pipeline(transaction=False) as both:  # one way there and back
+                        both.xadd(RESULTS, fields)  # type: ignore[arg-type]
+                        both.xlen(RESULTS)
+                        self._length = int(both.execute()[1])
                     if waits:
                         log.warning("results are taken again")
                     return True

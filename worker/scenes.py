@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Collection
 from pathlib import Path
 
 from renderer.errors import SceneError
@@ -24,15 +25,17 @@ def store(worker: WorkerContext, path: Path) -> BlobRef:
     return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
-def store_scene(worker: WorkerContext, path: Path) -> BlobRef:
+def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
     """Stores what `renderer.scene.compiled.save` or a Saver wrote: of it and of the parts beside it, what the service lacks.
 
+    there: the hashes of parts that stay at the service in any case: it is not asked for them.
     The files stay, for a later moment that shares them: the service may have let go of them by then. Raises Trouble where one
     that an earlier moment had is nowhere any more.
     """
     parts = parts_of(path)
     for part in parts:
-        _store_part(worker, path.parent / part.sha256, part)
+        if part.sha256 not in there:
+            _store_part(worker, path.parent / part.sha256, part)
     is_there: bool = bool(parts) and patiently(lambda: worker.link.has(path.name), STORE_PATIENCE_S)
     if is_there:
         ref = BlobRef("", path.name, path.stat().st_size)

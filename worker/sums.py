@@ -1,22 +1,62 @@
-"""A batch's sums as bytes, on their way from a worker and in a film's files."""
+"""A batch's sums as bytes, on their way from a worker and in a film's files.
+
+Packed sums are a byte that says so, the number of planes, of each plane a head (what it is, and a number), and then what is left
+of the planes. A plane whose pixels are all alike is their value; one that is like another is its number: of a single sample the
+half is all of it or nothing. The others are as narrow as their values let them be and compressed by LZ4, each by itself, so that
+whoever wants colours does not unpack what lies beside them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import struct
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import lz4.block
 import numpy as np
+import numpy.typing as npt
 
 from renderer.film import CHANNELS, Sums
 from renderer.settings import Tile
 
-__all__ = ["pack_sums", "unpack_sums"]
+__all__ = ["PACKED", "check_sums", "pack_sums", "unpack_sums"]
+
+Array = npt.NDArray[Any]
+
+PACKED = 2  # the first byte; before there was one, all planes were one LZ4 block, which begins with 16 or more
+ALIKE, COPY = 0, 9
+PLAIN = 10  # of 8 bytes a pixel and not compressed: never in what is packed now
+WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
+_START = struct.Struct("<BB")
+_HEAD = struct.Struct("<Bq")  # ALIKE and the value, COPY and the plane, or the width and the bytes that LZ4 made of it
 
 
-def pack_sums(sums: Sums) -> bytes:
-    """A batch's sums, LZ4-compressed with the low and the high words apart: the high ones are nearly constant and vanish."""
-    words = np.ascontiguousarray(sums, dtype="<i8").reshape(-1, 1).view("<u4")
-    return lz4.block.compress(np.ascontiguousarray(words.T), store_size=False)
+def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
+    """A batch's sums, (planes, h, w) int64. The same sums are always the same bytes.
+
+    packing: what whoever unpacks them knows; 1: as releases before 0.2.
+    """
+    if packing < PACKED:
+        return lz4.block.compress(_narrow(sums, 8), store_size=False)
+    heads: list[bytes] = []
+    bodies: list[bytes] = []
+    seen: dict[tuple[int, int], list[int]] = {}
+    for number, plane in enumerate(sums):
+        least, most = (int(plane.min()), int(plane.max())) if plane.size else (0, 0)
+        if least == most:
+            heads.append(_HEAD.pack(ALIKE, least))
+            continue
+        others = seen.setdefault((least, most), [])
+        twin = next((other for other in others if np.array_equal(sums[other], plane)), None)
+        if twin is not None:
+            heads.append(_HEAD.pack(COPY, twin))
+            continue
+        others.append(number)
+        width = next(width for width in WIDTHS if -(1 << 8 * width - 1) <= least and most < 1 << 8 * width - 1)
+        body = lz4.block.compress(_narrow(plane, width), store_size=False)
+        heads.append(_HEAD.pack(width, len(body)))
+        bodies.append(body)
+    return b"".join([_START.pack(PACKED, len(sums)), *heads, *bodies])
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
@@ -24,19 +64,96 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 
     stored: an older release may have packed them, which knew fewer planes; those that came since are 0.
     planes: fill these alone; the others stay 0, and take neither time nor memory."""
-    plane = tile.h * tile.w * 8
-    size = CHANNELS * plane
+    sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
+    known = dict(_planes(data, tile, stored))
+    for number in known if planes is None else planes:
+        if number in known:
+            code, value, body = known[number]
+            if code == COPY:
+                code, value, body = known[value]
+            if code == ALIKE:
+                sums[number] = value
+            elif code == PLAIN:
+                _widen(body, 8, sums[number])
+            else:
+                _widen(_raw(body, code, tile), code, sums[number])
+    return sums
+
+
+def check_sums(data: bytes, tile: Tile) -> None:
+    """Raises ValueError where `unpack_sums` would, in less time."""
+    for code, _, body in dict(_planes(data, tile, False)).values():
+        if code in WIDTHS:
+            _raw(body, code, tile)
+
+
+def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
+    """Of each plane its number, and what it is: ALIKE, COPY or a width, the value, and what is left of it."""
+    if not data or data[0] != PACKED:
+        yield from _in_one_block(data, tile, stored)
+        return
     try:
-        raw = lz4.block.decompress(data, uncompressed_size=size)
-    except lz4.block.LZ4BlockError as error:
-        raise ValueError(f"damaged sums: {error}") from error
+        count = _START.unpack_from(data)[1]
+        heads = [_HEAD.unpack_from(data, _START.size + i * _HEAD.size) for i in range(count)]
+    except struct.error:
+        raise ValueError("damaged sums: they end too soon") from None
+    if count != CHANNELS and not (stored and 0 < count < CHANNELS):
+        raise ValueError(f"sums of {count} planes where a film has {CHANNELS}")
+    view = memoryview(data)
+    at = _START.size + count * _HEAD.size
+    for number, (code, value) in enumerate(heads):
+        body = view[at:at]
+        if code in WIDTHS:
+            if value < 0 or at + value > len(data):
+                raise ValueError("damaged sums: they end too soon")
+            body = view[at : at + value]
+            at += value
+        elif code == COPY and not (0 <= value < number and heads[value][0] in WIDTHS):
+            raise ValueError(f"damaged sums: plane {number} is said to be like {value}")
+        elif code not in (ALIKE, COPY):
+            raise ValueError(f"damaged sums: plane {number} is a {code}")
+        yield number, (code, value, body)
+    if at != len(data):
+        raise ValueError("damaged sums: they do not end")
+
+
+def _in_one_block(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
+    """The planes as releases before 0.2 packed them: low words of all planes, then their high ones, in one LZ4 block."""
+    size = CHANNELS * tile.h * tile.w * 8
+    raw = _decompressed(data, size)
+    plane = tile.h * tile.w * 8
     if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
         raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
-    words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h, tile.w)  # low, high
-    known = words.shape[1]
-    sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
-    pairs = sums.view("<u4").reshape(CHANNELS, tile.h, tile.w, 2)
-    for i in range(known) if planes is None else planes:
-        if i < known:
-            pairs[i, ..., 0], pairs[i, ..., 1] = words[:, i]
-    return sums
+    words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h * tile.w)
+    for number in range(words.shape[1]):
+        yield number, (PLAIN, 0, words[:, number].tobytes())
+
+
+def _narrow(plane: Array, width: int) -> bytes:
+    if width == 8:  # the high words are nearly alike, and vanish
+        return np.ascontiguousarray(np.ascontiguousarray(plane, "<i8").reshape(-1, 1).view("<u4").T).tobytes()
+    return plane.astype(WIDTHS[width]).tobytes()
+
+
+def _widen(raw: bytes | memoryview, width: int, plane: Array) -> None:
+    if width == 8:
+        pairs = plane.view("<u4").reshape(-1, 2)
+        pairs[:, 0], pairs[:, 1] = np.frombuffer(raw, "<u4").reshape(2, -1)
+    else:
+        plane[...] = np.frombuffer(raw, WIDTHS[width]).reshape(plane.shape)
+
+
+def _raw(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
+    size = tile.h * tile.w * width
+    raw = _decompressed(body, size)
+    if len(raw) != size:
+        raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
+    return raw
+
+
+def _decompressed(body: bytes | memoryview, size: int) -> bytes:
+    try:
+        raw: bytes = lz4.block.decompress(body, uncompressed_size=size)
+    except lz4.block.LZ4BlockError as error:
+        raise ValueError(f"damaged sums: {error}") from error
+    return raw

@@ -18,6 +18,7 @@ from worker.contract import (
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
+    RENDER_BATCHES,
     VECTORS,
     DenoiseFrame,
     FrameVectors,
@@ -47,19 +48,29 @@ def register(app: Celery) -> None:
     app.task(_prepare, name=PREPARE, bind=True)
     app.task(_prepare_frames, name=PREPARE_FRAMES, bind=True)
     app.task(_render_batch, name=RENDER_BATCH, bind=True)
+    app.task(_render_batches, name=RENDER_BATCHES, bind=True)
     app.task(_denoise, name=DENOISE, bind=True)
     app.task(_vectors, name=VECTORS, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
     """Render a batch (RenderBatch.to_json) and send its sums."""
-    worker = context.current()
+    _render(task, context.current(), batch)
+
+
+def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
+    """Render batches in turn, and send the sums of each as soon as they are there."""
+    for batch in batches:
+        _render(task, context.current(), batch)
+
+
+def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> None:
     try:
         work = RenderBatch.from_json(batch)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         worker.results.send(not_understood(worker, batch, error))
         return
-    doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
+    doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")} | {"message": task.request.id}
     worker.board.write(_slot(), doing)
     try:
         deaths = _deaths(task, worker, work.batch)
@@ -72,6 +83,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
                 discard_damaged(worker.cache, work.compiled)
         result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
         worker.results.send(result)
+        _survived(task, worker, work.batch)
         speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
         worker.board.write(_slot(), {}, speed if result.sums is not None else 0.0)
     finally:
@@ -196,13 +208,24 @@ def _deaths(task: Any, worker: context.WorkerContext, work: str) -> int:
     """How often the process that did this work was killed: the broker hands such work out again, for ever if nobody counts."""
     if not (task.request.delivery_info or {}).get("redelivered"):
         return 0
-    key = f"rayfarm:deaths:{work}"
+    key = _deaths_key(work)
     try:
         deaths = int(worker.results.redis.incr(key))
         worker.results.redis.expire(key, 3600)
     except redis.RedisError:
         return 0
     return deaths
+
+
+def _survived(task: Any, worker: context.WorkerContext, work: str) -> None:
+    """The process did this work, and so did not die of it: of others in the same message one may be to blame."""
+    if (task.request.delivery_info or {}).get("redelivered"):
+        with contextlib.suppress(redis.RedisError):
+            worker.results.redis.delete(_deaths_key(work))
+
+
+def _deaths_key(work: str) -> str:
+    return f"rayfarm:deaths:{work}"
 
 
 def _slot() -> int:

@@ -23,11 +23,13 @@ router = APIRouter(prefix="/api/examples", tags=["examples"])
 
 
 class ExampleOut(BaseModel):
-    """A scene that can be opened without an upload."""
+    """A scene that can be opened without an upload. frames, fps: of one made as a shot, as `POST /api/jobs` takes them."""
 
     name: str
     title: str
     description: str
+    frames: str | None
+    fps: float | None
 
 
 @router.get("", response_model=list[ExampleOut])

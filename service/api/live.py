@@ -26,7 +26,7 @@ from service.api.schemas import FrameOut
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
 from service.store.films import Film
-from service.store.models import Frame, Job
+from service.store.models import ACTIVE, Frame, Job
 from service.watching import tile_packet
 from service.watching.broadcast import Listener
 
@@ -38,6 +38,7 @@ MAX_UNACKNOWLEDGED = 2  # rounds
 ROUND_PIXELS = 1 << 20  # about 4 MB
 STATE_EVERY_S = 0.25
 SPEAK_EVERY_S = 5.0
+FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
 GONE = 4410
 
@@ -79,6 +80,7 @@ class _Watcher:
         self._spoke = 0.0
         self._state_at = 0.0
         self._told: dict[float, FrameOut] = {}  # of a shot: what was said of its frames
+        self._frames_at = 0.0  # not before
 
     async def receive(self) -> None:
         """Take in acknowledgements, and which frame is watched, until the watcher leaves. Anything else is left out."""
@@ -146,10 +148,13 @@ class _Watcher:
         if state is None:
             return False
         await self._socket.send_text(json.dumps({"type": "state", "job": state}))
-        if state["shot"] is not None:
-            frames = await run_in_threadpool(_frames, self._farm, self._job)
+        if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
+            self._listener.changed["job", self._job] = None  # it is looked at again
+        elif state["shot"] is not None:
+            frames, taken_s = await run_in_threadpool(_frames, self._farm, self._job)
             changed = [frame for frame in frames if self._told.get(frame.number) != frame]
             self._told = {frame.number: frame for frame in frames}
+            self._frames_at = now + FRAMES_REST * taken_s
             if changed:
                 listed = [frame.model_dump() for frame in changed]
                 await self._socket.send_text(json.dumps({"type": "frames", "frames": listed}))
@@ -184,10 +189,13 @@ def _first_frame(farm: Farm, id: str) -> int | None:
         return session.scalar(select(Frame.number).where(Frame.job == id).order_by(Frame.number).limit(1))
 
 
-def _frames(farm: Farm, id: str) -> list[FrameOut]:
+def _frames(farm: Farm, id: str) -> tuple[list[FrameOut], float]:
+    """The frames of a shot, and seconds of the processor that it took to look at them."""
+    begun = time.thread_time()
     with farm.sessions() as session:
         job = session.get(Job, id)
-        return [] if job is None else frames_out(job, session, farm.engine)
+        found = [] if job is None else frames_out(job, session, farm.engine)
+    return found, time.thread_time() - begun
 
 
 def _job(farm: Farm, id: str) -> Job | None:

@@ -62,7 +62,7 @@ async def frames_zip(
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found):
         raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
-    headers = {"Content-Disposition": f'attachment; filename="{_title(job)}.zip"', "Cache-Control": "no-store"}
+    headers = {"Content-Disposition": f'attachment; filename="{_title(job, frames)}.{format}.zip"', "Cache-Control": "no-store"}
     stream = _zipped(job, film, wish, frames, which, farm)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
@@ -94,7 +94,7 @@ async def get_movie(
     content = tuple((frame.number, frame.samples) for frame in shown)
     make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
     made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make)
-    headers = {"Content-Disposition": f'inline; filename="{_title(job)}.{extension}"', "Cache-Control": "no-cache"}
+    headers = {"Content-Disposition": f'inline; filename="{_title(job, frames)}.{extension}"', "Cache-Control": "no-cache"}
     headers |= {"Content-Length": str(made.size), "X-Frames": str(len(keys))}
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
@@ -173,6 +173,11 @@ def _fps(job: Job, farm: Farm) -> float:
     return float(((scene.info if scene else None) or {}).get("fps") or DEFAULT_FPS)
 
 
-def _title(job: Job) -> str:
-    """The job's name as one of a file."""
-    return re.sub(r"[^A-Za-z0-9_.-]+", "-", job.name).strip("-.")[:100] or job.id
+def _title(job: Job, frames: str | None = None) -> str:
+    """The job's name as one of a file, and which frames of it those are."""
+    title = _plain(job.name) or job.id
+    return f"{title}.{_plain(frames)}" if frames else title
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-.")[:100]

@@ -14,15 +14,20 @@ __all__ = ["Example", "examples", "form_of"]
 # A scene file's own words: its first comment says what is to be seen, its field `name` what it is called.
 DESCRIPTION = re.compile(r"\A# *(.+)")
 TITLE = re.compile(r"^name: *[\"']?(.*?)[\"']? *$", re.MULTILINE)
+# "# Frames 0-95": what of it is a shot; and how many of them a second has, where the file says so.
+FRAMES = re.compile(r"^# *Frames (\S+)", re.MULTILINE)
+FPS = re.compile(r"^fps: *([0-9.]+)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Example:
-    """What is said of an example."""
+    """What is said of an example. frames, fps: of one that is made as a shot."""
 
     name: str
     title: str
     description: str
+    frames: str | None = None
+    fps: float | None = None
 
 
 def examples(folder: Path) -> list[tuple[Example, Path]]:
@@ -54,5 +59,11 @@ def _parts(path: Path) -> list[tuple[str, Path]]:
 
 def _described(path: Path) -> Example:
     text = path.read_text(encoding="utf-8")
-    title, description = TITLE.search(text), DESCRIPTION.search(text)
-    return Example(path.stem, title.group(1) if title else path.stem, description.group(1) if description else "")
+
+    def told(pattern: re.Pattern[str]) -> str | None:
+        found = pattern.search(text)
+        return found.group(1) if found else None
+
+    frames = told(FRAMES)
+    fps = float(told(FPS) or 24) if frames else None
+    return Example(path.stem, told(TITLE) or path.stem, told(DESCRIPTION) or "", frames, fps)

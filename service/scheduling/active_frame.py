@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from renderer import film as film_math
 from renderer.settings import RenderSettings
@@ -72,6 +73,8 @@ class ActiveFrame:
         self._share = share
         self._plan: FramePlan | None = None
         self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
+        self._json: tuple[RenderSettings, dict[str, Any]] | None = None
+        self.on_change: Callable[[int], None] = lambda key: None  # told when its state or numbers may have changed
 
     @property
     def plan(self) -> FramePlan:
@@ -81,13 +84,14 @@ class ActiveFrame:
             self._plan = FramePlan(
                 *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._tile_noise, self.key, self.ceiling)
             )
-            self._sums = None
+            self._changed()
         return self._plan
 
     def ask(self, spp: int, noise: float | None) -> None:
         """Take over what is asked for now. What is out counts as lost."""
         self.spp, self.noise_asked, self.ceiling = spp, noise, spp
-        self._plan, self._sums, self.is_idle = None, None, False
+        self._plan, self.is_idle = None, False
+        self._changed()
 
     @property
     def is_over(self) -> bool:
@@ -134,7 +138,8 @@ class ActiveFrame:
     def rise_to(self, ceiling: int) -> None:
         """Let it have so many samples."""
         self.ceiling = self.plan.ceiling = ceiling
-        self.is_idle, self._sums = False, None
+        self.is_idle = False
+        self._changed()
 
     def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
         """The next batch under its ceiling; None where that is handed out. Raises FilmWaits or FilmLost."""
@@ -148,10 +153,10 @@ class ActiveFrame:
     def settle(self, batch: Range) -> None:
         """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost."""
         self.plan.settle(batch)
-        self.is_idle, self._sums = False, None
-        self.has_changed = True
+        self.is_idle, self.has_changed = False, True
         if self.state == "queued":
             self.state = "running"
+        self._changed()
         if self._is_measured:
             covered = self._coverage(batch.tile)
             done = self._measured.get(batch.tile, (FIRST_LOOK // LOOK_AGAIN, 0.0))[0]
@@ -172,10 +177,25 @@ class ActiveFrame:
     def fail(self, error: str) -> None:
         """It cannot be rendered."""
         self.state, self.error, self.has_changed = "failed", error, True
+        self._changed()
 
     def finish(self) -> None:
         """It has all that was asked for."""
-        self.state, self.has_changed, self._sums = "finished", True, None
+        self.state, self.has_changed = "finished", True
+        self._changed()
+
+    def _changed(self) -> None:
+        self._sums = None
+        self.on_change(self.key)
+
+    @property
+    def settings_json(self) -> dict[str, Any] | None:
+        """Its settings for its row; made once."""
+        if self.settings is None:
+            return None
+        if self._json is None or self._json[0] is not self.settings:
+            self._json = self.settings, self.settings.to_json()
+        return self._json[1]
 
     def _measure(self, tile: int, samples: int) -> None:
         self._measured[tile] = samples, self._tile_noise(tile)

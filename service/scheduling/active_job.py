@@ -11,6 +11,7 @@ from renderer.settings import MAX_SPP, RenderSettings
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.plan import Range
+from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, blobs_of
@@ -50,6 +51,7 @@ class ActiveJob:
         self.film = film
         self.compiled = compiled
         self.of_scene = of_scene
+        self.scene_words: list[str] = []  # options that say what was asked of the scene beside its files
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority
@@ -60,6 +62,7 @@ class ActiveJob:
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frames = {frame.number: self._frame(frame) for frame in frames}
+        self._totals = Totals(self.frames)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
         self.agenda.first = self.shot.first if self.shot else None
@@ -98,7 +101,7 @@ class ActiveJob:
             (frame,) = self.frames.values()
             if frame.plan.done:
                 return True
-        elif all(frame.is_over for frame in self.frames.values()):
+        elif self._totals.renewed().over == len(self.frames):
             return True
         return self.seconds is not None and self.active_s >= self.seconds and self._has_first_wave
 
@@ -109,12 +112,12 @@ class ActiveJob:
     @property
     def samples(self) -> int:
         """What all frames have together."""
-        return sum(frame.samples for frame in self.frames.values())
+        return self._totals.renewed().samples
 
     @property
     def target_samples(self) -> int:
         """What all frames are expected to come to."""
-        return sum(frame.target_samples for frame in self.frames.values() if frame.state != "failed")
+        return self._totals.renewed().target
 
     @property
     def bad_samples(self) -> int:
@@ -165,14 +168,18 @@ class ActiveJob:
         frame.has_changed = True
         self._touched.add(frame.key)
 
-    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
-        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
+    def aim_s(self, batch_seconds: float, slots: int) -> float:
+        """How long what is handed out at a time is to take.
 
-        Near the end a batch is at most a third of what is left for each slot, so that all slots end at about the same time.
+        Near the end that is at most a third of what is left for each slot, so that all slots end at about the same time.
         """
+        left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost / max(slots, 1)
+        return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
+
+    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
+        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end."""
         cost = self._pixel_cost
-        left_s = max(self.target_samples - self.samples, 0) * cost / max(slots, 1)
-        aim = min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
+        aim = self.aim_s(batch_seconds, slots)
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]

@@ -16,6 +16,7 @@ from service.scheduling.active_frame import ActiveFrame
 
 __all__ = ["Agenda", "shares"]
 
+ROUNDS = ("breadth-first", "noisiest-first")  # orders that come back to a frame
 PILOT = 16  # samples, before a frame's noise says where the rest is to be spent
 
 
@@ -52,6 +53,15 @@ class Agenda:
         """The frames that are not prepared for workers of a kind, in the order in which they are needed."""
         return sorted(
             (f for f in self._frames.values() if not f.is_over and kind not in f.compiled and not f.is_idle), key=self.turn
+        )
+
+    def overtakes(self, frame: ActiveFrame, kind: str) -> bool:
+        """Whether a frame goes on only because one whose turn it is is not prepared yet."""
+        if self._order not in ROUNDS:
+            return False
+        turn = self.turn(frame)
+        return any(
+            self.turn(f) < turn for f in self._frames.values() if not f.is_over and not f.is_idle and kind not in f.compiled
         )
 
     def turn(self, frame: ActiveFrame) -> tuple[float, ...]:

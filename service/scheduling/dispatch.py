@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,6 +16,7 @@ from worker.contract import (
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
+    RENDER_BATCHES,
     VECTORS,
     DenoiseFrame,
     FrameVectors,
@@ -34,7 +36,7 @@ class QueueError(Exception):
 
 
 class Dispatcher:
-    """Sends tasks. A task's id is the id of its lease, so that what waits can be told apart and taken back."""
+    """Sends tasks. A task's id is that of its lease or message, so that what waits can be told apart and taken back."""
 
     def __init__(self, redis_url: str, connection: redis.Redis) -> None:
         self._redis = connection
@@ -50,6 +52,10 @@ class Dispatcher:
     def send_batch(self, batch: RenderBatch, kind: str) -> None:
         """Hand out a batch. Raises QueueError."""
         self._send(RENDER_BATCH, {"batch": batch.to_json()}, render_queue(kind), batch.batch)
+
+    def send_batches(self, batches: Sequence[RenderBatch], kind: str, message: str) -> None:
+        """Hand out batches to be rendered in turn, under the name of the message. Raises QueueError."""
+        self._send(RENDER_BATCHES, {"batches": [batch.to_json() for batch in batches]}, render_queue(kind), message)
 
     def send_prepare(self, scene: str, kind: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""
@@ -68,7 +74,7 @@ class Dispatcher:
         self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
-        """What waits in a queue and no worker has taken yet: lease id -> message. Raises redis.RedisError."""
+        """What waits in a queue and no worker has taken yet: id -> message. Raises redis.RedisError."""
         found = {}
         messages: Any = self._redis.lrange(queue, 0, -1)
         for message in messages:
@@ -78,12 +84,12 @@ class Dispatcher:
                 continue
         return found
 
-    def take_back(self, queue: str, leases: set[str]) -> set[str]:
-        """Remove waiting messages; returns the leases that were still there. Raises redis.RedisError."""
+    def take_back(self, queue: str, messages: set[str]) -> set[str]:
+        """Remove waiting messages; returns those that were still there. Raises redis.RedisError."""
         taken = set()
-        for lease, message in self.waiting(queue).items():
-            if lease in leases and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
-                taken.add(lease)
+        for id, message in self.waiting(queue).items():
+            if id in messages and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
+                taken.add(id)
         return taken
 
     def purge(self) -> None:

@@ -41,6 +41,7 @@ from worker.contract import DenoiseFrame, FrameVectors
 __all__ = ["Engine"]
 
 BLOCK_MS = 200
+READ_BYTES = 1 << 20  # at a time, of results of some megabytes
 PAUSE_AFTER_FAULT_S = 0.5
 
 log = logging.getLogger(__name__)
@@ -62,7 +63,11 @@ class Engine:
         self.films = films
         self._records = records
         self._redis = redis.Redis.from_url(
-            settings.redis_url, socket_timeout=5, socket_connect_timeout=2, health_check_interval=30
+            settings.redis_url,
+            socket_timeout=5,
+            socket_connect_timeout=2,
+            health_check_interval=30,
+            socket_read_size=READ_BYTES,
         )
         self._dispatcher = Dispatcher(settings.redis_url, self._redis)
         self._results = Results(self._redis)

@@ -15,12 +15,13 @@ class Held:
     """A look at the workers' reports."""
 
     def __init__(self, roster: Roster) -> None:
-        self._by_lease: dict[Any, str] = {}
+        self._by_message: dict[Any, str] = {}
         self._by_range: dict[str, str] = {}  # of workers of an older release, which do not tell the lease
         for report in roster.reports.values():
             for doing in report.current:
-                if isinstance(doing.get("batch"), str):
-                    self._by_lease[doing["batch"]] = report.name
+                message = doing.get("message", doing.get("batch"))
+                if isinstance(message, str):
+                    self._by_message[message] = report.name
                 elif "job" in doing:
                     self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
 
@@ -29,7 +30,7 @@ class Held:
         if lease.batch is None:
             return None
         tile, first, count, frame = lease.batch
-        held = self._by_lease.get(lease.id)
+        held = self._by_message.get(lease.message)
         return held or self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
 

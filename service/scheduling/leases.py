@@ -32,6 +32,11 @@ class Lease:
     answered_by: Position | None = None  # the results' end when it was first unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
+    message: str = ""  # with which it was sent: its own, unless it went with others
+
+    def __post_init__(self) -> None:
+        """Alone, unless told."""
+        self.message = self.message or self.id
 
     @property
     def is_overdue(self) -> bool:
@@ -73,8 +78,8 @@ class Leases:
         """The leases of a job or a scene."""
         return [lease for lease in self._all.values() if lease.owner == owner]
 
-    def batches(self, kind: str) -> int:
-        """How many batches are out with workers of a kind, results that were not read yet included: where they pile up,
-        workers get less."""
+    def messages(self, kind: str) -> int:
+        """How many messages with batches are out with workers of a kind, those whose results were not read yet included: where
+        they pile up, workers get less."""
         out = (lease for lease in self._all.values() if lease.batch is not None and not lease.has_arrived)
-        return sum(1 for lease in out if lease.kind == kind)
+        return len({lease.message for lease in out if lease.kind == kind})

@@ -5,7 +5,6 @@ All of it runs in the engine's thread. The database decides: what a person chang
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,6 +24,7 @@ from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
+from service.scheduling.reproduce import reproduce
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
 from service.scheduling.vectors import Vectors
@@ -136,6 +136,8 @@ class Lifecycle:
         frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
+        asked = {"env": scene.environment, "variant": scene.variant}
+        job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         self._scheduler.jobs[row.id] = job
         if job.shot is not None:
             self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
@@ -217,12 +219,8 @@ class Lifecycle:
         job = self._scheduler.jobs.get(id)
         if job is not None:
             self._drop(job)  # first: it is over also while the database cannot say so
-        reproduce = verdict.reproduce
-        scene = self._records.scene(job.scene) if job is not None and reproduce else None
-        if reproduce and scene is not None:  # what is asked of the scene is not among the settings
-            asked = {"env": scene.environment, "variant": scene.variant}
-            reproduce = " ".join([reproduce, *(shlex.quote(f"--{name}={value}") for name, value in asked.items() if value)])
-        if self._records.failed(id, verdict.error, reproduce) or job is not None:
+        command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce
+        if self._records.failed(id, verdict.error, command) or job is not None:
             if job is not None:
                 self._records.progress(job)
                 self._give_back(job)

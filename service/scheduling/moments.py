@@ -27,6 +27,7 @@ __all__ = ["Moments"]
 LOSSES_ALLOWED = 3
 AHEAD = 4  # frames, at least
 MOST_AT_ONCE = 32
+MOST_WITHOUT_ROOM = 500  # of frames that take none: only the camera moves
 AIM_S = 1.0  # that handing out frames together takes
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
@@ -142,7 +143,8 @@ class Moments:
         if not lacking:
             return []
         seconds = self._seconds.get(job.id)
-        together = 1 if seconds is None else max(1, min(MOST_AT_ONCE, int(AIM_S / max(seconds, 1e-6))))
+        most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
+        together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
         ahead = max(AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
         turn = job.agenda.turn(lacking[0])
         open = [frame for frame in job.frames.values() if not frame.is_over and not frame.is_idle]

@@ -18,6 +18,8 @@ from worker.contract import SceneInfo
 
 __all__ = ["Records"]
 
+MOST_NAMED = 500  # in one query; with more, all are read
+
 
 class Records:
     """The engine's view of the database."""
@@ -108,14 +110,19 @@ class Records:
             row = session.get(Job, job.id) if changed and job.shot is not None else None
             shot = Shot.of(row.shot) if row is not None else None
             is_known = shot is not None and job.shot is not None and shot.revision == job.shot.revision
+            keys = [each.key for each in changed]
+            query = select(Frame).where(Frame.job == job.id)
+            if len(keys) <= MOST_NAMED:
+                query = query.where(Frame.number.in_(keys))
+            rows = {frame.number: frame for frame in session.scalars(query)} if keys else {}
             for each in changed:
-                frame = session.get(Frame, (job.id, each.key))
+                frame = rows.get(each.key)
                 if frame is not None:
                     frame.samples, frame.target = each.samples, each.target_samples
                     frame.bad_samples, frame.progress = each.bad_samples, job.progress if job.shot is None else each.progress
                 if frame is not None and job.shot is not None:
                     frame.noise, frame.compiled = each.noise, each.own or None
-                    frame.settings = None if each.settings is None else each.settings.to_json()
+                    frame.settings = each.settings_json
                     if is_known:  # else somebody has asked for something else, and the frame is what that made of it
                         frame.state, frame.error = each.state, each.error
         for each in changed:

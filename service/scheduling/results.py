@@ -16,7 +16,8 @@ __all__ = ["Entry", "Position", "Results"]
 
 log = logging.getLogger(__name__)
 
-AT_MOST = 64  # entries a read: bounds memory, and the time until the next look at the queue
+AT_MOST = 64  # entries a read: bounds the time until the next look at the queue
+BYTES = 8 << 20  # a read, about: what is stored while it is still in the processor's cache costs a third
 
 Position = tuple[int, int]  # in the stream: what lies at or before it was appended earlier
 BEGINNING: Position = (0, 0)
@@ -36,11 +37,12 @@ class Results:
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
         self._read_to = BEGINNING
+        self._at_most = AT_MOST
 
     def read(self, block_ms: int) -> list[Entry]:
         """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError."""
         after = f"{self._read_to[0]}-{self._read_to[1]}"
-        answer: Any = self._redis.xread({RESULTS: after}, count=AT_MOST, block=block_ms)
+        answer: Any = self._redis.xread({RESULTS: after}, count=self._at_most, block=block_ms)
         streams = list(answer.values()) if isinstance(answer, dict) else [entries for _, entries in answer or []]
         entries: list[Entry] = []
         for found in streams:
@@ -49,6 +51,8 @@ class Results:
             entries += [Entry(id, _parse(fields)) for id, fields in flat]
         if entries:
             self._read_to = _position(entries[-1].id)
+            size = sum(len(entry.result.sums or b"") for entry in entries if entry.result is not None)
+            self._at_most = max(1, min(AT_MOST, BYTES * len(entries) // max(size, 1)))
         return entries
 
     def end(self) -> Position:

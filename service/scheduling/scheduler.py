@@ -14,18 +14,19 @@ from itertools import count, groupby
 
 import redis
 
-from renderer.settings import Tile
 from service.scheduling.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, ActiveJob, Trouble
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.held import Held
 from service.scheduling.leases import Lease, Leases
 from service.scheduling.plan import Range
+from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
 from service.scheduling.suspicion import Suspicion
+from service.scheduling.together import together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
-from worker.contract import RenderBatch, render_queue
+from worker.contract import render_queue
 
 __all__ = ["Scheduler"]
 
@@ -60,7 +61,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = slots * self._settings.window_per_slot - self.leases.batches(kind)
+            room = slots * self._settings.window_per_slot - self.leases.messages(kind)
             for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
                 room -= self._share(list(equals), kind, slots, room, start)
                 if room <= 0:
@@ -72,7 +73,7 @@ class Scheduler:
         Always of the job that has the fewest in hand, and of these of the one that has waited longest: batches take about the
         same time, so the jobs get about the same share of the workers.
         """
-        in_hand = Counter(lease.owner for lease in self.leases)
+        in_hand = Counter(owner for owner, _ in {(lease.owner, lease.message) for lease in self.leases})
         turns = [(in_hand[job.id], job.served, i, job) for i, job in enumerate(jobs)]
         heapify(turns)
         handed_out = 0
@@ -89,24 +90,37 @@ class Scheduler:
         return handed_out
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start) -> None:
-        """Hand out the next batch of a job, if it has one for workers of this kind. Raises QueueError."""
-        batch = job.next(self._settings.batch_seconds, slots, kind) if start(job, kind) else None
-        if batch is None:
+        """Hand out the next batch of a job, or some of them, if it has any for workers of this kind. Raises QueueError."""
+        if not start(job, kind):
             return
-        expected = job.expected_s(batch)
-        trouble = job.trouble.get(batch)
-        patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
-        lease = Lease(job.id, kind, batch, patience, expected)
-        tile: Tile = job.film.tiles[batch.tile]
-        frame = job.frames[batch.frame]
-        settings = frame.settings or job.settings
-        work = RenderBatch(lease.id, job.id, frame.key, frame.compiled[kind], tile, batch.first, batch.count, settings)
+        groups = together(job, self._settings.batch_seconds, slots, kind, self._workers.roster.takes_several(kind))
         try:
-            self._dispatcher.send_batch(work, kind)
+            while groups:
+                self._send(job, kind, groups[0])
+                groups.pop(0)
         except BaseException:
-            job.lose(batch)
+            for batch in (batch for group in groups for batch in group):
+                job.lose(batch)
             raise
-        self.leases.add(lease)
+
+    def _send(self, job: ActiveJob, kind: str, batches: list[Range]) -> None:
+        """Hand out batches in one message. Raises QueueError; then none of them is."""
+        leases: list[Lease] = []
+        expected = 0.0
+        for batch in batches:
+            expected += job.expected_s(batch)
+            trouble = job.trouble.get(batch)
+            patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
+            leases.append(Lease(job.id, kind, batch, patience, expected))
+        works = [work_of(job, kind, lease.id, batch) for lease, batch in zip(leases, batches, strict=True)]
+        if len(works) == 1:
+            self._dispatcher.send_batch(works[0], kind)
+        else:
+            for lease in leases:
+                lease.message = leases[0].id
+            self._dispatcher.send_batches(works, kind, leases[0].id)
+        for lease in leases:
+            self.leases.add(lease)
         job.served = next(self._turn)
 
     def arrived(self, owner: str, lease: str) -> None:
@@ -168,7 +182,8 @@ class Scheduler:
         ]
         for kind in {lease.kind for lease in mine}:
             try:
-                self._dispatcher.take_back(render_queue(kind), {lease.id for lease in mine})
+                taken = self._dispatcher.take_back(render_queue(kind), {lease.message for lease in mine})
+                mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
             except redis.RedisError as error:
                 log.warning("batches of job %s stay in the queue: %s", job.id, error)
         for lease in mine:
@@ -188,13 +203,13 @@ class Scheduler:
             if lease.batch is None or job is None or lease.has_arrived:
                 continue
             holder = held.by(lease, job)
-            lease.seen(holder is not None or lease.id in waiting, end)
+            lease.seen(holder is not None or lease.message in waiting, end)
             is_held_by_nobody = lease.holder is not None and holder is None and lease.holder not in self._workers.roster.reports
             lease.holder = holder or lease.holder
             lease.is_held = holder is not None
             is_lost = is_held_by_nobody or lease.is_overdue or lease.unseen >= UNSEEN_ALLOWED
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if is_lost and lease.id not in waiting and not may_be_answered:
+            if is_lost and lease.message not in waiting and not may_be_answered:
                 self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
             elif holder and self._is_straggler(job, lease):
                 lease.doubled = True
@@ -233,20 +248,21 @@ class Scheduler:
             )
             self.give_up(job, batch, sentence)
 
-    def give_up(self, job: ActiveJob, batch: Range, error: str, reproduce: str | None = None) -> None:
-        """A batch cannot be rendered: that ends a still, and of a shot the frame."""
+    def give_up(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
+        """A batch cannot be rendered: that ends a still, and of a shot the frame. command: a worker's, that shows it again."""
         if job.shot is None:
-            self._bulkheads.condemn(job.id, error, reproduce)
+            self._bulkheads.condemn(job.id, error, command)
             return
         frame = job.frames[batch.frame]
         self.withdraw(job, frame.key)
         if not frame.is_over:
-            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, f"{error} {reproduce or ''}".strip()))
+            again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
+            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
 
     def _is_straggler(self, job: ActiveJob, lease: Lease) -> bool:
         """Whether others stand idle while they wait for this batch alone: then a second worker may try it as well."""
         late = time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
-        idle = self._workers.roster.slots(lease.kind) > self.leases.batches(lease.kind)
+        idle = self._workers.roster.slots(lease.kind) > self.leases.messages(lease.kind)
         return late and idle and not lease.doubled
 
     def ahead(self) -> dict[str, int]:

@@ -52,6 +52,8 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, Frame], wish: ShotWis
     healed = [key for key, frame in frames.items() if wish.state == "running" and frame.state == "failed"]
     for key in (*more, *healed):
         _open(frames[key])
+    for key in more:
+        _aim_anew(job, frames[key])
     if added or anew or more or healed:
         now = now.changed(anew=[*now.anew, *(key for key in anew if key not in now.anew)])
         if job.state in FINAL and job.state != "cancelled":
@@ -116,6 +118,14 @@ def _known(frames: Mapping[int, Frame], numbers: Iterable[float], field: str) ->
         has = frames_text([frame_number(key) for key in frames])
         raise Invalid(f"{field}: the shot has no frame {frames_text(missing) or '-'}; it has {has[:200]}.")
     return keys
+
+
+def _aim_anew(job: Job, frame: Frame) -> None:
+    """What a frame has is a part of what it is to have now."""
+    settings = job.settings or {}
+    wanted = (frame.spp or job.spp or 0) * int(settings.get("width", 0)) * int(settings.get("height", 0))
+    frame.target = max(wanted, frame.samples)
+    frame.progress = min(frame.samples / frame.target, 0.9999) if frame.target else 0.0
 
 
 def _open(frame: Frame) -> None:

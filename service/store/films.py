@@ -22,7 +22,7 @@ from service.store.film_faults import FilmClosed, damaged, film_faults, incomple
 from service.store.film_file import FilmFile
 from service.store.film_version import FilmShape
 from service.store.tile_cache import TileCache
-from worker.sums import pack_sums, unpack_sums
+from worker.sums import check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 
@@ -155,16 +155,16 @@ class Film:
             new = [s for s in staged if s is not None]
             if not new:
                 return [False] * len(staged)
-            rows = [(p.frame, p.tile, p.first, p.count, p.bad_count, p.sums) for p, _ in new]
-            bad = [(p.frame, *sample) for p, _ in new for sample in p.bad]
+            rows = [(p.frame, p.tile, p.first, p.count, p.bad_count, p.sums) for p in new]
+            bad = [(p.frame, *sample) for p in new for sample in p.bad]
             try:
                 self._file.add(rows, bad)
             except BaseException:
                 self._in_doubt = True
                 raise
             self._coverage.update(claimed)
-            for part, sums in new:
-                self._remember(part, sums)
+            for part in new:
+                self._remember(part)
             for key in claimed:
                 self._fold(*key)
             return [s is not None for s in staged]
@@ -233,7 +233,7 @@ class Film:
         self._cache.forget(self._path.stem)
         self._in_doubt = False
 
-    def _stage(self, part: Part, claimed: dict[tuple[int, int], Coverage]) -> tuple[Part, Sums] | None:
+    def _stage(self, part: Part, claimed: dict[tuple[int, int], Coverage]) -> Part | None:
         """Check a part and claim its range; None where it is not to be taken."""
         if not 0 <= part.tile < len(self.tiles) or part.first < 0 or part.count < 1:
             return None
@@ -242,22 +242,21 @@ class Film:
         if coverage.overlaps(part.first, part.count):
             return None
         try:
-            sums = unpack_sums(part.sums, self.tiles[part.tile])
+            check_sums(part.sums, self.tiles[part.tile])
         except ValueError:
             return None
         coverage.add(part.first, part.count)
         claimed[where] = coverage
-        return part, sums
+        return part
 
-    def _remember(self, part: Part, sums: Sums) -> None:
+    def _remember(self, part: Part) -> None:
+        """Note what was added. Sums that somebody looks at are kept up to date; others are added up when they are asked for."""
         where = (part.frame, part.tile)
         key = (self._path.stem, *where)
         self._rows[where] = self._rows.get(where, 0) + 1
         old = self._cache.get(key)
         if old is not None:
-            self._cache.put(key, old + sums)
-        elif self._rows[where] == 1:
-            self._cache.put(key, sums)
+            self._cache.put(key, old + unpack_sums(part.sums, self.tiles[part.tile]))
 
     def _total(self, rows: Iterable[bytes], tile: int, planes: Sequence[int] | None = None) -> Sums:
         total: Sums | None = None

@@ -16,6 +16,7 @@ from service.api.schemas import JobIn
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
 from tests.helpers import ROOT, Farm
+from tests.rayfarm.test_sequence import turning
 
 SIZE = {"width": 96, "height": 64}
 
@@ -78,6 +79,42 @@ def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watche
     # A plane of the one beside the light of the other.
     page.get_by_label("Channel of A").select_option("albedo")
     expect(page.locator(".channel-tag.left")).to_have_text("depth 9, Albedo")
+    assert watched.errors == []
+
+
+@pytest.mark.browser
+@pytest.mark.farm
+def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    """With a still, and with a shot of other frames, which shows the nearest that it has."""
+    parts = [("files", ("turns.glb", turning().glb()))]
+    scene = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
+    white = {"environment": {"color": [1, 1, 1]}}
+    shots = [rendered(farm, scene, **SIZE, **white, spp=2, frames=frames) for frames in ("0-12x4", "0-15x5")]
+    films = [
+        {n: read_exr(f"{farm.url}/api/jobs/{job}/frames/{n}/image.exr", tmp_path) for n in numbers}
+        for job, numbers in zip(shots, ((0, 4, 8), (0, 5, 10)), strict=True)
+    ]
+    page = watched.page
+    page.goto(f"{farm.url}/#/compare/{shots[0]}/{shots[1]}?frame=8")
+    slider = page.get_by_role("slider", name="Frame")
+    expect(slider).to_have_attribute("aria-valuetext", "Frame 8")
+    expect(page.get_by_role("region", name="Frame")).to_contain_text("B shows frame 10, the nearest that it has.")
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+
+    def shows(left: int, right: int) -> None:
+        pictures = [shown(film[n], 0, "neutral") for film, n in zip(films, (left, right), strict=True)]
+        assert_screen(page, split(*pictures, page), f"frames {left} and {right}")
+
+    shows(8, 10)
+    slider.focus()
+    page.keyboard.press("ArrowLeft")  # frame 5, which the left one lacks
+    expect(page).to_have_url(re.compile("frame=5"))
+    shows(4, 5)
+    page.get_by_role("link", name="Back to the picture").click()
+    expect(page).to_have_url(re.compile(f"jobs/{shots[0]}.*frame=4"))
+    page.get_by_role("link", name="Compare with another picture").click()
+    expect(page).to_have_url(re.compile(f"compare/{shots[0]}/.*frame=4"))
     assert watched.errors == []
 
 

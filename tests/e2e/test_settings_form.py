@@ -31,13 +31,18 @@ SCENE = {
 TOLD = "(await import('/js/settings-table.js')).table.set(a.table);"
 
 
-def open_form(page: Page, known: Mapping[str, Declared] = settings.SETTINGS, scene: Mapping[str, object] = SCENE) -> None:
+def open_form(
+    page: Page,
+    known: Mapping[str, Declared] = settings.SETTINGS,
+    scene: Mapping[str, object] = SCENE,
+    as_shot: bool = False,
+) -> None:
     body = """
         window.asked = null;
-        const form = m.settingsForm(a.scene, async (request) => { window.asked = request; });
+        const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, null, a.asShot);
         document.body.replaceChildren(form.element);
         for (const fold of document.querySelectorAll("details")) fold.open = true;"""
-    call(page, "settings-form", TOLD + body, {"scene": scene, "table": described(known)})
+    call(page, "settings-form", TOLD + body, {"scene": scene, "table": described(known), "asShot": as_shot})
 
 
 def submitted(page: Page) -> dict[str, Any]:

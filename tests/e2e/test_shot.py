@@ -13,11 +13,11 @@ import av
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_shows, read_exr
-from tests.e2e.site import call
+from tests.e2e.site import WEB, call
 from tests.helpers import Farm, wait_until
 from tests.rayfarm.test_sequence import turning
 
@@ -250,6 +250,25 @@ def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> No
     part = {number for _, number in first[len(run) :]}
     assert part <= set(range(10, 20)) and len(part) > 3
     assert (done["playing"], done["last"]) == (False, 19)
+
+
+def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> None:
+    asked: list[int] = []
+
+    def answer(route: Route) -> None:
+        asked.append(503 if not asked else 200)
+        picture = (WEB / "icon.svg").read_bytes() if asked[-1] == 200 else b""
+        route.fulfill(status=asked[-1], body=picture, content_type="image/svg+xml")
+
+    page.route("**/small", answer)
+    body = """
+        const image = new Image();
+        image.hidden = true;
+        new m.Thumbnails().ask(image, "/small");
+        while (image.hidden) await new Promise((done) => setTimeout(done, 20));
+        return image.complete;"""
+    assert call(page, "shot/thumbnails", body)
+    assert asked == [503, 200]
 
 
 @pytest.mark.parametrize(("size", "count"), [((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -20,7 +21,7 @@ MOVES = {
     "clips": [
         {"name": "walk", "start": 0.0, "end": 2.0},
         {"name": "jump", "start": 0.5, "end": 1.5},
-        {"name": "walk", "start": 0, "end": 9},
+        {"name": "walk", "start": 0, "end": 8.99999},  # frame 225, in five digits
     ],
 }
 STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
@@ -60,6 +61,27 @@ def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
     page.get_by_label("Order").select_option("every-nth")
     page.get_by_label("Every", exact=True).fill("4")
     assert submitted(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
+
+
+@pytest.mark.parametrize(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)])
+def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
+    open_form(page, scene=scene, as_shot=True)
+    shown = page.get_by_label("Frames", exact=True)
+    if frames is None:
+        expect(shown).to_be_hidden()
+    else:
+        expect(shown).to_have_value(frames)
+        expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
+
+
+def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page) -> None:
+    told = {"name": "toy", "title": "A toy", "description": "It moves."}
+    page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
+    page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
+    call(page, "views/home", "document.body.replaceChildren(m.homeView().element);")
+    expect(page.locator(".badge")).to_have_text("4 s")
+    page.get_by_role("button", name="A toy").click()
+    expect(page).to_have_url(re.compile(r"#/scenes/abc\?shot$"))
 
 
 def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:

@@ -92,6 +92,8 @@ class PeerWorker:
         self.knows_vectors = True
         self.on_vectors: Callable[[str], None] = lambda job: None
         self.vectors: list[FrameVectors] = []  # made
+        self.several = True
+        self.messages: list[int] = []  # how many batches each had
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
@@ -132,6 +134,7 @@ class PeerWorker:
             frames=self.knows_frames,
             blurs=self.blurs,
             vectors=self.knows_vectors,
+            several=self.several,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -182,7 +185,11 @@ class PeerWorker:
             elif queue == denoise_queue(self.kind).encode():
                 self._denoise(DenoiseFrame(**arguments["frame"]))
             else:
-                self._render(RenderBatch.from_json(arguments["batch"]))
+                id = json.loads(message)["headers"]["id"]
+                batches = arguments["batches"] if "batches" in arguments else [arguments["batch"]]
+                self.messages.append(len(batches))
+                for batch in batches:
+                    self._render(RenderBatch.from_json(batch), id)
 
     def _denoise(self, work: DenoiseFrame) -> None:
         """A denoised picture is half the colour plus the albedo and the normal."""
@@ -214,10 +221,12 @@ class PeerWorker:
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "vectors-failed", **about, "error": str(error)})
 
-    def _render(self, work: RenderBatch) -> None:
+    def _render(self, work: RenderBatch, message: str) -> None:
+        if self._stop.is_set():
+            return
         self.batches.append(work)
         about = self._about(work)
-        self.current = {key: about[key] for key in ("batch", "job", "frame", "tile", "first", "count")}
+        self.current = {key: about[key] for key in ("batch", "job", "frame", "tile", "first", "count")} | {"message": message}
         try:
             if self.on_batch(work) is not False and not self._stop.is_set():
                 self.answer(work)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
@@ -142,7 +143,7 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
     auto = summarise(Shot(tmp_path, "scene.yaml").at(), base)["cameras"][-1]["view"]
     work = PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     said: list[dict[str, Any]] = []
-    frames._work(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path, said.append)
+    frames._answer(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)({"frames": work.frames}, said.append)
     assert [message["frame"] for message in said] == [0, 2, 4, 6]
     assert ["failed" in message for message in said] == [False, False, True, False]
     assert "smoke" in said[2]["failed"]
@@ -181,17 +182,27 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     files = [BlobRef(p.name, hashlib.sha256(p.read_bytes()).hexdigest(), p.stat().st_size) for p in sorted(upload.iterdir())]
     service = Service(upload)
     worker: Any = SimpleNamespace(link=service, cache=BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache"))
-    monkeypatch.setattr(frames, "mapped_scene", lambda worker, sha256: base)
+    compiled_file.save(base, upload / "compiled")
+    sha256 = hashlib.sha256((upload / "compiled").read_bytes()).hexdigest()
     said: list[tuple[str, Any]] = []
-    manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
+    manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], sha256, auto)
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-prepared", 2), ("frame-failed", 4), ("frame-prepared", 6)]
     manifests = [data for data in service.stored if data.startswith(MANIFEST_STARTS)]
     assert len(manifests) == 2, "frame 0 is the scene as it was prepared"
     assert len(set(service.stored)) == len(service.stored), "what frames share is sent once"
 
+    (opened,) = frames._open.values()
+    said.clear()
+    other = replace(work, work="another", job="another", frames=[6, 0])
+    frames.prepare_frames(worker, manifest, other, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 6), ("frame-prepared", 0)]
+    assert list(frames._open.values()) == [opened], "another job of the same scene finds it open"
+    frames.forget_frames()
+
     at = frames._Stage.at
     monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))
     said.clear()
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]
+    assert not frames._open

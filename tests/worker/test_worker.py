@@ -34,6 +34,7 @@ from tests.renderer.builders import emitter, scene, square
 from tests.worker.bench import Bench, FakeService
 from worker.contract import (
     DENOISE,
+    RENDER_BATCHES,
     RESULTS,
     DenoiseFrame,
     PrepareFrames,
@@ -301,6 +302,27 @@ def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo
     event = bench.next("batch", "batch-failed").event
     assert (event["type"], event["batch"]) == ("batch-failed", "deadly"), event
     assert "died 3 times" in event["error"]
+
+
+def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, info: SceneInfo) -> None:
+    killer = 1 << 17
+    batches = [batch_of(info, name, 0, count) for name, count in (("before", 1), ("killer", killer), ("after", 2))]
+    bench.celery.send_task(
+        RENDER_BATCHES,
+        kwargs={"batches": [batch.to_json() for batch in batches]},
+        queue=render_queue(info.kind),
+        task_id="several",
+        ignore_result=True,
+    )
+    for _ in range(3):
+        kill_the_slot_with(bench, killer)
+    answered: dict[str, dict[str, Any]] = {}
+    while "after" not in answered:
+        event = bench.next("batch", "batch-failed").event
+        answered[event["batch"]] = event
+    kinds = {name: event["type"] for name, event in answered.items()}
+    assert kinds == {"before": "batch", "killer": "batch-failed", "after": "batch"}
+    assert "died 3 times" in answered["killer"]["error"]
 
 
 def busiest(parent: int) -> psutil.Process:

@@ -4,7 +4,7 @@ import { DENOISE_MODES, canDenoise } from "./denoise-fields.js";
 import { EXPOSURE_STEP, clampExposure } from "./display-panel.js";
 import { workers } from "./farm.js";
 import { moreSamples, pauseOrResume } from "./job-panel.js";
-import { go } from "./router.js";
+import { here, linkTo } from "./router.js";
 import { announce } from "./tray.js";
 
 /** @typedef {import("./shortcuts.js").Shortcut} Shortcut */
@@ -74,9 +74,13 @@ export function jobKeys({ job, display, inShot = false }) {
     const next = DENOISE_MODES[(DENOISE_MODES.indexOf(display.value.denoise) + 1) % DENOISE_MODES.length] ?? "off";
     display.update((look) => ({ ...look, denoise: next }));
   };
+  const compare = () => {
+    const frame = inShot ? here().params.get("frame") : null;
+    location.hash = linkTo("compare", job().id) + (frame ? `?frame=${frame}` : "");
+  };
   return [
     { keys: "D", does: "Denoised: off, beside, instead", run: denoise },
-    { keys: "C", does: "Compare with another picture", run: () => go("compare", job().id) },
+    { keys: "C", does: "Compare with another picture", run: compare },
     { keys: "T", does: "Outline the tiles being rendered", run: outline },
     { keys: inShot ? "P" : "Space", does: inShot ? "Pause or resume rendering" : "Pause or resume", run: () => pauseOrResume(job()) },
     { keys: "M", does: "More samples", run: () => moreSamples(job()) },

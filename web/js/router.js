@@ -29,6 +29,18 @@ export function go(...path) {
 }
 
 /**
+ * A link to another view of a shot goes on with the frame that is looked at now.
+ *
+ * @param {Event} event its click
+ * @param {number | string | null} frame null: none, or the first
+ */
+export function followWithFrame(event, frame) {
+  const anchor = /** @type {HTMLAnchorElement} */ (event.currentTarget);
+  const [path = ""] = anchor.hash.split("?", 1);
+  anchor.href = frame === null ? path : `${path}?frame=${frame}`;
+}
+
+/**
  * Writes view state into the URL without a history entry, and without a navigation. Null takes a parameter out.
  *
  * @param {Record<string, string | null>} changes

@@ -29,15 +29,16 @@ import { variantField } from "./variant-field.js";
  * @param {Scene} scene ready
  * @param {(request: JobRequest) => Promise<void>} submit
  * @param {import("./types.js").Job | null} [like] a picture whose settings the form shows first
+ * @param {boolean} [asShot] a scene that moves is asked for as a shot, unless told otherwise
  * @returns {SettingsForm}
  */
-export function settingsForm(scene, submit, like = null) {
+export function settingsForm(scene, submit, like = null, asShot = false) {
   const { defaults } = scene;
   /** @type {Record<string, any>} */
   const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
-  const shot = shotFields(scene, like?.shot ?? null, () => update());
+  const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
   update = () => setText(estimate, costOf(scene, size.get(), quality.get() * shot.count()));
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));

@@ -148,7 +148,7 @@
  *
  * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[]}} SettingsTable
  *
- * @typedef {{name: string, title: string, description: string}} Example
+ * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *
  * @typedef {Record<string, number | number[] | string | null> & {samples: number}} PixelValue by channel, `color` being the light
  */

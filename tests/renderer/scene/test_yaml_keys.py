@@ -6,6 +6,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.load import Shot
+from renderer.scene.readers.yaml import reader
 from tests.renderer.scene.builders import Gltf, rotation_y, world
 
 SHOT = """
@@ -211,3 +212,24 @@ def test_cameras_of_two_projections_have_nothing_between_them(scene):
     text = WAYS.replace("target: [1, 1, 0], fov: 40", "target: [1, 1, 0], projection: orthographic")
     with pytest.raises(SceneError, match=r"line 3: cameras\[0\]\.through: names cameras of different projections"):
         scene("s.yaml", text)
+
+
+def test_what_moves_out_of_its_bounds_is_told_with_its_line_at_any_moment(tmp_path, monkeypatch):
+    text = "\n".join(
+        [
+            "shapes:",
+            *(f"  - {{type: sphere, center: [{i}, 0, 0], radius: 1}}" for i in range(5)),
+            "  - {type: sphere, radius: {keys: [[0, 1], [1, -1]]}}",
+            "  - {type: sphere, center: [9, 0, 0], radius: 1}",
+        ]
+    )
+    (tmp_path / "s.yaml").write_text(text)
+    looked_at = []
+    validate = reader._validate
+    monkeypatch.setattr(reader, "_validate", lambda *all: (looked_at.append(len(all[1]["shapes"])), validate(*all)))
+    shot = Shot(tmp_path, "s.yaml")
+    for seconds in (0, 0.25):
+        assert shot.at(Moment(24 * seconds)).spheres[5].radius == 1 - 2 * seconds
+    with pytest.raises(SceneError, match=r"s\.yaml.* 7.*radius"):
+        shot.at(Moment(24))
+    assert looked_at == [7, 1, 1], "what stands still is held to the schema once"

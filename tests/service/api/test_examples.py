@@ -35,6 +35,12 @@ def test_an_example_of_many_files_is_all_of_them(service: Service) -> None:
     assert list(known) == sorted(known)
 
 
+def test_of_an_example_that_is_a_shot_its_frames_are_told(service: Service) -> None:
+    known = {example["name"]: example for example in service.http.get("/api/examples").json()}
+    assert (known["caterpillar"]["frames"], known["caterpillar"]["fps"]) == ("0-95", 24)
+    assert known["cornell-box"]["frames"] is None and known["cornell-box"]["fps"] is None
+
+
 def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk fills up at the third file."""
     written: list[bytes] = []

@@ -33,7 +33,9 @@ def test_a_zip_has_each_frame_under_its_number(service: Service, shot: str) -> N
         assert archive.testzip() is None
         for name, frame in zip(NAMES, (0, 1, 2, 3, 4.5), strict=True):
             assert archive.read(name) == service.http.get(f"/api/jobs/{shot}/frames/{frame}/image.png").content
+    assert answer.headers["content-disposition"].endswith('.png.zip"')
     layers = service.http.get(f"/api/jobs/{shot}/frames.zip?aov=normal&frames=1-2").raise_for_status()
+    assert layers.headers["content-disposition"].endswith('.1-2.exr.zip"')
     with zipfile.ZipFile(io.BytesIO(layers.content)) as archive:
         assert archive.namelist() == ["scene.0001.exr", "scene.0002.exr"]
         assert b"Normal.X" in archive.read("scene.0002.exr")[:2000]

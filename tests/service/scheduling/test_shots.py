@@ -136,7 +136,10 @@ def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker
     job = shoot(service, service.ready_scene(), "0-2")
     done = service.wait_for(job, "finished", 30)
     assert done["shot"]["failed"] == "1"
-    assert "a fault of the scene" in frames_of(service, job)[1]["error"]
+    error = frames_of(service, job)[1]["error"]
+    assert "a fault of the scene" in error
+    assert error.endswith("To see it again: rayfarm render scene.glb --frame=1")
+    assert [digest(service, job, n) for n in (0, 2)] == [expected(n) for n in (0, 2)]
 
 
 def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Service, worker: PeerWorker) -> None:
@@ -148,7 +151,11 @@ def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Servic
     service.patch(job, frames="1-2", spp=8)
     service.wait_for(job, "finished")
     assert [digest(service, job, n) for n in range(5)] == [expected(n, 8 if n in (1, 2) else 4) for n in range(5)]
+    go = threading.Event()
+    worker.on_batch = lambda batch: (go.wait(10), None)[1]
     service.patch(job, spp=8)
+    assert [frame["progress"] for frame in frames_of(service, job).values()] == [0.5, 0.9999, 0.9999, 0.5, 0.5]
+    go.set()
     assert service.wait_for(job, "finished")["samples"] == 5 * 32 * 24 * 8
     assert [digest(service, job, n) for n in range(5)] == [expected(n, 8) for n in range(5)]
 

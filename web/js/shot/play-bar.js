@@ -33,7 +33,9 @@ export function playBar(frames, player, memory, life) {
   const clear = button("close", "Play all frames again", "All frames again (X)", () => frames.range.set(null));
   const partText = h("span", { class: "quiet small number" });
   const part = h("span", { class: "row part" }, partText, clear);
-  const loaded = h("span", { class: "quiet small number loaded" });
+  const inMemory = h("span");
+  const amount = h("span", { class: "amount" });
+  const loaded = h("span", { class: "quiet small number loaded" }, inMemory, amount);
   const marks = h(
     "span",
     { class: "row marks" },
@@ -53,7 +55,9 @@ export function playBar(frames, player, memory, life) {
 
   const showLoaded = () => {
     const { here, of } = memory.loaded();
-    setText(loaded, memory.wanted ? `${count(here)} of ${count(of)} in memory, ${bytes(memory.bytes())}` : "");
+    loaded.hidden = !memory.wanted;
+    setText(inMemory, `${count(here)} of ${count(of)}`);
+    setText(amount, ` in memory, ${bytes(memory.bytes())}`);
     element.style.setProperty("--loaded", String(of ? here / of : 0));
   };
   const showPart = () => {
@@ -69,7 +73,7 @@ export function playBar(frames, player, memory, life) {
   life.add(
     player.playing.subscribe((on) => {
       play.replaceChildren(icon(on ? "pause" : "play"));
-      play.setAttribute("aria-label", on ? "Pause" : "Play");
+      play.setAttribute("aria-label", on ? "Stop playing" : "Play");
     }),
   );
   life.add(player.loop.subscribe((on) => loop.setAttribute("aria-pressed", String(on))));

@@ -12,14 +12,17 @@ import { parseFrames } from "./frame-numbers.js";
 
 const USUAL_FPS = 24;
 const TURN_S = 4;
+/** Of a frame: so far off may be a key whose time is written in a few digits. */
+const ROUNDED = 1e-3;
 
 /**
  * @param {Scene} scene
  * @param {Shot | null} like whose settings it shows first
  * @param {() => void} changed
+ * @param {boolean} [asShot] what moves is a shot until told otherwise
  * @returns {{elements: HTMLElement[], get: () => Record<string, any>, count: () => number}} count: of frames
  */
-export function shotFields(scene, like, changed) {
+export function shotFields(scene, like, changed, asShot = false) {
   const setting = (/** @type {string} */ name) => settingOf("shot", name);
   const { clips = [], fps: own = null } = scene;
   const moves = clips.some(({ start, end }) => end > start);
@@ -59,7 +62,7 @@ export function shotFields(scene, like, changed) {
     const chosen = clips.filter((_, i) => clip.get() === "all" || clip.get() === choices[i]?.name);
     const start = Math.min(...chosen.map((each) => each.start));
     const end = Math.max(...chosen.map((each) => each.end));
-    return chosen.length ? `${Math.ceil(start * rate - 1e-6)}-${Math.floor(end * rate + 1e-6)}` : "0-95";
+    return chosen.length ? `${Math.ceil(start * rate - ROUNDED)}-${Math.floor(end * rate + ROUNDED)}` : "0-95";
   };
   const numbers = () => {
     const found = parseFrames(frames.value);
@@ -83,7 +86,7 @@ export function shotFields(scene, like, changed) {
   frames.addEventListener("input", () => ((typed = frames.value !== ""), check()));
   for (const input of [fps, turn]) input.addEventListener("input", refill);
 
-  let chosen = like && like.count > 1 ? "shot" : "still";
+  let chosen = (like && like.count > 1) || (asShot && moves) ? "shot" : "still";
   const isShot = () => chosen === "shot";
   const show = () => {
     setShown(shotPart, isShot());

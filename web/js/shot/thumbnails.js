@@ -1,6 +1,9 @@
 /** Small pictures that are loaded a few at a time: what is asked for last, which is what is in sight, comes first. */
 
 const AT_A_TIME = 4;
+/** The service may be busy, or the frame between two states: then it is asked again, so often. */
+const TRIES = 4;
+const RETRY_MS = 2500;
 
 export class Thumbnails {
   constructor() {
@@ -8,6 +11,8 @@ export class Thumbnails {
     this.waiting = new Map();
     /** @type {Set<HTMLImageElement>} */
     this.loading = new Set();
+    /** What did not come, how often it was tried, and when it is tried again. @type {Map<HTMLImageElement, {address: string, tries: number, timer: ReturnType<typeof setTimeout>}>} */
+    this.failed = new Map();
   }
 
   /** @param {HTMLImageElement} image @param {string} address */
@@ -19,11 +24,22 @@ export class Thumbnails {
 
   /** It is out of sight. @param {HTMLImageElement} image */
   forget(image) {
+    clearTimeout(this.failed.get(image)?.timer);
+    this.failed.delete(image);
     this.waiting.delete(image);
     this.loading.delete(image);
     image.onload = image.onerror = null;
     image.removeAttribute("src"); // ends what is under way
     this.next();
+  }
+
+  /** @param {HTMLImageElement} image @param {string} address that did not come */
+  tryAgain(image, address) {
+    const before = this.failed.get(image);
+    clearTimeout(before?.timer);
+    const tries = before?.address === address ? before.tries + 1 : 1;
+    const timer = setTimeout(() => tries < TRIES && !this.waiting.has(image) && this.ask(image, address), RETRY_MS * tries);
+    this.failed.set(image, { address, tries, timer });
   }
 
   next() {
@@ -33,13 +49,12 @@ export class Thumbnails {
       const [image, address] = found;
       this.waiting.delete(image);
       this.loading.add(image);
-      const done = (/** @type {boolean} */ shown) => () => {
-        image.hidden = !shown;
+      const done = () => {
         this.loading.delete(image);
         this.next();
       };
-      image.onload = done(true);
-      image.onerror = done(false);
+      image.onload = () => ((image.hidden = false), this.failed.delete(image), done());
+      image.onerror = () => ((image.hidden = true), this.tryAgain(image, address), done());
       image.src = address;
     }
   }

@@ -11,7 +11,9 @@ import { differences, sideNames } from "../job-differences.js";
 import { LiveFilm } from "../live-film.js";
 import { pictureStage } from "../picture-stage.js";
 import { stageKeys } from "../render-keys.js";
-import { here, linkTo, setParams, setTitle } from "../router.js";
+import { followWithFrame, here, linkTo, setParams, setTitle } from "../router.js";
+import { compareFrames, frameOf } from "../shot/compare-frames.js";
+import { isShot } from "../shot/shot-words.js";
 import { addShortcuts } from "../shortcuts.js";
 import { Disposer, Store } from "../store.js";
 
@@ -23,6 +25,7 @@ import { Disposer, Store } from "../store.js";
  * @property {string} b
  * @property {string} left a channel of it
  * @property {string} right
+ * @property {number | null} frame of a side that is a shot; null: its first
  * @property {number} wipe
  * @property {number} exposure
  * @property {string} curve
@@ -50,6 +53,7 @@ export function compareView(a, b) {
   /** @type {Store<Comparison>} */
   const state = new Store({
     ...{ a, b: b ?? "", left: params.get("a") ?? "", right: params.get("b") ?? "" },
+    frame: frameFrom(params.get("frame")),
     wipe: wipeFrom(params.get("wipe")),
     ...lookFromUrl(params),
   });
@@ -108,11 +112,14 @@ function partnerOf(job, all) {
   return other ? { b: other.id } : { b: job.id, right: "albedo" };
 }
 
+/** @param {string | null} text as an address has it */
+const frameFrom = (text) => (text && Number.isFinite(Number(text)) ? Number(text) : null);
+
 /** @param {Store<Comparison>} state @returns {() => void} ends it */
 function rememberComparison(state) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  const end = state.subscribe(({ a, b, left, right, wipe, exposure, curve }) => {
+  const end = state.subscribe(({ a, b, left, right, frame, wipe, exposure, curve }) => {
     clearTimeout(timer);
     if (!b) return;
     timer = setTimeout(() => {
@@ -120,6 +127,7 @@ function rememberComparison(state) {
         {
           a: left || null,
           b: right || null,
+          frame: frame === null ? null : String(frame),
           wipe: wipe === 0.5 ? null : wipe.toFixed(3),
           ...lookParams({ exposure, curve }),
         },
@@ -139,8 +147,8 @@ function rememberComparison(state) {
  */
 function open(page, a, b, state) {
   const life = new Disposer();
-  const left = new LiveFilm(a);
-  const right = a.id === b.id ? left : new LiveFilm(b);
+  const left = new LiveFilm(a, frameOf(a, state.value.frame));
+  const right = a.id === b.id ? left : new LiveFilm(b, frameOf(b, state.value.frame));
   for (const live of new Set([left, right])) life.add(() => live.dispose());
   const problems = h("div", { class: "stage-notice", role: "status" });
   const stage = pictureStage(left.film, life, {
@@ -176,6 +184,7 @@ function open(page, a, b, state) {
   life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
   life.add(addShortcuts([{ keys: "X", does: "Swap left and right", run: swap }]));
 
+  const frames = compareFrames([left, right], () => [latest.a, latest.b], state, life);
   const progress = [progressOf("A", a), progressOf("B", b)];
   const table = h("div", { class: "differences" });
   fill(
@@ -183,7 +192,14 @@ function open(page, a, b, state) {
     h(
       "header",
       { class: "job-head" },
-      h("a", { class: "icon-button", href: linkTo("jobs", a.id), "aria-label": "Back to the picture" }, icon("back")),
+      h(
+        "a",
+        {
+          ...{ class: "icon-button", href: linkTo("jobs", a.id), "aria-label": "Back to the picture" },
+          onclick: (/** @type {Event} */ event) => followWithFrame(event, isShot(a) ? left.frame : null),
+        },
+        icon("back"),
+      ),
       sideChoice("A", state, "a", "left", life),
       h(
         "button",
@@ -202,6 +218,7 @@ function open(page, a, b, state) {
         { class: "side-section stack", "aria-label": "Progress" },
         progress.map(({ element }) => element),
       ),
+      frames.element,
       h("section", { class: "side-section", "aria-label": "Display" }, lookFields(state, normalise)),
       h(
         "section",
@@ -219,6 +236,7 @@ function open(page, a, b, state) {
       setTitle(`${nextA.name}: A and B`);
       progress[0]?.update(nextA);
       progress[1]?.update(nextB);
+      frames.update();
       const rows = differences(nextA, nextB);
       const key = JSON.stringify(rows);
       if (key === shownRows) return;

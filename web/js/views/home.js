@@ -7,7 +7,8 @@ import { adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
 import { noWorkerNotice } from "../hints.js";
 import { icon } from "../icons.js";
 import { isPassing } from "../preview.js";
-import { go, linkTo, setTitle } from "../router.js";
+import { linkTo, setTitle } from "../router.js";
+import { parseFrames } from "../shot/frame-numbers.js";
 import { Disposer } from "../store.js";
 import { showError } from "../tray.js";
 import { choose } from "../uploads.js";
@@ -119,12 +120,13 @@ function dropZone() {
 function exampleCard(example, comparisons) {
   // Rendered by Rayfarm; an example that has none yet shows the stand-in.
   const picture = `examples/${encodeURIComponent(example.name)}.jpg`;
+  const length = example.frames && h("span", { class: "badge number" }, icon("play"), lengthOf(example.frames, example.fps));
   const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
   const open = async () => {
     try {
       const scene = await openExample(example.name);
       adoptScene(scene);
-      go("scenes", scene.id);
+      location.hash = linkTo("scenes", scene.id) + (example.frames ? "?shot" : "");
     } catch (error) {
       showError(`${example.title} could not be opened`, error);
     }
@@ -132,7 +134,7 @@ function exampleCard(example, comparisons) {
   return h(
     "li",
     { class: "card example" },
-    h("div", { class: "picture" }, icon("cube"), h("img", { src: picture, alt: "", loading: "lazy", onerror: hide })),
+    h("div", { class: "picture" }, icon("cube"), h("img", { src: picture, alt: "", loading: "lazy", onerror: hide }), length),
     h(
       "div",
       { class: "body" },
@@ -141,6 +143,12 @@ function exampleCard(example, comparisons) {
       comparisons.map((comparison) => comparisonButton(example, comparison)),
     ),
   );
+}
+
+/** "4 s": of a shot, when it is played. @param {string} frames @param {number | null} fps */
+function lengthOf(frames, fps) {
+  const numbers = parseFrames(frames);
+  return typeof numbers === "string" || !fps ? "shot" : `${Number((numbers.length / fps).toFixed(1))} s`;
 }
 
 /**

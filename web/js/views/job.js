@@ -10,7 +10,7 @@ import { icon } from "../icons.js";
 import { actionsPanel, progressPanel } from "../job-panel.js";
 import { livePicture } from "../live-picture.js";
 import { jobKeys, stageKeys } from "../render-keys.js";
-import { go, here, linkTo, setTitle } from "../router.js";
+import { followWithFrame, go, here, linkTo, setTitle } from "../router.js";
 import { savePanel } from "../save-panel.js";
 import { isRead, known, labelOf, valueText } from "../settings-table.js";
 import { parseFrames } from "../shot/frame-numbers.js";
@@ -115,6 +115,7 @@ function open(page, job, life) {
     href: linkTo("compare", job.id),
     "aria-label": "Compare with another picture",
     title: "Compare with another picture (C)",
+    onclick: (/** @type {Event} */ event) => followWithFrame(event, shot && here().params.get("frame")),
   };
   const bin = { class: "icon-button danger", type: "button", "aria-label": "Delete this picture", onclick: remove };
   fill(

@@ -55,6 +55,8 @@ export function shortFacts(scene) {
   if (counts.triangles) parts.push(`${compact(counts.triangles)} triangles`);
   if (counts.spheres) parts.push(plural(counts.spheres, "sphere"));
   if (counts.textures) parts.push(plural(counts.textures, "texture"));
+  const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
+  if (end) parts.push(`moves for ${Number(end.toFixed(1))} s`);
   return parts.join(" · ");
 }
 

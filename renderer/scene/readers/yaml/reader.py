@@ -15,7 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.camera_moves import between, moved
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
-from renderer.scene.readers.yaml.keys import Keys, find_keys
+from renderer.scene.readers.yaml.keys import Keys, Moving, find_keys
 from renderer.scene.readers.yaml.lights import read_environment, read_light
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
@@ -38,7 +38,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         document = written.holding(
             keys.at(written.data, moment.seconds(fps), lambda pattern: files.at_frame(pattern, moment.frame, main))
         )
-    _validate(document)
+    moving = keys.moving()
+    _check(files, main, document, moving)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
     description.name, description.fps = data.get("name", description.name), fps
@@ -56,7 +57,6 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     for name, material in data.get("materials", {}).items():
         materials[name] = len(description.materials)
         description.materials.append(read_material(name, material, textures, document, ("materials", name)))
-    moving = keys.moving()
     shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps), moving)
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))
@@ -120,10 +120,41 @@ def _validator() -> Any:
     return jsonschema.Draft202012Validator(document)
 
 
-def _validate(document: Yaml) -> None:
-    error = jsonschema.exceptions.best_match(_validator().iter_errors(document.data))
+def _check(files: SceneFiles, main: str, document: Yaml, moving: Moving) -> None:
+    """Hold a document to the schema: once as a whole, at other moments what moves in it. Raises SceneError."""
+
+    def held() -> Yaml:
+        _validate(document, document.data, {})
+        return document
+
+    if files.recall(("YAML, held to its schema", main), held) is not document:
+        _validate(document, *_part_of(document.data, moving))
+
+
+def _part_of(data: dict[str, Any], moving: Moving) -> tuple[dict[str, Any], dict[str, list[int]]]:
+    """What moves in a document, and of each list the places that are left of it. No list or object is left empty."""
+    part: dict[str, Any] = {}
+    places: dict[str, list[int]] = {}
+    for name, value in data.items():
+        steps = moving.within((name,))
+        if not value or moving.holds((name,)):
+            part[name] = value
+        elif isinstance(value, list):
+            places[name] = sorted(step for step in steps if isinstance(step, int)) or [0]
+            part[name] = [value[place] for place in places[name]]
+        elif name == "materials":
+            part[name] = {each: value[each] for each in steps or list(value)[:1]}
+        else:
+            part[name] = value
+    return part, places
+
+
+def _validate(document: Yaml, data: Any, places: dict[str, list[int]]) -> None:
+    error = jsonschema.exceptions.best_match(_validator().iter_errors(data))
     if error is not None:
         path = tuple(error.absolute_path)
+        if len(path) > 1 and path[0] in places:
+            path = (path[0], places[path[0]][path[1]], *path[2:])
         message = "does not belong here" if error.validator == "not" else error.message
         if len(message) > 300:
             message = f"{message[:120]} ... {message[-120:]}"

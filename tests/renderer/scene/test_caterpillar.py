@@ -1,0 +1,95 @@
+"""Our own shot, scenes/caterpillar: the files are those of its script, and what should move does."""
+
+import io
+import json
+import re
+import runpy
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from renderer.frames import parse_frames
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot
+from tests.renderer.scene.test_moving import moving
+
+SCENES = Path(__file__).parents[3] / "scenes"
+FOLDER = SCENES / "caterpillar"
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+TYPES = {5121: "u1", 5123: "<u2", 5126: "<f4"}
+
+
+def content(file):
+    """What a GLB file says: its document without places and bounds, its arrays, its pictures.
+
+    Pictures are packed otherwise by other versions of a library, and a power or sine may end differently elsewhere.
+    """
+    (length,) = struct.unpack_from("<I", file, 12)
+    document, binary = json.loads(file[20 : 20 + length]), file[28 + length :]
+    views, accessors = document.pop("bufferViews"), document.pop("accessors")
+    del document["buffers"]
+    parts = [binary[v["byteOffset"] : v["byteOffset"] + v["byteLength"]] for v in views]
+    arrays = [np.frombuffer(parts[a["bufferView"]], TYPES[a["componentType"]]).reshape(-1, WIDTHS[a["type"]]) for a in accessors]
+    pictures = [np.asarray(Image.open(io.BytesIO(parts[i["bufferView"]]))) for i in document.get("images", [])]
+    return document, arrays, pictures
+
+
+@pytest.fixture(scope="module")
+def made():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(SCENES))
+        return runpy.run_path(str(SCENES / "caterpillar.py"))
+
+
+def test_the_files_are_those_of_the_script(made):
+    files = made["files"]()
+    assert {path.name for path in FOLDER.iterdir()} == set(files)
+    for name, new in files.items():
+        kept = (FOLDER / name).read_bytes()
+        assert len(kept) < 2**20
+        if name.endswith(".glb"):
+            (document, arrays, pictures), (wanted, *others) = content(kept), content(new)
+            assert document == wanted, name
+            for a, b in zip([*arrays, *pictures], [*others[0], *others[1]], strict=True):
+                tolerance = 1.0 if a.dtype == np.uint8 else 1e-5
+                np.testing.assert_allclose(a.astype(float), b.astype(float), atol=tolerance, err_msg=name)
+        elif name.endswith(".jpg"):
+            pair = [np.asarray(Image.open(io.BytesIO(data))).astype(int) for data in (kept, new)]
+            assert np.abs(pair[0] - pair[1]).mean() < 1, name
+        else:
+            assert kept.decode() == new, name
+
+
+def test_it_ends_where_it_begins(made):
+    """So that a film of it can be played in a loop."""
+    period = made["FRAMES"] / made["FPS"]
+    ends = np.array([0.0, period])
+    for values in (*made["bones"](ends), *made["camera"](ends), made["top_place"](ends)):
+        np.testing.assert_allclose(values[0], values[1], atol=1e-9)
+    for degrees in made["top_turns"](ends).values():
+        turns = (degrees[1] - degrees[0]) / 360
+        assert turns == pytest.approx(round(turns), abs=1e-9)
+
+
+def test_a_skin_bends_a_body_travels_and_the_camera_goes_along():
+    shot = Shot(FOLDER, "caterpillar.yaml")
+    first, later = (shot.at(Moment(frame)) for frame in (0.0, 30.0))
+    assert first.warnings == []
+    assert first.defaults["shutter"] == 0.5
+    (clip,) = first.clips
+    asked = re.search(r"^# Frames (\S+)", (FOLDER / "caterpillar.yaml").read_text(), re.MULTILINE)
+    frames = parse_frames(asked.group(1))
+    assert (clip.start, clip.end * first.fps) == (frames[0], pytest.approx(frames[-1], abs=1e-3)), "what is offered is all of it"
+
+    assert moving(first) == ({"top/leans/spins/mesh 0"}, {"caterpillar/caterpillar"})
+    assert np.linalg.norm(np.subtract(first.cameras[0].view.eye, later.cameras[0].view.eye)) > 0.5
+
+    def distances(description):
+        """Between some points of the caterpillar, each with each."""
+        skin = max((mesh.positions for mesh in description.meshes if mesh.deforms), key=len)
+        return np.linalg.norm(skin[::100, None] - skin[None, ::100], axis=-1)
+
+    assert np.abs(distances(first) - distances(later)).max() > 0.2, "it does not move as one piece"

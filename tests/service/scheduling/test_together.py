@@ -1,0 +1,38 @@
+"""Several batches in a message: only for workers that know it, and no bit is lost with a worker that had some in hand."""
+
+from __future__ import annotations
+
+import threading
+
+from tests.service.conftest import Service, until
+from tests.service.scheduling.test_shots import digest, expected, shoot
+
+
+def test_short_frames_go_several_in_a_message_where_all_workers_know_that(service: Service) -> None:
+    with service.worker(name="one") as one:
+        scene = service.ready_scene()
+        job = shoot(service, scene, "0-39", spp=1)
+        service.wait_for(job, "finished")
+        assert len(one.batches) == 4 * 40
+        assert max(one.messages) > 2
+        with service.worker(name="older") as older:
+            older.several = False
+            older.report()
+            one.messages.clear()
+            until(lambda: len(service.http.get("/api/workers").json()) == 2, "the other is there")
+            again = shoot(service, scene, "0-19", spp=1, seed=7)
+            service.wait_for(again, "finished")
+            assert set(one.messages + older.messages) == {1}
+    assert [digest(service, job, n) for n in range(40)] == [expected(n, 1) for n in range(40)]
+
+
+def test_what_a_lost_worker_had_of_a_message_is_rendered_by_others(service: Service) -> None:
+    with service.worker(name="first") as first:
+        job = shoot(service, service.ready_scene(), "0-29", spp=1)
+        stop = threading.Event()
+        first.on_batch = lambda batch: (stop.set(), False)[1] if first.messages[-1] > 2 else None
+        until(stop.is_set, "it has several in hand")
+    with service.worker(name="second") as second:
+        service.wait_for(job, "finished", 30)
+        assert second.batches
+    assert [digest(service, job, n) for n in range(30)] == [expected(n, 1) for n in range(30)]

@@ -1,0 +1,99 @@
+/** Which frame a comparison shows, where a side of it is a shot: both sides show the same one, or the nearest that they have. */
+
+import { h, setText } from "../dom.js";
+import { parseFrames } from "./frame-numbers.js";
+import { isShot } from "./shot-words.js";
+
+/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../views/compare.js").Comparison} Comparison */
+
+/** Whoever drags the slider is not followed by every frame between. */
+const REST_MS = 120;
+
+/** @param {Job} job @returns {number[]} in order; none where it is no shot */
+function numbersOf(job) {
+  const numbers = isShot(job) ? parseFrames(job.shot?.frames ?? "") : [];
+  return typeof numbers === "string" ? [] : numbers.sort((a, b) => a - b);
+}
+
+/** @param {number[]} numbers not empty @param {number} wanted */
+const nearest = (numbers, wanted) => numbers.reduce((best, n) => (Math.abs(n - wanted) < Math.abs(best - wanted) ? n : best));
+
+/**
+ * The frame of a job that comes nearest to the one that is asked for.
+ *
+ * @param {Job} job
+ * @param {number | null} wanted
+ * @returns {number | undefined} undefined: the only one, or the first
+ */
+export function frameOf(job, wanted) {
+  const numbers = numbersOf(job);
+  return wanted === null || !numbers.length ? numbers[0] : nearest(numbers, wanted);
+}
+
+/**
+ * @param {import("../live-film.js").LiveFilm[]} films left and right, which may be one
+ * @param {() => Job[]} jobs likewise
+ * @param {import("../store.js").Store<Comparison>} state
+ * @param {import("../store.js").Disposer} life
+ * @returns {{element: HTMLElement, update: () => void}}
+ */
+export function compareFrames(films, jobs, state, life) {
+  const title = h("h2");
+  const slider = h("input", { type: "range", "aria-label": "Frame", min: "0", step: "1" });
+  const note = h("p", { class: "quiet small number" });
+  const element = h("section", { class: "side-section stack tight", "aria-label": "Frame" }, title, slider, note);
+  /** All frames that either side has. @type {number[]} */
+  let numbers = [];
+  let told = "";
+
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let resting;
+  const turn = () => {
+    for (const live of new Set(films)) {
+      const job = jobs()[films.indexOf(live)];
+      const frame = job && frameOf(job, state.value.frame);
+      if (frame !== undefined && frame !== live.frame) live.turnTo(frame, live.film);
+    }
+  };
+  const show = () => {
+    const [a, b] = jobs();
+    const shots = [a, b].map((job) => job && frameOf(job, state.value.frame));
+    const shown = state.value.frame ?? numbers[0] ?? 0;
+    const at = numbers.length ? numbers.indexOf(nearest(numbers, shown)) : 0;
+    slider.valueAsNumber = at;
+    const number = numbers[at] ?? 0;
+    slider.setAttribute("aria-valuetext", `Frame ${number}`);
+    setText(title, `Frame ${number}`);
+    const others = ["A", "B"].flatMap((letter, i) => {
+      const frame = shots[i];
+      if (frame === undefined) return [`${letter} is a still`];
+      return frame === number ? [] : [`${letter} shows frame ${frame}, the nearest that it has`];
+    });
+    setText(note, others.length ? `${others.join("; ")}.` : "");
+    note.hidden = others.length === 0;
+  };
+  slider.addEventListener("input", () => state.update((now) => ({ ...now, frame: numbers[slider.valueAsNumber] ?? null })));
+  const update = () => {
+    const texts = jobs().map((job) => (isShot(job) ? (job.shot?.frames ?? "") : ""));
+    if (texts.join() === told && numbers.length) return;
+    told = texts.join();
+    numbers = [...new Set(jobs().flatMap(numbersOf))].sort((a, b) => a - b);
+    element.hidden = numbers.length < 2;
+    slider.max = String(Math.max(0, numbers.length - 1));
+    show();
+  };
+  update();
+  let frame = state.value.frame;
+  life.add(
+    state.subscribe((now) => {
+      if (now.frame === frame) return;
+      frame = now.frame;
+      show();
+      clearTimeout(resting);
+      resting = setTimeout(turn, REST_MS);
+    }),
+  );
+  life.add(() => clearTimeout(resting));
+  return { element, update };
+}
