@@ -56,7 +56,7 @@ def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutt
 
 def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
     """The description in the middle, with the others' as its keys."""
-    middle, found, restacked = slid(middle, found)
+    middle, found, changes = slid(middle, found)
     instances, meshes, changed = _placed(middle, found)
     cameras = [
         replace(camera, keys=_keys([c.view for c in over], camera.view))
@@ -83,7 +83,7 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
     if any(thing.keys for thing in things):
         moving.keys = len(found)
     still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
-    still += ["how textures are stacked"] * restacked + changed
+    still += ["textures, but for how they lie"] * changes + changed
     if still:
         moving.warnings.append(_NOT_BLURRED.format(", ".join(still)))
     return moving
