@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -17,6 +18,7 @@ from worker.errors import WorkError
 
 __all__ = ["Standing"]
 
+_TAKEN = b"null\n"  # said when all that a request was answered with has been dealt with
 LARGE = 1 << 30  # bytes in memory; a child that has more stays for nobody
 
 Answer = Callable[[dict[str, Any], Send], None]
@@ -64,6 +66,8 @@ class Standing:
             last = None
             for message in messages(self._reading, self._bounds):
                 if "done" in message:
+                    with contextlib.suppress(BrokenPipeError):  # it is gone, as the next request will find
+                        os.write(self._asking, _TAKEN)
                     self._spent += time.monotonic() - begun
                     if self._spent > self._bounds.seconds:  # it may take as long once more, and the system ends it then
                         self.end()
@@ -96,11 +100,17 @@ class Standing:
 
 
 def _requests(asked: int, idle_s: float) -> Iterator[dict[str, Any]]:
+    """Until nobody asks for `idle_s`. Who asked may take long over what was said, and needs the files that it is about."""
     buffer = b""
-    while select.select([asked], [], [], idle_s)[0] and (data := os.read(asked, 1 << 16)):
+    patience: float | None = idle_s
+    while select.select([asked], [], [], patience)[0] and (data := os.read(asked, 1 << 16)):
         *lines, buffer = (buffer + data).split(b"\n")
-        yield from map(json.loads, lines)
-        if _in_memory() > LARGE:
+        for line in lines:
+            request = json.loads(line)
+            patience = idle_s if request is None else None
+            if request is not None:
+                yield request
+        if patience is not None and _in_memory() > LARGE:
             return
 
 

@@ -115,7 +115,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
 
     with page.expect_download() as download:
         page.get_by_role("link", name="PNGs").click()
-    assert download.value.suggested_filename == "shot.zip"
+    assert download.value.suggested_filename == "shot.1-4.png.zip"
     with zipfile.ZipFile(download.value.path()) as archive:
         assert len(archive.namelist()) == 4
     page.keyboard.press("x")

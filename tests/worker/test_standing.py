@@ -51,6 +51,21 @@ def test_it_answers_again_and_again_and_leaves_when_nobody_asks(tmp_path: Path) 
     child.end()
 
 
+def test_it_stays_while_what_it_said_is_dealt_with(tmp_path: Path) -> None:
+    """A frame's files wait in the child's room for a service that starts anew."""
+    child = begun(tmp_path / "left", 0.2)
+    left = []
+
+    def slowly(message: dict[str, Any]) -> None:
+        time.sleep(0.8)
+        left.append((tmp_path / "left").exists())
+
+    assert child.ask({"word": "one"}, slowly)
+    assert child.ask({"word": "two"}, slowly)
+    assert left == [False, False]
+    child.end()
+
+
 def test_what_fails_is_a_sentence_and_ends_it(tmp_path: Path) -> None:
     for request, sentence in (({"crash": True}, "truck.glb could not be prepared"), ({"wrong": True}, "the truck has no wheels")):
         child = begun(tmp_path / "left")
