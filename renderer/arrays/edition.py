@@ -18,6 +18,7 @@ __all__ = ["edition_of", "only"]
 _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
+_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_texture")
 _LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
 
 
@@ -43,11 +44,11 @@ def only(scene: CompiledScene, edition: str) -> CompiledScene:
     has = EDITIONS[edition]
     bvh = scene.bvh._replace(instances=has.instances)
     if has.motion is None:
-        scene = scene._replace(**dict.fromkeys(("key_position", "key_normal", "key_sphere", "key_punctual"), _NOTHING))
+        scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
         bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))
     return scene._replace(has=has, bvh=bvh)
 
 
 def _moves(scene: CompiledScene) -> bool:
-    moving = scene.bvh.instance_motion, scene.key_position, scene.key_sphere, scene.key_punctual
+    moving = scene.bvh.instance_motion, scene.key_position, scene.key_sphere, scene.key_punctual, scene.key_texture
     return any(len(array) > 0 for array in moving)

@@ -86,6 +86,7 @@ class CompiledScene(NamedTuple):
     key_normal: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
     key_sphere: Array = np.zeros((0, 4), np.float32)  # (Z, 4) f32
     key_punctual: Array = np.zeros((0, 12), np.float32)  # (J, 12) f32: rows of `punctual`, light by light
+    key_texture: Array = np.zeros((0, 6), np.float32)  # (F, 6) f32: matrices of `texture_transform`, texture by texture
 
     has: Has = EVERYTHING  # which parts of the kernel the scene needs
 
@@ -142,6 +143,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "key_normal": ("<f4", ("D", 3)),
     "key_sphere": ("<f4", ("Z", 4)),
     "key_punctual": ("<f4", ("J", 12)),
+    "key_texture": ("<f4", ("F", 6)),
     "texel": ("|u1", ("Q", 4)),
 }
 
@@ -264,6 +266,8 @@ def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
         raise SceneError("there are more keys of vertices or spheres than of these")
     if lengths["J"] and (lengths["K"] == 0 or lengths["J"] % lengths["K"] or lengths["J"] < 2 * lengths["K"]):
         raise SceneError("a light has fewer keys than it says")
+    if lengths["F"] and (lengths["X"] == 0 or lengths["F"] % lengths["X"] or lengths["F"] < 2 * lengths["X"]):
+        raise SceneError("a texture has fewer keys than it says")
 
 
 def _check_range(name: str, array: Array, lower: int, upper: int) -> None:

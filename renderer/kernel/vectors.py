@@ -110,7 +110,7 @@ def _seen(scene, stack, o, d):
         surface = surface_at(scene, o, d, hit)
         if not is_transparent(scene, surface.material):
             break
-        if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3]) >= _HALF:
+        if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
             break
         o = departure(surface, False, d)
         hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF)

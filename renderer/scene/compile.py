@@ -138,6 +138,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_normal=geometry.keys[:, 1].reshape(-1, 3),
         key_sphere=sphere_keys.reshape(-1, 4),
         key_punctual=over_the_shutter.punctual_keys(description.lights),
+        key_texture=packed.key_texture,
     )
     kept.cuts = _cuts(stood, laid, (environment, search))
     scene = seal(arrays, _to_check(stood, laid, arrays, kept))

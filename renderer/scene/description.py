@@ -77,6 +77,7 @@ class Texture:
 
     transform: the rows of the 2x3 matrix that the UVs of set `uv_set` go through first.
     layers: what lies on it, the lowest first; its alpha stays its own.
+    keys: the transform at equal steps while the shutter is open, first to last; none where it stays.
     """
 
     image: int
@@ -86,6 +87,7 @@ class Texture:
     transform: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     layers: tuple[TextureLayer, ...] = ()
     filter: TexelFilter = "linear"  # between texels; nearest: each is seen as the square that it is
+    keys: tuple[UvTransform, ...] = ()
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """A scene while the shutter is open: descriptions of several moments made into one, whose things know where they are at each.
 
-Cameras, placed meshes, their vertices, spheres and lights move. All else is as it is in the middle, and a warning names it.
+Cameras, placed meshes, their vertices, spheres, lights and textures move. All else is as it is in the middle, and a warning
+names it.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import numpy as np
 from renderer.bvh.rigid import motion_keys, turned_by
 from renderer.kernel.camera import axes_of
 from renderer.scene.animation import Moment, Shutter
-from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere
+from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, Texture, UvTransform
 from renderer.scene.instances import goes_straight
 from renderer.scene.same import same
+from renderer.scene.sliding import slid
 from renderer.settings import MOST_KEYS
 
 __all__ = ["between_files", "while_open"]
@@ -54,6 +56,7 @@ def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutt
 
 def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
     """The description in the middle, with the others' as its keys."""
+    middle, found, changes = slid(middle, found)
     instances, meshes, changed = _placed(middle, found)
     cameras = [
         replace(camera, keys=_keys([c.view for c in over], camera.view))
@@ -69,10 +72,18 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
         for light, over in _matched(middle.lights, [each.lights for each in found], lambda light: (light.kind, light.name))
     ]
     moving = replace(middle, instances=instances, meshes=meshes, cameras=cameras, spheres=spheres, lights=lights)
-    things: tuple[Instance | Mesh | Sphere | Light | Camera, ...] = (*instances, *meshes, *spheres, *lights, *cameras)
+    things: tuple[Instance | Mesh | Sphere | Light | Camera | Texture, ...] = (
+        *instances,
+        *meshes,
+        *spheres,
+        *lights,
+        *cameras,
+        *middle.textures,
+    )
     if any(thing.keys for thing in things):
         moving.keys = len(found)
-    still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)] + changed
+    still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
+    still += ["textures, but for how they lie"] * changes + changed
     if still:
         moving.warnings.append(_NOT_BLURRED.format(", ".join(still)))
     return moving
@@ -120,7 +131,6 @@ _NOT_BLURRED = "Shown as in the middle of the shutter, not blurred: {}."
 _CHANGES = "the mesh {}, whose triangles change"
 _STILL = {
     "materials": ("materials",),
-    "how textures lie": ("textures",),
     "pictures": ("images",),
     "the environment": ("environment",),
 }
@@ -200,8 +210,15 @@ def _is_fine(moving: SceneDescription) -> bool:
     for instance in moving.instances:
         if instance.keys:
             (straight if goes_straight(moving, instance) else free).append([each[:3] for each in instance.keys])
+    straight += [[_in_space(key) for key in texture.keys] for texture in moving.textures if texture.keys]
     free += [[np.stack(axes_of(view), -1) for view in camera.keys] for camera in moving.cameras if camera.keys]
     return _turn(free) <= _MOST_TURN and _turn(straight) <= _STRAIGHT_TURN
+
+
+def _in_space(transform: UvTransform) -> np.ndarray:
+    """As a body's place, in which a texture turns about z."""
+    a, b, c, d, e, f = transform
+    return np.array([(a, b, 0.0, c), (d, e, 0.0, f), (0.0, 0.0, 1.0, 0.0)])
 
 
 def _turn(places: list[list[np.ndarray]]) -> float:

@@ -39,6 +39,7 @@ class Packed(NamedTuple):
     texture: I32
     texture_transform: F32
     texel: np.ndarray
+    key_texture: F32
     emitted: np.ndarray  # (M,) float64
 
 
@@ -78,7 +79,7 @@ def pack(description: SceneDescription) -> Packed:
         kinds[i] = _kind(m)
         _fill(columns[i], m, emission)
         flags[i] = _flags(m, [row for row in textures[i] if row >= 0], texels)
-    return Packed(kinds, flags, columns, textures, *texels.arrays(), emitted)
+    return Packed(kinds, flags, columns, textures, *texels.arrays(), texels.keys(), emitted)
 
 
 def _roughness(m: Material) -> float:

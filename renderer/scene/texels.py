@@ -12,7 +12,7 @@ from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.kernel.light.mean_emission import mean_texels
 from renderer.kernel.material.blend import OPERATIONS
 from renderer.kernel.material.texture import CLAMP, MIRROR, REPEAT
-from renderer.scene.description import F32, I32, SceneDescription, Texture
+from renderer.scene.description import F32, I32, SceneDescription, Texture, UvTransform
 from renderer.scene.lights import luminance
 
 __all__ = ["MAX_EMISSION", "Texels"]
@@ -32,6 +32,7 @@ class Texels:
         self._description = description
         self._rows: list[list[int]] = []
         self._transforms: list[tuple[float, ...]] = []
+        self._keys: list[tuple[UvTransform, ...]] = []  # of each row
         self._blocks: list[np.ndarray] = []
         self._count = 0
         self._images: dict[tuple[int, bool], tuple[int, int, float]] = {}  # to first texel, block, scale
@@ -88,6 +89,7 @@ class Texels:
         self._rows.append([first, width, height, *wraps, int(image.srgb or floats), texture.uv_set, -1, 0, 0])
         self._rows[-1][NEAREST] = int(texture.filter == "nearest")
         self._transforms.append((*texture.transform, 1.0, 1.0, 1.0))
+        self._keys.append(texture.keys)
         self._block_of_row.append(block)
         return scale
 
@@ -113,6 +115,14 @@ class Texels:
         row = np.array(self._rows, np.int32).reshape(-1, TEXTURE_COLUMNS)
         transform = np.clip(np.array(self._transforms, np.float64), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
         return row, transform.astype(np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
+
+    def keys(self) -> F32:
+        """(F, 6) the matrices of the rows, those of each at all keys one behind the other; none where all stay."""
+        count = max(map(len, self._keys), default=0)
+        still = (transform[:6] for transform in self._transforms)
+        over = [keys or (own,) * count for keys, own in zip(self._keys, still, strict=True)]
+        found = np.clip(np.array(over, np.float64), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
+        return found.astype(np.float32).reshape(-1, 6)
 
     def _place(self, index: int, scaled: bool) -> tuple[int, int, float]:
         if (index, scaled) not in self._images:

@@ -2,7 +2,8 @@
 
     python blender_shot.py shot.glb shot.json
 
-Beside it goes shot-plain.glb, without KHR_animation_pointer, of which Blender's importer reads a part.
+Beside it goes shot-plain.glb, without KHR_animation_pointer, of which Blender's importer reads a part, and shot-bent.glb, in
+which nothing moves but the vertices of the tube.
 
 shot.json: {frame: {"matrices": {name: 4x4}, "vertices": {name: [[x, y, z], ...]}, "numbers": {...}}}, in Blender's axes: Z is up.
 """
@@ -149,6 +150,18 @@ def bent():
     driver.expression = "turn / 5"
 
 
+def bent_alone():
+    """Leaves the tube on its floor, before a camera and under a lamp that stand still."""
+    bpy.data.objects["tube"].data.shape_keys.key_blocks["long"].driver_remove("value")
+    for name in ("mast", "yard", "flag"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    for owner in (bpy.data.objects["camera"], bpy.data.objects["lamp"], bpy.data.cameras["camera"], bpy.data.lights["lamp"]):
+        owner.animation_data_clear()
+    bpy.data.objects["camera"].location, bpy.data.objects["camera"].rotation_euler = (5, -6, 2.5), (1.5, 0, 0)
+    bpy.data.lights["lamp"].type = "POINT"  # a spot's cone is soft in another way in each of the two
+    bpy.data.lights["lamp"].energy = 1000.0
+
+
 def seen():
     """Where everything is now."""
     graph = bpy.context.evaluated_depsgraph_get()
@@ -188,7 +201,10 @@ def main(glb, told):
         scene.frame_set(frame)
         found[frame] = seen()
     scene.frame_set(0)
-    for path, pointers in ((glb, True), (glb.replace(".glb", "-plain.glb"), False)):
+    for kind in ("", "-plain", "-bent"):
+        if kind == "-bent":
+            bent_alone()
+        path, pointers = glb.replace(".glb", f"{kind}.glb"), not kind
         bpy.ops.export_scene.gltf(
             filepath=path, export_cameras=True, export_lights=True, export_animation_mode="SCENE", export_force_sampling=True,
             export_optimize_animation_size=False, export_pointer_animation=pointers, export_anim_scene_split_object=False,

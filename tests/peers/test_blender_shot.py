@@ -115,24 +115,32 @@ def test_the_picture_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, 
     assert difference < MOST, figures
 
 
-@pytest.mark.parametrize(("frame", "shutter"), [(13, 0.5), (8, 6.0), (20, 8.0)])
-def test_the_motion_blur_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int, shutter: float) -> None:
-    """As above, while the shutter is open: of what turns, flies and is bent, and of the camera. Cycles' lamps stand still."""
-    name = f"blur-{frame}.exr"
-    job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / name), "frame": frame, "shutter": shutter}
+BLURRED = [("plain", 13, 0.5), ("plain", 8, 6.0), ("plain", 20, 8.0), ("bent", 13, 0.5), ("bent", 9, 8.0)]
+
+
+@pytest.mark.parametrize(("kind", "frame", "shutter"), BLURRED)
+def test_the_motion_blur_of_cycles(
+    shot: tuple[Shot, dict[str, Any]], folder: Path, kind: str, frame: int, shutter: float
+) -> None:
+    """As above, while the shutter is open: of what turns, flies and is bent, and of the camera; and of what bones and shape keys
+    bend, alone. Cycles' lamps stand still.
+    """
+    file, name = f"shot-{kind}.glb", f"blur-{kind}-{frame}.exr"
+    job = {"glb": str(folder / file), "exr": str(folder / name), "frame": frame, "shutter": shutter}
     job |= {"size": SIZE, "samples": 2 * SPP, "max_depth": DEPTH, "sky": SKY}
     (folder / "jobs.json").write_text(json.dumps([job]))
     run("cycles_render.py", folder / "jobs.json")
-    moving = Shot(folder, "shot-plain.glb").over(Moment(frame), {"shutter": shutter, "shutter_keys": 9})
+    moving = Shot(folder, file).over(Moment(frame), {"shutter": shutter, "shutter_keys": 9})
+    assert any(mesh.keys for mesh in moving.meshes)
     moving.lights = [replace(light, keys=()) for light in moving.lights]
     camera = moving.cameras[0]
     settings = RenderSettings(SIZE, SIZE, camera.view, max_depth=DEPTH, environment=SKY, filter="box", views=camera.keys)
     ours = blocks(mean(render_frame(compile_scene(moving), settings, 2 * SPP), settings.film_exponent))
     theirs = blocks(read_image((folder / name).read_bytes(), name))
-    still = Shot(folder, "shot-plain.glb").at(Moment(frame))
+    still = Shot(folder, file).at(Moment(frame))
     sharp = blocks(mean(render_frame(compile_scene(still), replace(settings, views=()), SPP), settings.film_exponent))
     difference, blur = (float(np.abs(other - theirs).mean() / theirs.mean()) for other in (ours, sharp))
-    figures = f"frame {frame}, shutter {shutter:g}: differs by {difference:.2%}, the still by {blur:.2%}"
+    figures = f"{kind}, frame {frame}, shutter {shutter:g}: differs by {difference:.2%}, the still by {blur:.2%}"
     print(figures)
     assert difference < MOST, figures
     assert shutter < 1 or blur > 1.5 * difference, "the blur is seen"

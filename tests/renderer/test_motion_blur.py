@@ -16,7 +16,7 @@ from renderer.render import render_batch, render_frame, replay
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load, save
-from renderer.scene.description import Camera, Environment, Instance, Light, Material, SceneDescription, Sphere
+from renderer.scene.description import Camera, Environment, Image, Instance, Light, Material, SceneDescription, Sphere, Texture
 from renderer.scene.moving import while_open
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 from tests.renderer.builders import gray, icosphere, square
@@ -193,16 +193,53 @@ def punctual(t: float) -> SceneDescription:
     )
 
 
+def striped() -> list[Image]:
+    """Soft stripes with alpha, bumps, and soft spots."""
+    y, x = (np.mgrid[0:16, 0:16] + 0.5) * (2 * math.pi / 16)
+    stripes = np.stack([0.5 + 0.45 * np.sin(x), 0.5 + 0.45 * np.sin(y), 0.6 + 0.3 * np.cos(x + y), 0.5 + 0.5 * np.cos(2 * x)], -1)
+    bumps = np.stack([0.5 + 0.3 * np.sin(2 * x), 0.5 + 0.3 * np.cos(y), 0 * x + 0.9, 0 * x + 1], -1)
+    spots = np.stack([0.5 + 0.5 * np.sin(x) * np.sin(y)] * 3 + [0 * x + 1], -1)
+    bits = [np.round(255 * pixels).astype(np.uint8) for pixels in (stripes, bumps, spots)]
+    return [Image("stripes", bits[0]), Image("bumps", bits[1], srgb=False), Image("spots", bits[2])]
+
+
+def sliding(t: float) -> SceneDescription:
+    """A lit wall whose colours slide and bumps grow, a pane that lets light pass where stripes turn, a lamp of moving spots."""
+    c, s = math.cos(0.9 * t), math.sin(0.9 * t)
+    textures = [
+        Texture(0, transform=(1.0, 0.0, 0.6 * t, 0.0, 1.0, 0.2 * t)),
+        Texture(0, transform=(c, s, 0.0, -s, c, 0.3 * t)),
+        Texture(1, transform=(2.0 + t, 0.0, 0.0, 0.0, 2.0, 0.0)),
+        Texture(2, transform=(1.0, 0.0, 0.8 * t, 0.0, 1.0, 0.0)),
+        Texture(1),
+    ]
+    wall = {"base_color_texture": 0, "normal_texture": 2, "metallic_roughness_texture": 4, "clearcoat_texture": 1}
+    materials = [
+        Material(kind="metallic_roughness", roughness=1.0, clearcoat=0.5, clearcoat_roughness=0.6, **wall),
+        Material(base_color_texture=1, alpha_mode="blend"),
+        Material(base_color=gray(0.0), emission=gray(4.0), emission_texture=3, double_sided=True),
+    ]
+    places = (((0, 0, -1), (3, 0, 0), (0, 3, 0)), ((-1, 0, 0.5), (0.8, 0, 0), (0, 1.2, 0)), ((1.9, 0, 1), (0, 0, 0.6), (0, 1, 0)))
+    meshes = [square(*place, UNLIT + len(MATERIALS) + k) for k, place in enumerate(places)]
+    for mesh in meshes:
+        mesh.uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    scene = described(meshes=meshes, instances=[Instance(k) for k in range(3)], lights=[Light("point", gray(12.0), (-1.5, 1, 3))])
+    return replace(scene, materials=[*MATERIALS, *materials], textures=textures, images=striped())
+
+
 def everything(t: float) -> SceneDescription:
     """All that moves, in one scene."""
     first, second = bending(t), lamps(t)
     shift = len(first.meshes)
+    painted = sliding(t)
     placed = [*first.instances, *(replace(i, mesh=i.mesh + shift) for i in second.instances)]
     spheres = [*rolling(t).spheres, *second.spheres]
     lights = [*first.lights, *punctual(t).lights]
     spun = replace(spinning_child(t).instances[0], mesh=shift + len(second.meshes))
-    meshes = [*first.meshes, *second.meshes, *spinning_child(t).meshes]
-    return described(meshes=meshes, instances=[*placed, spun], spheres=spheres, lights=lights)
+    meshes = [*first.meshes, *second.meshes, *spinning_child(t).meshes, *painted.meshes]
+    placed += [replace(i, mesh=i.mesh + shift + len(second.meshes) + 1) for i in painted.instances]
+    scene = described(meshes=meshes, instances=[*placed, spun], spheres=spheres, lights=lights)
+    return replace(scene, materials=painted.materials, textures=painted.textures, images=painted.images)
 
 
 def fly_by(t: float) -> SceneDescription:
@@ -213,7 +250,7 @@ def fly_by(t: float) -> SceneDescription:
     return scene
 
 
-SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by]
+SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by, sliding]
 
 
 @pytest.mark.parametrize("at", SCENES, ids=lambda at: at.__name__)
@@ -314,11 +351,13 @@ def test_what_cannot_be_blurred_is_named() -> None:
         scene = growing(t)
         scene.materials[GRAY] = replace(scene.materials[GRAY], base_color=gray(0.5 + 0.1 * t))
         scene.environment = Environment(gray(0.1), rotation=10 * t)
+        scene.images, scene.textures = striped(), [Texture(0, filter="nearest" if t > 0 else "linear")]
+        scene.materials[UNLIT] = replace(scene.materials[UNLIT], base_color_texture=0)
         if t > 0:
             scene.meshes[1] = replace(scene.meshes[1], triangles=scene.meshes[1].triangles[1:])
         return scene
 
     found = over(changing)
-    left = "materials, the environment, the mesh icosphere, whose triangles change"
+    left = "materials, the environment, textures, but for how they lie, the mesh icosphere, whose triangles change"
     assert found.warnings == [f"Shown as in the middle of the shutter, not blurred: {left}."]
     assert len(found.instances[1].keys) == 5, "it still goes where it goes"

@@ -50,14 +50,14 @@ def trace_ao(scene, stack, o, d, time, options, stream, log, first):
             break
         surface = surface_at(scene, path.o, path.d, hit)
         depth += hit.t
-        through, throughput = reach(scene, surface, path, options, stream, passed)
+        through, throughput = reach(scene, surface, path, options, stream, passed, time)
         if passed < len(log):
             record_surface(log, passed, surface, through, hit.t, with_throughput(path, throughput))
         if through:
             path = with_origin(path, departure(surface, False, path.d))
             continue
-        s, t, n = shading_frame(scene, surface, vec.neg(path.d))
-        albedo = fetch_material(scene, surface, (s, t, n), layers).base
+        s, t, n = shading_frame(scene, surface, vec.neg(path.d), time)
+        albedo = fetch_material(scene, surface, (s, t, n), layers, time).base
         keep_first_hit(first, surface, albedo, n, depth)
         numbers = draw4(stream, np.uint32(1))
         towards = vec.to_world(s, t, n, square_to_cosine_hemisphere((numbers[0], numbers[1])))

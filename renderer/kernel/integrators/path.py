@@ -75,7 +75,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
             break
 
         surface = surface_at(scene, path.o, path.d, hit)
-        through, throughput = reach(scene, surface, path, options, stream, row)
+        through, throughput = reach(scene, surface, path, options, stream, row, time)
         path = with_throughput(path, throughput)
         if row < len(log):
             record_surface(log, row, surface, through, hit.t, path)
@@ -87,7 +87,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
             continue
 
         path = _add_emission(scene, surface, path, number, options, time)
-        vertex, path = vertex_at(scene, surface, path, stream, number, layers)
+        vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
             keep_first_hit(first, surface, vertex.material.base, vertex.frame[2], distance)
@@ -149,7 +149,7 @@ def _add_environment(scene, path, options):
 def _add_emission(scene, surface, path, number, options, time):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
     if shines(surface) and path.pdf >= _ZERO:
-        emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
+        emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time)
         weight = _ONE
         if path.pdf > _ZERO:
             cosine = vec.dot(surface.geometric, vec.neg(path.d))

@@ -84,14 +84,15 @@ def with_radiance(path, radiance):
 
 
 @device
-def vertex_at(scene, surface, path, stream, number, layers):
+def vertex_at(scene, surface, path, stream, number, layers, time):
     """The path's vertex on a surface, and the path, which sees one colour from here on where the material spreads them.
 
-    number: how many vertices it had before; layers: (LAYER_SLOTS,) float32, in which the rarer materials' textures are looked up.
+    number: how many vertices it had before; layers: (LAYER_SLOTS,) float32, in which the rarer materials' textures are looked up;
+    time: of the shutter, 0 ... 1; None where nothing moves.
     """
     towards_viewer = vec.neg(path.d)
-    frame = shading_frame(scene, surface, towards_viewer)
-    material = fetch_material(scene, surface, frame, layers)
+    frame = shading_frame(scene, surface, towards_viewer, time)
+    material = fetch_material(scene, surface, frame, layers, time)
     material, throughput = one_color(scene, surface, material, path.throughput, stream, np.uint32(number))
     s, t, n = frame
     wo = vec.to_local(s, t, n, towards_viewer)

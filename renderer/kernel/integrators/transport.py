@@ -81,14 +81,14 @@ def first_hit(first):
 
 
 @device
-def _is_passed(scene, surface, stream, row):
+def _is_passed(scene, surface, stream, row, time):
     """Whether the path goes through the surface as if it were not there, which its alpha gives the chance of.
 
     row: how many surfaces the path has met before, passed or not: each has a chance of its own."""
     if not is_transparent(scene, surface.material):
         return False
     u = draw1(stream, np.uint32(PASSING_BLOCK + row))
-    return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
+    return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
 
 
 @subroutine
@@ -109,12 +109,12 @@ def _attenuated(scene, material, throughput, start, end):
 
 
 @device
-def reach(scene, surface, path, options, stream, row):
+def reach(scene, surface, path, options, stream, row, time):
     """What becomes of a path that meets a surface: (whether it passes it, its throughput there).
 
-    row: how many surfaces it has met before.
+    row: how many surfaces it has met before; time: of the shutter, 0 ... 1; None where nothing moves.
     """
-    through = scene.has.textures is not None and options.transparent and _is_passed(scene, surface, stream, row)
+    through = scene.has.textures is not None and options.transparent and _is_passed(scene, surface, stream, row, time)
     throughput = path.throughput
     if not (surface.front or through):
         throughput = _attenuated(scene, surface.material, throughput, path.vertex, surface.point)

@@ -37,7 +37,7 @@ def _through(scene, stack, start, end, time):
         if hit.primitive == NO_PRIMITIVE:
             return left
         surface = surface_at(scene, o, d, hit)
-        left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
+        left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
         if not left > _ZERO:
             return _ZERO
         o = departure(surface, False, d)

@@ -141,7 +141,7 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
             break
 
         surface = surface_at(scene, path.o, path.d, hit)
-        through, throughput = reach(scene, surface, path, options, stream, row)
+        through, throughput = reach(scene, surface, path, options, stream, row, time)
         path = with_throughput(path, throughput)
         if row < len(log):
             record_surface(log, row, surface, through, hit.t, path)
@@ -153,8 +153,8 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
             continue
 
         if shines(surface):
-            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front))
-        vertex, path = vertex_at(scene, surface, path, stream, number, layers)
+            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time))
+        vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         material = vertex.material
         if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))

@@ -100,9 +100,10 @@ def _vertex_alpha(scene, number, b, c):
 
 
 @device
-def _emitted(scene, material, uv, uv1, vertex_alpha, front):
+def _emitted(scene, material, uv, uv1, vertex_alpha, front, time):
     """What rays that meet the light there receive on average: those that its alpha lets pass receive nothing of it."""
-    return vec.scale(emission(scene, material, uv, uv1, front), opacity(scene, material, uv, uv1, vertex_alpha))
+    emitted = emission(scene, material, uv, uv1, front, time)
+    return vec.scale(emitted, opacity(scene, material, uv, uv1, vertex_alpha, time))
 
 
 @device
@@ -126,14 +127,14 @@ def _sample_triangle(scene, number, area, p, u, time):
             uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
         uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
         alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else alpha
-    radiance = _emitted(scene, material, uv, uv1, alpha, projected > _ZERO)
+    radiance = _emitted(scene, material, uv, uv1, alpha, projected > _ZERO, time)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     sample = LightSample(w, end, radiance, _TWO * square / abs(projected), as_wide(False, b))
     return _if_found((square > _ZERO) & (abs(projected) > _ZERO), sample, p)
 
 
 @device
-def _sample_parallelogram(scene, light, number, area, p, n, u):
+def _sample_parallelogram(scene, light, number, area, p, n, u, time):
     """As `_sample_triangle`, of the light whose first triangle has that number. n: as of `on_parallelogram`."""
     q, error, normal, density = on_parallelogram(scene, light, p, n, u)
     d = vec.sub(q, p)
@@ -142,7 +143,7 @@ def _sample_parallelogram(scene, light, number, area, p, n, u):
     projected = -vec.dot(normal, w)  # the area, seen from p
     material = u32(row(scene.part, row(scene.triangle, number, 4)[3], PART_COLUMNS)[PART_MATERIAL])
     uv = nil(square), nil(square)
-    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), projected > _ZERO)
+    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), projected > _ZERO, time)
     end = leave(q, error, vec.scale(normal, _ONE / area), vec.neg(w))
     sample = LightSample(w, end, radiance, density * square / abs(projected), as_wide(False, square))
     return _if_found((square > _ZERO) & (abs(projected) > _ZERO) & (density > _ZERO), sample, p)
@@ -204,7 +205,7 @@ def _sample_sphere(scene, number, p, u, time):
     if scene.has.textures is not None:
         uv = sphere_uv(normal)
     material = u32(lookup(scene.sphere_material, number))
-    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), outside | (cosine > _ZERO))
+    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), outside | (cosine > _ZERO), time)
     error = _ERROR * (vec.magnitude(center) + radius)
     sample = LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, as_wide(False, square))
     return _if_found((far2 > _ZERO) & (outside | (cosine != _ZERO)), sample, p)
@@ -241,7 +242,7 @@ def sample_one_light(scene, light, p, n, u, time=None):
         area, number = lookup(scene.light_area, light), where(is_triangle, primitive, _FIRST)
         paired = _is_parallelogram(scene, light)
         if any_of(paired):
-            sample = _if_found(paired, _sample_parallelogram(scene, light, number, area, p, n, u), p)
+            sample = _if_found(paired, _sample_parallelogram(scene, light, number, area, p, n, u, time), p)
         if any_of(is_triangle & not_(paired)):
             sample = _either(paired, sample, _sample_triangle(scene, number, area, p, u, time))
     if any_of(is_sphere):

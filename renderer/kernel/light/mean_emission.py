@@ -27,7 +27,7 @@ def mean_texels(texture, transform, texel, number, uv, uv1, triangle, mean):
                 r = np.float32(1.0) - s - t
                 first = r * uv[a, 0] + s * uv[b, 0] + t * uv[c, 0], r * uv[a, 1] + s * uv[b, 1] + t * uv[c, 1]
                 second = r * uv1[a, 0] + s * uv1[b, 0] + t * uv1[c, 0], r * uv1[a, 1] + s * uv1[b, 1] + t * uv1[c, 1]
-                red, green, blue, _ = lookup(texture, transform, texel, number, first, second)
+                red, green, blue, _ = lookup(texture, transform, texel, number, first, second, None, None)
                 mean[i, 0] += red * share
                 mean[i, 1] += green * share
                 mean[i, 2] += blue * share

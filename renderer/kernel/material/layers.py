@@ -26,7 +26,7 @@ _HALF = np.float32(0.5)
 
 
 class Textures(NamedTuple):
-    """What a surface's textures are looked up with: the scene's arrays, the material's number, both texture coordinates."""
+    """What a surface's textures are looked up with: the scene's arrays, the material's number, both coordinates, and when."""
 
     has: Has  # the scene's, as are the arrays
     slots: Any  # material_texture
@@ -36,6 +36,8 @@ class Textures(NamedTuple):
     material: int
     uv: tuple[float, float]
     uv1: tuple[float, float]
+    keys: Any  # key_texture
+    time: Any
 
 
 @device
@@ -43,7 +45,8 @@ def _texel(textures, slot):
     number = textures.slots[textures.material, slot]
     if number < 0:
         return _ONE, _ONE, _ONE, _ONE
-    return lookup(textures.texture, textures.transform, textures.texel, number, textures.uv, textures.uv1)
+    place = number, textures.uv, textures.uv1
+    return lookup(textures.texture, textures.transform, textures.texel, *place, textures.keys, textures.time)
 
 
 @device

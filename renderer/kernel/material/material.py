@@ -108,21 +108,24 @@ def _texture(scene, number, slot):
 
 
 @device
-def texture_factors(scene, number, uv, uv1):
-    """What the textures of material `number` make of its colour, its metallic part and its roughness: factors."""
+def texture_factors(scene, number, uv, uv1, time):
+    """What the textures of material `number` make of its colour, its metallic part and its roughness: factors.
+
+    time: of the shutter, 0 ... 1, here and below; None where nothing moves.
+    """
     color, metallic, roughness = (_ONE, _ONE, _ONE), _ONE, _ONE
     texture = _texture(scene, number, rows.BASE_TEXTURE)
     if texture >= 0:
-        r, g, b, _ = sample_texture(scene, texture, uv, uv1)
+        r, g, b, _ = sample_texture(scene, texture, uv, uv1, time)
         color = r, g, b
     texture = _texture(scene, number, rows.METALLIC_ROUGHNESS_TEXTURE)
     if texture >= 0:
-        _, roughness, metallic, _ = sample_texture(scene, texture, uv, uv1)
+        _, roughness, metallic, _ = sample_texture(scene, texture, uv, uv1, time)
     return color, metallic, roughness
 
 
 @device
-def fetch_material(scene, surface, frame, layers):
+def fetch_material(scene, surface, frame, layers, time):
     """The material of a surface, at the point hit.
 
     frame: from `shading_frame`; layers: (LAYER_SLOTS,) float32 to write to, which the Material then refers to.
@@ -134,7 +137,7 @@ def fetch_material(scene, surface, frame, layers):
     base = _rgb(row, number, rows.BASE)
     metallic, roughness, ior = columns(row, number, COLUMNS, rows.METALLIC, 3)
     if scene.has.textures is not None and flags & rows.TEXTURED != 0:
-        color, of_metallic, of_roughness = texture_factors(scene, number, surface.uv, surface.uv1)
+        color, of_metallic, of_roughness = texture_factors(scene, number, surface.uv, surface.uv1, time)
         base = vec.mul(base, color)
         metallic *= of_metallic
         roughness *= of_roughness
@@ -144,12 +147,13 @@ def fetch_material(scene, surface, frame, layers):
     f0 = vec.scale(_rgb(row, number, rows.F0), f90)
     eta = ior if surface.front else _ONE / ior
     if kind >= CONDUCTOR:
-        look_up_layers(scene, number, base, metallic, roughness, surface.shading, surface.uv, surface.uv1, frame, layers)
+        seen = surface.shading, surface.uv, surface.uv1
+        look_up_layers(scene, number, base, metallic, roughness, *seen, frame, layers, time)
     return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers, scene.has)
 
 
 @device
-def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers):
+def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers, time):
     """Fills the properties, (LAYER_SLOTS,) float32, of a material of the rarer kinds.
 
     base, metallic, roughness: looked up already; shading: the surface's normal; frame: from `shading_frame`.
@@ -157,11 +161,11 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
     kind, flags = scene.material_kind[number], scene.material_flags[number]
     pane = flags & rows.THIN != 0 or abs(_value(scene.material, number, rows.IOR) - _ONE) < _MATCHED
     arrays = scene.has, scene.material_texture, scene.texture, scene.texture_transform, scene.texel
-    textures = Textures(*arrays, number, uv, uv1)
+    textures = Textures(*arrays, number, uv, uv1, scene.key_texture, time)
     resolve(kind, scene.material, textures, base, metallic, roughness, pane, layers)
     coated = kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0
     if scene.has.layers is not None and coated:
-        normal = coat_normal(scene, number, shading, uv, uv1, frame)
+        normal = coat_normal(scene, number, shading, uv, uv1, frame, time)
         layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = normal
 
 
@@ -231,24 +235,24 @@ def is_transparent(scene, number):
 
 
 @device
-def opacity(scene, number, uv, uv1, vertex_alpha):
+def opacity(scene, number, uv, uv1, vertex_alpha, time):
     """The chance, 0 ... 1, that light meets material `number` there rather than pass as if it were not."""
     chance = as_wide(_ONE, number)
     if scene.has.textures is not None:
         transparent = u32(lookup(scene.material_flags, number)) & _TRANSPARENT != _NONE
         if any_of(transparent):
-            alpha = each_lane(_alpha, transparent, (scene, number, uv, uv1, vertex_alpha))
+            alpha = each_lane(_alpha, transparent, (scene, number, uv, uv1, vertex_alpha, time))
             chance = where(transparent, alpha, chance)
     return chance
 
 
 @device
-def _alpha(scene, number, uv, uv1, vertex_alpha):
+def _alpha(scene, number, uv, uv1, vertex_alpha, time):
     """The opacity of a material that may be transparent."""
     alpha = _value(scene.material, number, rows.OPACITY) * vertex_alpha
     texture = _texture(scene, number, rows.BASE_TEXTURE)
     if texture >= 0:
-        alpha *= sample_texture(scene, texture, uv, uv1)[3]
+        alpha *= sample_texture(scene, texture, uv, uv1, time)[3]
     if scene.material_flags[number] & rows.MASKED != 0:
         return _ONE if alpha >= _value(scene.material, number, rows.ALPHA_CUTOFF) else _ZERO
     return min(max(alpha, _ZERO), _ONE)
@@ -263,7 +267,7 @@ def absorption(scene, number):
 
 
 @device
-def emission(scene, number, uv, uv1, front):
+def emission(scene, number, uv, uv1, front, time):
     """The radiance that leaves the given side of material `number` at these texture coordinates."""
     shines = front | (_value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO)
     radiance = where3(shines, _rgb(scene.material, number, rows.EMISSION), _BLACK)
@@ -271,14 +275,14 @@ def emission(scene, number, uv, uv1, front):
         texture = u32(_texture(scene, number, rows.EMISSION_TEXTURE))
         textured = shines & (texture != _NO_TEXTURE)
         if any_of(textured):
-            texels = each_lane(_texels, textured, (scene, texture, uv, uv1))
+            texels = each_lane(_texels, textured, (scene, texture, uv, uv1, time))
             radiance = where3(textured, vec.mul(radiance, texels), radiance)
     return radiance
 
 
 @device
-def _texels(scene, texture, uv, uv1):
-    return sample_texture(scene, np.int32(texture), uv, uv1)
+def _texels(scene, texture, uv, uv1, time):
+    return sample_texture(scene, np.int32(texture), uv, uv1, time)
 
 
 @device

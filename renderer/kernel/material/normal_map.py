@@ -60,10 +60,11 @@ def map_normal(color, strength, s, t, n, geometric, wo):
 
 
 @device
-def shading_frame(scene, surface, wo):
+def shading_frame(scene, surface, wo, time):
     """(s, t, n), orthonormal: n on the viewer's side, s along the tangent where that counts.
 
-    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space.
+    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space. time: of the shutter, 0 ... 1; None
+    where nothing moves.
     """
     n = surface.shading
     flags = scene.material_flags[surface.material]
@@ -71,19 +72,19 @@ def shading_frame(scene, surface, wo):
         s, t = vec.basis(n)
         return s, t, n
     return bent_frame(
-        *(scene, surface.material, surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo)
+        *(scene, surface.material, surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo, time)
     )
 
 
 @device
-def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo):
+def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time):
     """As `shading_frame`, where a normal map or a tangent counts, from what it asks of the Surface."""
     # Seen from behind, the whole frame is turned over: the map's bumps are then dents.
     sign = _ONE if front else -_ONE
     s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))
     if scene.material_flags[material] & NORMAL_MAPPED == 0:
         return s, t, n
-    texel = sample_texture(scene, scene.material_texture[material, NORMAL_TEXTURE], uv, uv1)
+    texel = sample_texture(scene, scene.material_texture[material, NORMAL_TEXTURE], uv, uv1, time)
     color = (texel[0], texel[1], texel[2])
     n = map_normal(color, scene.material[material, NORMAL_SCALE], s, t, n, geometric, wo)
     s, t = _tangents(n, (s[0], s[1], s[2], tangent[3] * sign))
@@ -91,13 +92,13 @@ def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo):
 
 
 @device
-def coat_normal(scene, material, shading, uv, uv1, frame):
+def coat_normal(scene, material, shading, uv, uv1, frame, time):
     """The clearcoat's unit normal in the shading frame: its own map's, or the surface's (shading) without the base's map."""
     s, t, n = frame
     normal = shading
     texture = scene.material_texture[material, CLEARCOAT_NORMAL_TEXTURE]
     if texture >= 0:
         along, across = _tangents(normal, (s[0], s[1], s[2], vec.dot(vec.cross(n, s), t)))
-        r, g, b, _ = sample_texture(scene, texture, uv, uv1)
+        r, g, b, _ = sample_texture(scene, texture, uv, uv1, time)
         normal = _read_normal((r, g, b), scene.material[material, CLEARCOAT_NORMAL_SCALE], along, across, normal)
     return vec.to_local(s, t, n, normal)

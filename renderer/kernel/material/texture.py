@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays.rows import ABOVE, BLEND, GAIN, MOST, NEAREST, SRGB, STRENGTH, UV_SET
+from renderer.bvh.motion import step_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.material.blend import blended
 from renderer.kernel.polynomial import floor
@@ -49,7 +50,31 @@ def _mix(a, b, t):
 
 
 @device
-def _look_up_image(texture, transform, texel, number, uv, uv1):
+def _placed(transform, keys, number, u, v, time):
+    """The coordinates in the image of row `number`, of which it is 1 wide and high."""
+    if keys is not None and time is not None and len(keys) > 0:
+        count = len(keys) // len(transform)
+        step, share = step_at(time, count)
+        k = number * count + step
+        return _between(keys, k, 0, share, u, v), _between(keys, k, 3, share, u, v)
+    return (
+        transform[number, 0] * u + transform[number, 1] * v + transform[number, 2],
+        transform[number, 3] * u + transform[number, 4] * v + transform[number, 5],
+    )
+
+
+@device
+def _between(keys, k, column, share, u, v):
+    """What a row of the matrix between keys k and k + 1 makes of (u, v, 1)."""
+    a, b, c = keys[k, column], keys[k, column + 1], keys[k, column + 2]
+    a += share * (keys[k + 1, column] - a)
+    b += share * (keys[k + 1, column + 1] - b)
+    c += share * (keys[k + 1, column + 2] - c)
+    return a * u + b * v + c
+
+
+@device
+def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
     """Linear RGBA, 0 ... 1, of the image of row `number` alone."""
     first = np.int64(texture[number, 0])
     width = np.int64(texture[number, 1])
@@ -58,8 +83,9 @@ def _look_up_image(texture, transform, texel, number, uv, uv1):
     second = texture[number, UV_SET] != 0
     u = uv1[0] if second else uv[0]
     v = uv1[1] if second else uv[1]
-    x = (transform[number, 0] * u + transform[number, 1] * v + transform[number, 2]) * np.float32(width)
-    y = (transform[number, 3] * u + transform[number, 4] * v + transform[number, 5]) * np.float32(height)
+    x, y = _placed(transform, keys, number, u, v, time)
+    x *= np.float32(width)
+    y *= np.float32(height)
     if not (abs(x) < _LARGE and abs(y) < _LARGE):  # beyond, float32 has no texels left to mix; also NaN
         x = y = _HALF
     if texture[number, NEAREST] != 0:  # the mix below is then of one texel alone
@@ -82,7 +108,7 @@ def _look_up_image(texture, transform, texel, number, uv, uv1):
 
 
 @subroutine
-def _stacked(texture, transform, texel, number, uv, uv1, color):
+def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
     """The layers above row `number`, laid on its colour one after the other. The alpha stays the lowest's: layers paint a
     surface and do not change where it is.
     """
@@ -91,7 +117,7 @@ def _stacked(texture, transform, texel, number, uv, uv1, color):
     r, g, b, alpha = color[0] * gain, color[1] * gain, color[2] * gain, color[3]
     number = np.int64(texture[number, ABOVE])
     while number >= 0:
-        layer = _look_up_image(texture, transform, texel, number, uv, uv1)
+        layer = _look_up_image(texture, transform, texel, number, uv, uv1, keys, time)
         operation = texture[number, BLEND]
         weight = transform[number, STRENGTH] * layer[3]
         gain, most = transform[number, GAIN], transform[number, MOST]
@@ -103,18 +129,20 @@ def _stacked(texture, transform, texel, number, uv, uv1, color):
 
 
 @subroutine
-def lookup(texture, transform, texel, number, uv, uv1):
+def lookup(texture, transform, texel, number, uv, uv1, keys, time):
     """Linear RGBA of texture `number` with its layers, 0 ... 1 but for light, where layers may add up to more.
 
     It knows whether it looks at the first or at the second coordinates; (0, 0) is then the image's upper left corner.
+    keys, time: where textures lie while the shutter is open, as CompiledScene has it, and when in it that is asked, 0 ... 1; None
+    where nothing moves.
     """
-    color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1)  # of one type: compiled once
+    color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1, keys, time)  # of one type: compiled once
     if texture[number, ABOVE] >= 0:
-        return _stacked(texture, transform, texel, number, uv, uv1, color)
+        return _stacked(texture, transform, texel, number, uv, uv1, keys, time, color)
     return color
 
 
 @device
-def sample_texture(scene, number, uv, uv1):
+def sample_texture(scene, number, uv, uv1, time):
     """`lookup` in a scene's textures."""
-    return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1)
+    return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1, scene.key_texture, time)

@@ -83,14 +83,14 @@ def surfaces_at(scene, d, hit):
 
 
 @device
-def passes(scene, surface, stream, row, options):
+def passes(scene, surface, stream, row, options, time):
     """Where the paths go through their surfaces as if these were not there. row: how many each has met before."""
     through = surface.error != surface.error
     if scene.has.textures is not None and options.transparent:
         may = _flagged(scene, surface.material, _TRANSPARENT)
         if any_of(may):
             u = draw4(stream, to_int(row) + _PASSING_BLOCK)[0]
-            through = may & (u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3]))
+            through = may & (u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time))
     return through
 
 
@@ -107,7 +107,7 @@ def attenuated(scene, surface, through, throughput, pool, rows):
 
 
 @device
-def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput):
+def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput, time):
     """Looks up what the vertices are made of and writes it down: (colour, roughness, normal to scatter about, throughput)."""
     n = surface.shading
     roughness = columns(scene.material, surface.material, COLUMNS, ROUGHNESS, 1)[0]
@@ -116,7 +116,7 @@ def keep_matter(scene, pool, rows, surface, through, wo, stream, number, through
         metallic, _, ior = columns(scene.material, surface.material, COLUMNS, METALLIC, 3)
         textured = _flagged(scene, surface.material, _TEXTURED)
         if any_of(textured):
-            arguments = scene, surface.material, surface.uv, surface.uv1
+            arguments = scene, surface.material, surface.uv, surface.uv1, time
             color, of_metallic, of_roughness = each_lane(texture_factors, textured, arguments)
             base = where3(textured, vec.mul(base, color), base)
             metallic = where(textured, metallic * of_metallic, metallic)
@@ -125,7 +125,7 @@ def keep_matter(scene, pool, rows, surface, through, wo, stream, number, through
         s, t = vec.basis(n)
         bent = _flagged(scene, surface.material, _BENT)
         if any_of(bent):
-            turned = (surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo)
+            turned = (surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo, time)
             along, across, up = each_lane(bent_frame, bent, (scene, surface.material, *turned))
             s, t, n = where3(bent, along, s), where3(bent, across, t), where3(bent, up, n)
         parted = _flagged(scene, surface.material, _DISPERSIVE) & (vec.maximum(throughput) > _ZERO) & not_(through)

@@ -52,6 +52,7 @@ class Matter(NamedTuple):
     uv1: Any
     shading: Any  # the surface's normal
     frame: Any  # that the vertex scatters in
+    time: Any  # of the shutter; None where nothing moves
 
 
 @device
@@ -143,11 +144,11 @@ def answer_conductor(scene, m, wo, wi, choose, u):
 
 
 @subroutine
-def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, wo, wi, choose, u):
+def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wo, wi, choose, u):
     """A path alone, of a material with many properties."""
     out_of_line()
     layers = local_floats(LAYER_SLOTS)
-    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers)
+    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)
     kind = scene.material_kind[material]
     f, light_pdf = eval_rare(scene.has, kind, layers, eta, wo, wi)
     on, weight, pdf, eta2 = sample_rare(scene.has, kind, layers, eta, wo, choose, u)
@@ -158,5 +159,5 @@ def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, s
 def answer_rare(scene, m, wo, wi, choose, u):
     """That of a material with many properties, path by path."""
     s, t, n = m.frame
-    known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n)
+    known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n, m.time)
     return each_lane(_one_rare, choose == choose, (scene, *known, wo, wi, choose, u))

@@ -39,6 +39,7 @@ from renderer.kernel.pool.rows import (
     SHADOW,
     few,
     read,
+    times_of,
     write,
 )
 from renderer.kernel.sampling.sampler import Stream, draw4
@@ -110,7 +111,8 @@ def _matter(scene, pool, rows, surface):
         base, metallic, roughness, eta = (matter[0], matter[1], matter[2]), matter[3], matter[4], matter[5]
         uv, uv1 = (matter[6], matter[7]), (axes[6], axes[7])
         s, t, n = (axes[0], axes[1], axes[2]), (axes[3], axes[4], axes[5]), (mapped[0], mapped[1], mapped[2])
-    return Matter(surface.material, surface.front, base, metallic, roughness, eta, uv, uv1, surface.shading, (s, t, n))
+    time = times_of(scene.has.motion, pool, rows)
+    return Matter(surface.material, surface.front, base, metallic, roughness, eta, uv, uv1, surface.shading, (s, t, n), time)
 
 
 @template

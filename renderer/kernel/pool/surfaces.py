@@ -112,7 +112,7 @@ def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
     vertex, normal = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
     if scene.has.textures is not None:
         normal = few(pool, rows, MAPPED + np.uintp(3), 3)
-    emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
+    emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time)
     cosine = vec.dot(surface.geometric, vec.neg(d))
     judged = lit & (pdf > _ZERO)
     light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged, time)
@@ -149,13 +149,14 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         else:
             surface = sphere_at(scene, o, d, hit)
         stream = stream_of(pool, rows, options)
-        through = passes(scene, surface, stream, number + passed, options)
+        through = passes(scene, surface, stream, number + passed, options, time)
         throughput = attenuated(scene, surface, through, throughput, pool, rows)
         lit = shines(surface) & (pdf >= _ZERO) & not_(through)
         if any_of(lit):
             emitted = _emitted(scene, pool, rows, surface, lit, d, pdf, time)
             radiance = _added(radiance, throughput, emitted, depth + _ONE, lit, options.clamp)
-        base, roughness, n, throughput = keep_matter(scene, pool, rows, surface, through, vec.neg(d), stream, number, throughput)
+        wo = vec.neg(d)
+        base, roughness, n, throughput = keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput, time)
         kind = u32(lookup(scene.material_kind, surface.material))
         unlit = (kind == _UNLIT) & not_(through)
         if any_of(unlit):

@@ -14,7 +14,7 @@ from tests.renderer.builders import as_rendered, scene, square
 @entry
 def _sample(compiled, surface, layers, wo, u, wi, weight, pdf):
     frame = ((np.float32(1), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), surface.shading)
-    material = fetch_material(compiled, surface, frame, layers)
+    material = fetch_material(compiled, surface, frame, layers, None)
     for i in range(len(u)):
         w = (wo[i, 0], wo[i, 1], wo[i, 2])
         d, f, p, scale = sample_material(material, w, u[i, 0], (u[i, 1], u[i, 2]))
@@ -28,7 +28,7 @@ def _sample(compiled, surface, layers, wo, u, wi, weight, pdf):
 @entry
 def _eval(compiled, surface, layers, wo, wi, f, pdf):
     frame = ((np.float32(1), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), surface.shading)
-    material = fetch_material(compiled, surface, frame, layers)
+    material = fetch_material(compiled, surface, frame, layers, None)
     for i in range(len(wi)):
         value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
         for k in range(3):

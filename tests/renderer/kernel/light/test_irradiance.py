@@ -50,8 +50,8 @@ def _by_chance(made, stack, p, n, u, out):
                 radiance = environment_radiance(made.environment, made.environment_frame, d)
             else:
                 surface = surface_at(made, o, d, hit)
-                alpha = opacity(made, surface.material, surface.uv, surface.uv1, surface.color[3])
-                radiance = vec.scale(emission(made, surface.material, surface.uv, surface.uv1, surface.front), alpha)
+                alpha = opacity(made, surface.material, surface.uv, surface.uv1, surface.color[3], None)
+                radiance = vec.scale(emission(made, surface.material, surface.uv, surface.uv1, surface.front, None), alpha)
             out[i] = vec.luminance(radiance) * cosine * _FOUR_PI
 
 

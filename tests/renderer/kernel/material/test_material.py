@@ -18,13 +18,13 @@ FRAME = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), UP)
 @entry
 def _look(scene, surface, frame, layers, throughput, u, out):
     """out: base, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
-    material = fetch_material(scene, surface, frame, layers)
+    material = fetch_material(scene, surface, frame, layers, None)
     values = material.base[0], material.base[1], material.base[2], material.metallic, material.roughness
     for k in range(5):
         out[k] = values[k]
-    out[5] = opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3])
+    out[5] = opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], None)
     taken = absorption(scene, surface.material)
-    light = emission(scene, surface.material, surface.uv, surface.uv1, surface.front)
+    light = emission(scene, surface.material, surface.uv, surface.uv1, surface.front, None)
     spread, left = disperse(scene, surface, material, throughput, u)
     for k in range(3):
         out[6 + k] = taken[k]

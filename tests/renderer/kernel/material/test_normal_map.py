@@ -25,7 +25,7 @@ def _map(color, wo, out):
 
 @entry
 def _frame(scene, surface, wo, out):
-    s, t, n = shading_frame(scene, surface, wo)
+    s, t, n = shading_frame(scene, surface, wo, None)
     for k in range(3):
         out[0, k] = s[k]
         out[1, k] = t[k]

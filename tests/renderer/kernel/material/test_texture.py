@@ -70,7 +70,7 @@ def compiled(textures, material, images=IMAGES, meshes=None, spheres=()):
 @entry
 def _look_up(scene, number, uv, uv1, found):
     for i in range(len(uv)):
-        r, g, b, a = sample_texture(scene, number, (uv[i, 0], uv[i, 1]), (uv1[i, 0], uv1[i, 1]))
+        r, g, b, a = sample_texture(scene, number, (uv[i, 0], uv[i, 1]), (uv1[i, 0], uv1[i, 1]), None)
         found[i, 0], found[i, 1], found[i, 2], found[i, 3] = r, g, b, a
 
 

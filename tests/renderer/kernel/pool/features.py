@@ -131,6 +131,15 @@ def moving(material: Material) -> SceneDescription:
     return description
 
 
+def sliding(material: Material) -> SceneDescription:
+    """With textures that go their own ways."""
+    description = room(material, keys=3)
+    for k, (x, y) in enumerate(((0.5, 0.0), (0.0, -0.3), (0.2, 0.2))):
+        keys = tuple((1.0, 0.0, x * step, 0.1 * step, 1.0, y * step) for step in range(3))
+        description.textures[k] = replace(description.textures[k], keys=keys)
+    return description
+
+
 def dark() -> SceneDescription:
     """Nothing that shines."""
     description = room(Material(base_color=gray(0.5)), environment=None)
@@ -231,6 +240,9 @@ FEATURES: dict[str, Feature] = {
     "lights without a body": _feature(_punctual),
     # What moves while the shutter is open
     "what moves": _feature(lambda: moving(Material(**PBR, metallic=0.5, roughness=0.3))),
+    "textures that slide": _feature(
+        lambda: sliding(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_texture=1, **BLEND))
+    ),
     "a camera that moves": _of(GRAY, views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))),
 }
 
