@@ -35,9 +35,9 @@ def damaged(store: redis.Redis, is_so: bool) -> None:
 def test_a_redis_that_refuses_costs_only_time(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:
-    worker.on_batch = lambda batch: time.sleep(0.02)
+    worker.on_batch = lambda batch: time.sleep(0.1)  # long enough that it is not over before Redis is spoilt
     job = service.submit(service.ready_scene(), spp=30)
-    until(lambda: service.job(job)["progress"] > 0.1, "the job is under way")
+    until(lambda: service.job(job)["progress"] > 0, "the job is under way")
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         spoil(store, True)
         try:
