@@ -77,7 +77,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
     from renderer.render import edition_for, warm_up
 
     with bar() as progress:
-        progress.add_task("loading the kernel (the first time compiles it: up to a minute)", total=None)
+        progress.add_task("loading the kernel (the first time compiles it: a minute or two)", total=None)
         warm_up(settings, edition_for(settings, compiled))
     clock.mark("compile_s")
 

@@ -280,7 +280,7 @@ def _message(job: Job, view: Snapshot) -> str | None:
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
-        return "The workers compile the kernel for this scene and these settings; the first time that takes up to a minute."
+        return "The workers compile the kernel for this scene and these settings; the first time that takes a minute or two."
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
         return f"{numbers.handed_back.rstrip('.')}. It is tried again."
     if ahead := view.ahead.get(job.id):
