@@ -29,8 +29,8 @@ def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) 
     """Stores what `renderer.scene.compiled.save` or a Saver wrote: of it and of the parts beside it, what the service lacks.
 
     there: the hashes of parts that stay at the service in any case: it is not asked for them.
-    The files stay, for a later moment that shares them: the service may have let go of them by then. Raises Trouble where one
-    that an earlier moment had is nowhere any more.
+    This machine's cache has them too, for a later moment that shares them: the service may have let go of them by then. Raises
+    Trouble where one that an earlier moment had is nowhere any more.
     """
     parts = parts_of(path)
     for part in parts:
