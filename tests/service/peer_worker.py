@@ -69,7 +69,10 @@ def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int =
 
 
 class PeerWorker:
-    """One slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch."""
+    """One slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch.
+
+    What it can do is told at its making: the service acts upon the first report that it sees.
+    """
 
     def __init__(
         self,
@@ -80,6 +83,10 @@ class PeerWorker:
         kind: str = "test-kind",
         slots: int = 2,
         denoises: bool = True,
+        knows_frames: bool = True,
+        blurs: bool = True,
+        knows_vectors: bool = True,
+        several: bool = True,
     ) -> None:
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, verify=False)
@@ -87,12 +94,12 @@ class PeerWorker:
         self.kind = kind
         self.slots = slots
         self.denoises = denoises
-        self.knows_frames = True
-        self.blurs = True
-        self.knows_vectors = True
+        self.knows_frames = knows_frames
+        self.blurs = blurs
+        self.knows_vectors = knows_vectors
+        self.several = several
         self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: they are never answered
         self.vectors: list[FrameVectors] = []  # made
-        self.several = True
         self.messages: list[int] = []  # how many batches each had
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None

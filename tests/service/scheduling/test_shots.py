@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import threading
 import time
@@ -230,9 +231,7 @@ def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
 
 
 def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service) -> None:
-    with service.worker(name="old", kind="old-kind") as old:
-        old.knows_frames = False
-        old.report()
+    with service.worker(name="old", kind="old-kind", knows_frames=False) as old:
         job = shoot(service, service.ready_scene(), "0-1")
         until(lambda: "release" in (service.job(job)["message"] or ""), "it says what it waits for", say=lambda: service.job(job))
         assert not old.frames
@@ -241,9 +240,7 @@ def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service
 
 
 def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(service: Service) -> None:
-    with service.worker(name="old", kind="old-kind") as old:
-        old.blurs = False
-        old.report()
+    with service.worker(name="old", kind="old-kind", blurs=False) as old:
         scene = service.ready_scene()
         still, shot = service.submit(scene, **SMALL, spp=4, shutter=0.5), shoot(service, scene, "3", shutter=0.5, shutter_keys=2)
         until(lambda: "blur" in (service.job(shot)["message"] or ""), "it says what it waits for", say=lambda: service.job(shot))
@@ -295,6 +292,15 @@ def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service
     assert "lost three times" in frames_of(service, job)[1]["error"]
 
 
+def blobs(data: Path) -> dict[str, int]:
+    """Names and bytes of what is stored. The service goes on meanwhile: what it lets go of while this looks is left out."""
+    sizes = {}
+    for path in (data / "blobs").glob("??/*"):
+        with contextlib.suppress(FileNotFoundError):
+            sizes[path.name] = path.stat().st_size
+    return sizes
+
+
 def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
     try:
@@ -303,9 +309,9 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
 
             def look(batch: RenderBatch) -> None:
                 nonlocal most
-                blobs = [path for path in (tmp_path / "data" / "blobs").glob("??/*") if path.stat().st_size == 1006]
-                most = max(most, len(blobs))
-                assert any(path.name == batch.compiled for path in blobs), "what is rendered is there"
+                compiled = [name for name, size in blobs(tmp_path / "data").items() if size == 1006]
+                most = max(most, len(compiled))
+                assert batch.compiled in compiled, "what is rendered is there"
 
             def make(frame: float) -> bytes:
                 time.sleep(0.05)
@@ -328,7 +334,7 @@ def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_p
     part = tmp_path / "data" / "blobs" / hashlib.sha256(shared).hexdigest()[:2] / hashlib.sha256(shared).hexdigest()
 
     def left() -> int:
-        return sum(path.stat().st_size in (106, len(shared)) for path in (tmp_path / "data" / "blobs").glob("??/*"))
+        return sum(size in (106, len(shared)) for size in blobs(tmp_path / "data").values())
 
     def look(batch: RenderBatch) -> None:
         assert part.is_file()

@@ -15,9 +15,7 @@ def test_short_frames_go_several_in_a_message_where_all_workers_know_that(servic
         service.wait_for(job, "finished")
         assert len(one.batches) == 4 * 40
         assert max(one.messages) > 2
-        with service.worker(name="older") as older:
-            older.several = False
-            older.report()
+        with service.worker(name="older", several=False) as older:
             one.messages.clear()
             until(lambda: len(service.http.get("/api/workers").json()) == 2, "the other is there")
             again = shoot(service, scene, "0-19", spp=1, seed=7)

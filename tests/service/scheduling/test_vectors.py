@@ -68,9 +68,7 @@ def test_what_cannot_be_is_a_sentence(service: Service, worker: PeerWorker) -> N
 
 
 def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    with service.worker() as worker:
-        worker.knows_vectors = False
-        worker.report()
+    with service.worker(knows_vectors=False):
         job = finished(service)
         url = f"/api/jobs/{job}/frames/0/image.exr?aov=motion"
         assert "older release" in problem(service.http.get(url), 503)
