@@ -13,6 +13,19 @@ from tests.helpers import ROOT
 
 PACKAGES = ("renderer", "worker", "service", "rayfarm")
 TALLEST = 400
+PAGE = (
+    "base",
+    "news",
+    "shell",
+    "film",
+    "forms",
+    "job",
+    "shot",
+    "scene",
+    "compare",
+    "views",
+    "main.js",
+)  # each knows those before it
 
 
 def test_the_import_contracts_hold() -> None:
@@ -46,6 +59,18 @@ def test_one_concept_a_file(package: str) -> None:
         if path.suffix in (".py", ".js") and "node_modules" not in path.parts and (lines := _lines(path)) > TALLEST
     }
     assert not tall, f"longer than {TALLEST} lines: {tall}"
+
+
+def test_the_arrows_of_the_page_point_one_way() -> None:
+    folder = ROOT / "web" / "js"
+    wrong = []
+    for path in folder.rglob("*.js"):
+        own = path.relative_to(folder).parts[0]
+        for named in re.findall(r'^(?:import|\} from|export)\b.*"(\.[^"]+)"', path.read_text(), re.MULTILINE):
+            other = (path.parent / named).resolve().relative_to(folder).parts[0]
+            if PAGE.index(other) > PAGE.index(own):
+                wrong.append(f"{path.relative_to(folder)} imports {named}")
+    assert not wrong, f"of {PAGE} each folder imports from those before it: {wrong}"
 
 
 def test_what_the_table_of_additions_names_is_there() -> None:

@@ -18,19 +18,19 @@ pytestmark = pytest.mark.browser
 
 def test_words_decode_as_python_packs_them(page: Page) -> None:
     words = np.random.default_rng(1).integers(0, 1 << 32, 500, dtype=np.uint32)
-    decoded = call(page, "rgb9e5", "return a.map((word) => m.decode(word));", words.tolist())
+    decoded = call(page, "film/rgb9e5", "return a.map((word) => m.decode(word));", words.tolist())
     np.testing.assert_array_equal(decoded, rgbe9995.unpack(words))
-    peaks = call(page, "rgb9e5", "return a.map((word) => m.peak(word));", words.tolist())
+    peaks = call(page, "film/rgb9e5", "return a.map((word) => m.peak(word));", words.tolist())
     np.testing.assert_array_equal(peaks, rgbe9995.unpack(words).max(axis=1))
 
 
 def test_a_damaged_packet_is_refused(page: Page) -> None:
     whole = list(packet(5, radiances(), 3))
     body = "const tile = m.decodeTile(new Uint8Array(a).buffer); return [tile.seq, tile.w, tile.h, tile.spp];"
-    assert call(page, "tile-packet", body, whole) == [5, WIDTH, HEIGHT, 3]
+    assert call(page, "news/tile-packet", body, whole) == [5, WIDTH, HEIGHT, 3]
     refused = "try { m.decodeTile(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
-    assert "came with" in call(page, "tile-packet", refused, whole[:-4])
-    assert "version 9" in call(page, "tile-packet", refused, [9, *whole[1:]])
+    assert "came with" in call(page, "news/tile-packet", refused, whole[:-4])
+    assert "version 9" in call(page, "news/tile-packet", refused, [9, *whole[1:]])
 
 
 def test_zooming_keeps_the_pixel_under_the_cursor(page: Page) -> None:
@@ -45,7 +45,7 @@ def test_zooming_keeps_the_pixel_under_the_cursor(page: Page) -> None:
             found.push([before, (300 - view.x) / view.scale, view.scale]);
         }
         return found;"""
-    for before, after, scale in call(page, "viewport", body, [1.7, 3, 2.2, 0.4, 5, 0.1, 1.01]):
+    for before, after, scale in call(page, "film/viewport", body, [1.7, 3, 2.2, 0.4, 5, 0.1, 1.01]):
         assert abs(before - after) <= 0.5 / scale + 1e-9, "the origin is rounded to a whole pixel of the screen, no more"
 
 
@@ -59,12 +59,12 @@ def test_the_shader_is_the_tone_mapping_of_python(page: Page, exposure: float) -
         Object.assign(document.body.style, { margin: 0, whiteSpace: "normal" });
         Object.assign(view.element.style, { position: "fixed", inset: 0 });
         for (const canvas of view.element.children) canvas.style.position = "absolute";
-        const { Film } = await import("/js/film.js");
+        const { Film } = await import("/js/film/film.js");
         view.layers[0].setFilm(new Film(a.width, a.height, new Uint32Array(a.words)));
         view.canvas.resize();
         view.actualSize();
         window.view = view;"""
-    call(page, "film-view", mount, {"width": WIDTH, "height": HEIGHT, "words": rgbe9995.pack(film).ravel().tolist()})
+    call(page, "film/film-view", mount, {"width": WIDTH, "height": HEIGHT, "words": rgbe9995.pack(film).ravel().tolist()})
     for curve in tonemap.CURVES:
         origin = page.evaluate(
             """async (look) => {
@@ -94,7 +94,7 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
             });
         });
         return news;"""
-    news = call(page, "live", body)
+    news = call(page, "news/live", body)
     once = [["link", True], ["state", "abc"]]
     assert news == [*once, ["tile", 10], ["link", False], *once, ["tile", 20]]
     deadline = time.monotonic() + 5
@@ -104,5 +104,5 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
 
 
 def test_the_size_of_a_scene_is_short_whatever_its_unit(page: Page) -> None:
-    extents = call(page, "format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
+    extents = call(page, "base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]

@@ -28,7 +28,7 @@ SCENE = {
 
 
 # What a form is made of, before it is opened.
-TOLD = "(await import('/js/settings-table.js')).table.set(a.table);"
+TOLD = "(await import('/js/news/settings-table.js')).table.set(a.table);"
 
 
 def open_form(
@@ -42,7 +42,7 @@ def open_form(
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, null, a.asShot);
         document.body.replaceChildren(form.element);
         for (const fold of document.querySelectorAll("details")) fold.open = true;"""
-    call(page, "settings-form", TOLD + body, {"scene": scene, "table": described(known), "asShot": as_shot})
+    call(page, "scene/settings-form", TOLD + body, {"scene": scene, "table": described(known), "asShot": as_shot})
 
 
 def submitted(page: Page) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     right["settings"]["environment"] = [1, 0.5, 0.25]
     right["settings"]["view"] = {**view, "focus": 2.0, "eye": [0.1, 0, 5]}
     jobs = {"left": left, "right": right, "table": described(table(Sparkling))}
-    rows = call(page, "job-differences", TOLD + "return m.differences(a.left, a.right);", jobs)
+    rows = call(page, "compare/job-differences", TOLD + "return m.differences(a.left, a.right);", jobs)
     assert [(row["label"], row["a"], row["b"]) for row in rows] == [
         ("Integrator", "Path tracing", "Ambient occlusion"),
         ("Sparkle", "dull", "1.235"),
@@ -103,7 +103,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
         const side = (job) => ({ job, channel: "" });
         return m.sideNames(side(a.left), side(a.right));"""
     )
-    assert call(page, "job-differences", body, jobs) == ["Path tracing, glitter dull", "Ambient occlusion, glitter 1.235"]
+    assert call(page, "compare/job-differences", body, jobs) == ["Path tracing, glitter dull", "Ambient occlusion, glitter 1.235"]
 
 
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
@@ -115,11 +115,11 @@ def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) 
     body = (
         TOLD
         + """
-        (await import('/js/farm.js')).scenes.set(a.scenes);
+        (await import('/js/news/farm.js')).scenes.set(a.scenes);
         return m.differences({ ...a.job, scene: "a" }, { ...a.job, scene: a.other });"""
     )
     arguments = {"scenes": [own, *others], "job": job, "table": described()}
-    told = [call(page, "job-differences", body, {**arguments, "other": other}) for other in ("a", "b", "c")]
+    told = [call(page, "compare/job-differences", body, {**arguments, "other": other}) for other in ("a", "b", "c")]
     assert told == [
         [],
         [
@@ -141,7 +141,7 @@ def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) 
 )
 def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page, end: dict[str, Any], words: str) -> None:
     body = TOLD + "return m.endOf(a.end);"
-    assert call(page, "settings-table", body, {"end": end, "table": described()}) == words
+    assert call(page, "news/settings-table", body, {"end": end, "table": described()}) == words
 
 
 def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
@@ -173,7 +173,7 @@ def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
         window.asked = null;
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
         document.body.replaceChildren(form.element);"""
-    call(page, "settings-form", TOLD + body, {"scene": SCENE, "job": job, "table": described()})
+    call(page, "scene/settings-form", TOLD + body, {"scene": SCENE, "job": job, "table": described()})
     asked = submitted(page)
     assert settings.View.from_json(asked.pop("view")) == view
     size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}

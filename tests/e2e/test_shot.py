@@ -202,7 +202,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
     body = """
         document.head.innerHTML += '<link rel="stylesheet" href="/css/tokens.css"><link rel="stylesheet" href="/css/shot.css">';
         const { ShotFrames } = await import("/js/shot/shot-frames.js");
-        const { Disposer } = await import("/js/store.js");
+        const { Disposer } = await import("/js/base/store.js");
         window.frames_ = new ShotFrames(a, 3);
         const frame = (number) => ({ number, state: "running", samples: 0, spp: 0, progress: 0.5, noise: null, error: null });
         window.frames_.take(Array.from({ length: 2000 }, (_, i) => frame(i)));

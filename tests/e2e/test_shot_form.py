@@ -31,14 +31,14 @@ STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 
     "text", ["0-99", "7", "1-250x5,300", "0-2x0.5", "12.5, 3-4", "5,5,4-6", "9-3", "3-", "", "a", "1-9x0", "0-100000"]
 )
 def test_frames_are_what_the_renderer_takes_them_for(page: Page, text: str) -> None:
-    got = call(page, "shot/frame-numbers", "return m.parseFrames(a);", text)
+    got = call(page, "base/frame-numbers", "return m.parseFrames(a);", text)
     try:
         wanted = parse_frames(text)
     except SettingsError:
         assert isinstance(got, str), "a sentence"
     else:
         assert got == wanted
-        assert call(page, "shot/frame-numbers", "return m.framesText(a);", wanted) == frames_text(wanted)
+        assert call(page, "base/frame-numbers", "return m.framesText(a);", wanted) == frames_text(wanted)
 
 
 def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:

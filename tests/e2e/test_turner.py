@@ -25,18 +25,18 @@ def vector(view: dict[str, list[float]], name: str) -> np.ndarray:
 def test_turning_keeps_the_target_and_its_distance(page: Page) -> None:
     distance = np.linalg.norm(vector(VIEW, "eye") - vector(VIEW, "target"))
     for dx, dy in ((0.3, 0), (0, 0.4), (-2, -0.5), (0.1, 9)):
-        turned = call(page, "orbit", f"return m.orbit(a, {dx}, {dy});", VIEW)
+        turned = call(page, "scene/orbit", f"return m.orbit(a, {dx}, {dy});", VIEW)
         assert turned["target"] == VIEW["target"]
         offset = vector(turned, "eye") - vector(turned, "target")
         assert np.linalg.norm(offset) == pytest.approx(distance)
         assert abs(offset[1]) <= math.sin(math.radians(89.001)) * distance, "never along up"
-    back = call(page, "orbit", "return m.orbit(m.orbit(a, 0.7, 0.2), -0.7, -0.2);", VIEW)
+    back = call(page, "scene/orbit", "return m.orbit(m.orbit(a, 0.7, 0.2), -0.7, -0.2);", VIEW)
     np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
 
 
 def test_what_is_dragged_follows_the_hand(page: Page) -> None:
     """Half a picture's height to the right and down: the old target is seen there."""
-    moved = call(page, "orbit", "return m.pan(a, 0.5, 0.25);", VIEW)
+    moved = call(page, "scene/orbit", "return m.pan(a, 0.5, 0.25);", VIEW)
     forward = vector(moved, "target") - vector(moved, "eye")
     distance = np.linalg.norm(forward)
     right = np.cross(forward, VIEW["up"])
@@ -51,7 +51,7 @@ def test_a_pixels_depth_along_the_line_of_sight(page: Page) -> None:
     body = "return m.alongSight(a, { width: 300, height: 200 }, { x: 299, y: 0 }, 7);"
     half = math.tan(math.radians(20))
     direction = np.array([299 / 200 * half, 199 / 200 * half, 1])
-    assert call(page, "orbit", body, VIEW) == pytest.approx(7 / np.linalg.norm(direction))
+    assert call(page, "scene/orbit", body, VIEW) == pytest.approx(7 / np.linalg.norm(direction))
 
 
 @pytest.mark.farm

@@ -1,14 +1,14 @@
 /** Starts the page: the shell, the farm's news, drops, and the view that the URL names. */
 
-import { fill, h } from "./dom.js";
-import { followFarm } from "./farm.js";
-import { showHelp } from "./help-dialog.js";
-import { emptyState } from "./hints.js";
-import { linkTo, onNavigate } from "./router.js";
-import { buildShell } from "./shell.js";
-import { addShortcuts } from "./shortcuts.js";
-import { showError } from "./tray.js";
-import { acceptDrops } from "./uploads.js";
+import { fill, h } from "./base/dom.js";
+import { followFarm } from "./news/farm.js";
+import { showHelp } from "./shell/help-dialog.js";
+import { emptyState } from "./shell/hints.js";
+import { linkTo, onNavigate } from "./shell/router.js";
+import { buildShell } from "./shell/shell.js";
+import { addShortcuts } from "./shell/shortcuts.js";
+import { showError } from "./shell/tray.js";
+import { acceptDrops } from "./shell/uploads.js";
 import { compareView } from "./views/compare.js";
 import { homeView } from "./views/home.js";
 import { jobView } from "./views/job.js";

@@ -1,10 +1,10 @@
 /** Which frame a comparison shows, where a side of it is a shot: both sides show the same one, or the nearest that they have. */
 
-import { h, setText } from "../dom.js";
-import { parseFrames } from "./frame-numbers.js";
-import { isShot } from "./shot-words.js";
+import { h, setText } from "../base/dom.js";
+import { parseFrames } from "../base/frame-numbers.js";
+import { isShot } from "../base/shot-words.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
 
 /** Whoever drags the slider is not followed by every frame between. */
@@ -32,10 +32,10 @@ export function frameOf(job, wanted) {
 }
 
 /**
- * @param {import("../live-film.js").LiveFilm[]} films left and right, which may be one
+ * @param {import("../film/live-film.js").LiveFilm[]} films left and right, which may be one
  * @param {() => Job[]} jobs likewise
- * @param {import("../store.js").Store<Comparison>} state
- * @param {import("../store.js").Disposer} life
+ * @param {import("../base/store.js").Store<Comparison>} state
+ * @param {import("../base/store.js").Disposer} life
  * @returns {{element: HTMLElement, update: () => void}}
  */
 export function compareFrames(films, jobs, state, life) {

@@ -1,13 +1,13 @@
 /** The filmstrip: every frame small, with its number, state and noise. Only what is in sight is there, however long the shot. */
 
-import { imageUrl } from "../api.js";
-import { h, setText } from "../dom.js";
-import { freshId } from "../fields.js";
-import { percent } from "../format.js";
-import { icon } from "../icons.js";
+import { imageUrl } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { freshId } from "../forms/fields.js";
+import { percent } from "../base/format.js";
+import { icon } from "../base/icons.js";
 import { Thumbnails } from "./thumbnails.js";
 
-/** @typedef {import("../types.js").Frame} Frame */
+/** @typedef {import("../base/types.js").Frame} Frame */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 
 /** Pixels from one frame to the next, as css/shot.css has it. */
@@ -17,7 +17,7 @@ const THUMB_WIDTH = 160;
 /** The picture of a frame that goes on is renewed when it has so many times the samples. */
 const WORTH = 2;
 
-/** @type {Record<import("../types.js").FrameState, string>} */
+/** @type {Record<import("../base/types.js").FrameState, string>} */
 const WORDS = { queued: "waits", preparing: "is prepared", running: "is rendered", finished: "finished", failed: "failed" };
 
 /**
@@ -36,7 +36,7 @@ export function frameSentence(number, frame) {
 /**
  * @param {string} job
  * @param {ShotFrames} frames
- * @param {import("../store.js").Disposer} life
+ * @param {import("../base/store.js").Disposer} life
  * @returns {HTMLElement}
  */
 export function filmstrip(job, frames, life) {

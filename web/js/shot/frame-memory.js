@@ -3,8 +3,8 @@
  * and tone curve act while it plays; smaller where all together would take too much.
  */
 
-import { fetchWords } from "../api.js";
-import { Film } from "../film.js";
+import { fetchWords } from "../news/api.js";
+import { Film } from "../film/film.js";
 
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 

@@ -1,18 +1,18 @@
 /** The frame that is looked at: how it is, and that it be rendered first, again, or finer. */
 
-import { h, setText } from "../dom.js";
-import { compact, percent } from "../format.js";
-import { icon } from "../icons.js";
-import { change } from "../job-panel.js";
-import { stateChip } from "../state-chip.js";
-import { announce } from "../tray.js";
+import { h, setText } from "../base/dom.js";
+import { compact, percent } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { change } from "../job/job-panel.js";
+import { stateChip } from "../shell/state-chip.js";
+import { announce } from "../shell/tray.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 
 /**
  * @param {() => Job} job
  * @param {import("./shot-frames.js").ShotFrames} frames
- * @param {import("../store.js").Disposer} life
+ * @param {import("../base/store.js").Disposer} life
  * @returns {{element: HTMLElement, renderFirst: () => void, update: () => void}}
  */
 export function framePanel(job, frames, life) {

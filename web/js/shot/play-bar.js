@@ -1,8 +1,8 @@
 /** The controls of a shot: play, step, scrub, loop, in and out, and how much of it is in memory. */
 
-import { h, setText } from "../dom.js";
-import { bytes, count } from "../format.js";
-import { icon } from "../icons.js";
+import { h, setText } from "../base/dom.js";
+import { bytes, count } from "../base/format.js";
+import { icon } from "../base/icons.js";
 
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 /** @typedef {import("./player.js").Player} Player */
@@ -12,11 +12,11 @@ import { icon } from "../icons.js";
  * @param {ShotFrames} frames
  * @param {Player} player
  * @param {FrameMemory} memory
- * @param {import("../store.js").Disposer} life
+ * @param {import("../base/store.js").Disposer} life
  * @returns {{element: HTMLElement, showLoaded: () => void}}
  */
 export function playBar(frames, player, memory, life) {
-  /** @param {import("../icons.js").IconName} symbol @param {string} label @param {string} title @param {() => void} onclick */
+  /** @param {import("../base/icons.js").IconName} symbol @param {string} label @param {string} title @param {() => void} onclick */
   const button = (symbol, label, title, onclick) =>
     h("button", { class: "icon-button", type: "button", "aria-label": label, title, onclick }, icon(symbol));
   const step = (/** @type {number} */ by) => () => (player.pause(), frames.go(frames.at + by));

@@ -1,6 +1,6 @@
 /** Plays a shot out of memory at its speed: what comes too late is left out, nothing is slowed down. */
 
-import { Store } from "../store.js";
+import { Store } from "../base/store.js";
 
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 /** @typedef {import("./frame-memory.js").FrameMemory} FrameMemory */

@@ -1,8 +1,8 @@
 /** All that a job's page has for a shot: the strip, the player, and what they show on the stage. */
 
-import { scenes } from "../farm.js";
-import { here, setParams } from "../router.js";
-import { addShortcuts } from "../shortcuts.js";
+import { scenes } from "../news/farm.js";
+import { here, setParams } from "../shell/router.js";
+import { addShortcuts } from "../shell/shortcuts.js";
 import { filmstrip } from "./filmstrip.js";
 import { FrameMemory } from "./frame-memory.js";
 import { framePanel } from "./frame-panel.js";
@@ -13,7 +13,7 @@ import { ShotFrames } from "./shot-frames.js";
 import { shotKeys } from "./shot-keys.js";
 import { shotSave } from "./shot-save.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 
 const USUAL_FPS = 24;
 /** Whoever steps faster sees what is in memory; the live frame comes when they rest. */
@@ -23,9 +23,9 @@ const FILL_MS = 1000;
 
 /**
  * @param {() => Job} job
- * @param {import("../live-picture.js").LivePicture} picture
- * @param {import("../store.js").Store<import("../display-panel.js").Display>} display
- * @param {import("../store.js").Disposer} life
+ * @param {import("../film/live-picture.js").LivePicture} picture
+ * @param {import("../base/store.js").Store<import("../job/display-panel.js").Display>} display
+ * @param {import("../base/store.js").Disposer} life
  */
 export function shotDesk(job, picture, display, life) {
   const { live } = picture;

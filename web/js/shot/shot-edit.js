@@ -1,16 +1,16 @@
 /** Changing a shot: more frames, those that failed again, more samples for a part, another order. */
 
-import { h, setText } from "../dom.js";
-import { explain, field, numberInput, numberOf } from "../fields.js";
-import { plural } from "../format.js";
-import { icon } from "../icons.js";
-import { change } from "../job-panel.js";
-import { settingOf } from "../settings-table.js";
-import { parseFrames } from "./frame-numbers.js";
+import { h, setText } from "../base/dom.js";
+import { explain, field, numberInput, numberOf } from "../forms/fields.js";
+import { plural } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { change } from "../job/job-panel.js";
+import { settingOf } from "../news/settings-table.js";
+import { parseFrames } from "../base/frame-numbers.js";
 import { partText } from "./shot-save.js";
 
-/** @typedef {import("../types.js").Job} Job */
-/** @typedef {import("../api.js").JobChange} JobChange */
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../news/api.js").JobChange} JobChange */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 
 const MORE = 64;
@@ -18,7 +18,7 @@ const MORE = 64;
 /**
  * @param {() => Job} job
  * @param {ShotFrames} frames
- * @param {import("../store.js").Disposer} life
+ * @param {import("../base/store.js").Disposer} life
  * @returns {{element: HTMLElement, update: () => void}}
  */
 export function shotEdit(job, frames, life) {

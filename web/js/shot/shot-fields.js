@@ -1,14 +1,14 @@
 /** Still or shot: a moment, or several frames, of a scene that moves or whose camera goes around it. */
 
-import { choiceField, explain, field, freshId, numberOf, segments, setShown } from "../fields.js";
-import { h, setText } from "../dom.js";
-import { plural } from "../format.js";
-import { numberFor } from "../setting-field.js";
-import { settingOf } from "../settings-table.js";
-import { parseFrames } from "./frame-numbers.js";
+import { choiceField, explain, field, freshId, numberOf, segments, setShown } from "../forms/fields.js";
+import { h, setText } from "../base/dom.js";
+import { plural } from "../base/format.js";
+import { numberFor } from "../forms/setting-field.js";
+import { settingOf } from "../news/settings-table.js";
+import { parseFrames } from "../base/frame-numbers.js";
 
-/** @typedef {import("../types.js").Scene} Scene */
-/** @typedef {import("../types.js").Shot} Shot */
+/** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Shot} Shot */
 
 const USUAL_FPS = 24;
 const TURN_S = 4;
@@ -129,9 +129,9 @@ export function shotFields(scene, like, changed, asShot = false) {
   return { elements: [kind.element, clip.element, stillField, shotPart], get, count: () => (isShot() ? numbers().length : 1) };
 }
 
-/** @param {import("../types.js").Clip[]} clips */
+/** @param {import("../base/types.js").Clip[]} clips */
 function clipChoices(clips) {
-  const seconds = (/** @type {import("../types.js").Clip} */ { start, end }) =>
+  const seconds = (/** @type {import("../base/types.js").Clip} */ { start, end }) =>
     `Moves from ${Number(start.toFixed(2))} to ${Number(end.toFixed(2))} s.`;
   const known = new Set();
   const each = clips.map((clip, i) => {

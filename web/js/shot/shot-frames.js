@@ -1,10 +1,10 @@
 /** The frames of a shot as the page knows them, which of them is looked at, and the part between the in and the out point. */
 
-import { Store } from "../store.js";
-import { parseFrames } from "./frame-numbers.js";
+import { Store } from "../base/store.js";
+import { parseFrames } from "../base/frame-numbers.js";
 
-/** @typedef {import("../types.js").Frame} Frame */
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Frame} Frame */
+/** @typedef {import("../base/types.js").Job} Job */
 
 export class ShotFrames {
   /** @param {Job} job a shot @param {number | null} [current] */

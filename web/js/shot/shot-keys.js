@@ -1,9 +1,9 @@
 /** The keys of a shot. */
 
-import { announce } from "../tray.js";
+import { announce } from "../shell/tray.js";
 import { frameSentence } from "./filmstrip.js";
 
-/** @typedef {import("../shortcuts.js").Shortcut} Shortcut */
+/** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
 
 /**
  * @param {import("./shot-frames.js").ShotFrames} frames

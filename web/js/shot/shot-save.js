@@ -1,12 +1,12 @@
 /** Downloads of a whole shot: as a film, or its frames in a zip. */
 
-import { shotUrl } from "../api.js";
-import { h, setText } from "../dom.js";
-import { icon } from "../icons.js";
-import { plainName, row } from "../save-panel.js";
-import { framesText } from "./frame-numbers.js";
+import { shotUrl } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { plainName, row } from "../job/save-panel.js";
+import { framesText } from "../base/frame-numbers.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 
 const FILES = /** @type {const} */ ([
@@ -21,9 +21,9 @@ const LONGEST = 1000;
 
 /**
  * @param {Job} job
- * @param {import("../store.js").Store<import("../display-panel.js").Display>} display
+ * @param {import("../base/store.js").Store<import("../job/display-panel.js").Display>} display
  * @param {ShotFrames} frames
- * @param {import("../store.js").Disposer} life
+ * @param {import("../base/store.js").Disposer} life
  */
 export function shotSave(job, display, frames, life) {
   const links = FILES.map(([file, name, hint, format]) => {

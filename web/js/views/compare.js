@@ -1,23 +1,23 @@
 /** Two pictures beside each other at a wipe: two jobs, a job and its denoised copy, or planes of either. */
 
-import { getJob } from "../api.js";
-import { differenceTable, progressOf, sideChoice } from "../compare-panel.js";
-import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../display-panel.js";
-import { fill, h } from "../dom.js";
-import { adoptJob, jobs } from "../farm.js";
-import { emptyState } from "../hints.js";
-import { icon } from "../icons.js";
-import { differences, sideNames } from "../job-differences.js";
-import { LiveFilm } from "../live-film.js";
-import { pictureStage } from "../picture-stage.js";
-import { stageKeys } from "../render-keys.js";
-import { followWithFrame, here, linkTo, setParams, setTitle } from "../router.js";
+import { getJob } from "../news/api.js";
+import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
+import { clampExposure, lookFields, lookFromUrl, lookParams, wipeFrom } from "../job/display-panel.js";
+import { fill, h } from "../base/dom.js";
+import { adoptJob, jobs } from "../news/farm.js";
+import { emptyState } from "../shell/hints.js";
+import { icon } from "../base/icons.js";
+import { differences, sideNames } from "../compare/job-differences.js";
+import { LiveFilm } from "../film/live-film.js";
+import { pictureStage } from "../film/picture-stage.js";
+import { stageKeys } from "../job/render-keys.js";
+import { followWithFrame, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { compareFrames, frameOf } from "../shot/compare-frames.js";
-import { isShot } from "../shot/shot-words.js";
-import { addShortcuts } from "../shortcuts.js";
-import { Disposer, Store } from "../store.js";
+import { isShot } from "../base/shot-words.js";
+import { addShortcuts } from "../shell/shortcuts.js";
+import { Disposer, Store } from "../base/store.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 
 /**
  * @typedef {object} Comparison

@@ -1,21 +1,21 @@
 /** The front page: where a scene is dropped, examples for whoever has none, and what is there already. */
 
-import { getExamples, openExample } from "../api.js";
-import { getComparisons, openComparison } from "../comparisons.js";
-import { fill, h, keyedList } from "../dom.js";
-import { adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
-import { noWorkerNotice } from "../hints.js";
-import { icon } from "../icons.js";
-import { isPassing } from "../preview.js";
-import { linkTo, setTitle } from "../router.js";
-import { parseFrames } from "../shot/frame-numbers.js";
-import { Disposer } from "../store.js";
-import { showError } from "../tray.js";
-import { choose } from "../uploads.js";
+import { getExamples, openExample } from "../news/api.js";
+import { getComparisons, openComparison } from "../compare/comparisons.js";
+import { fill, h, keyedList } from "../base/dom.js";
+import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
+import { noWorkerNotice } from "../shell/hints.js";
+import { icon } from "../base/icons.js";
+import { isPassing } from "../news/passing.js";
+import { linkTo, setTitle } from "../shell/router.js";
+import { parseFrames } from "../base/frame-numbers.js";
+import { Disposer } from "../base/store.js";
+import { showError } from "../shell/tray.js";
+import { choose } from "../shell/uploads.js";
 import { jobRow } from "./job-row.js";
 import { sceneCard } from "./scene-card.js";
 
-/** @typedef {import("../types.js").Example} Example */
+/** @typedef {import("../base/types.js").Example} Example */
 
 const RECENT_JOBS = 4;
 
@@ -56,7 +56,7 @@ export function homeView() {
     jobSection.hidden = seenJobs.length === 0;
   };
   for (const store of [scenes, jobs, hidden])
-    life.add(/** @type {import("../store.js").Store<any>} */ (store).subscribe(refresh));
+    life.add(/** @type {import("../base/store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
 
   Promise.all([getExamples(), getComparisons()]).then(
@@ -115,7 +115,7 @@ function dropZone() {
 
 /**
  * @param {Example} example
- * @param {import("../comparisons.js").ExampleComparison[]} comparisons
+ * @param {import("../compare/comparisons.js").ExampleComparison[]} comparisons
  */
 function exampleCard(example, comparisons) {
   // Rendered by Rayfarm; an example that has none yet shows the stand-in.
@@ -153,7 +153,7 @@ function lengthOf(frames, fps) {
 
 /**
  * @param {Example} example
- * @param {import("../comparisons.js").ExampleComparison} comparison
+ * @param {import("../compare/comparisons.js").ExampleComparison} comparison
  */
 function comparisonButton(example, comparison) {
   const run = async () => {

@@ -1,25 +1,25 @@
 /** A job in a list. */
 
-import { deleteJob, imageUrl } from "../api.js";
-import { h, setText } from "../dom.js";
-import { scenes, setHidden } from "../farm.js";
-import { ago, clock } from "../format.js";
-import { icon } from "../icons.js";
-import { linkTo } from "../router.js";
-import { endOf } from "../settings-table.js";
-import { firstFrame, framesDone, isShot, shotName } from "../shot/shot-words.js";
-import { progressBar, stateChip } from "../state-chip.js";
-import { showError, undoable } from "../tray.js";
+import { deleteJob, imageUrl } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { scenes, setHidden } from "../news/farm.js";
+import { ago, clock } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { linkTo } from "../shell/router.js";
+import { endOf } from "../news/settings-table.js";
+import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
+import { progressBar, stateChip } from "../shell/state-chip.js";
+import { showError, undoable } from "../shell/tray.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 
 /** A running job's picture in a list is renewed this often. */
 const PICTURE_EVERY_S = 5;
 
 /**
  * @param {Job} job
- * @param {import("../store.js").Disposer} life
- * @returns {import("../dom.js").Row<Job>}
+ * @param {import("../base/store.js").Disposer} life
+ * @returns {import("../base/dom.js").Row<Job>}
  */
 export function jobRow(job, life) {
   const name = h("a", { class: "name", href: linkTo("jobs", job.id) });

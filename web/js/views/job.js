@@ -1,28 +1,28 @@
 /** The render view: the picture as it grows, and all that can be done with it. */
 
-import { getJob } from "../api.js";
-import { canDenoise } from "../denoise-fields.js";
-import { clampExposure, displayFromUrl, displayPanel } from "../display-panel.js";
-import { fill, h, setText } from "../dom.js";
-import { adoptJob, jobs, scenes, workers } from "../farm.js";
-import { emptyState, noWorkerNotice } from "../hints.js";
-import { icon } from "../icons.js";
-import { actionsPanel, progressPanel } from "../job-panel.js";
-import { livePicture } from "../live-picture.js";
-import { jobKeys, stageKeys } from "../render-keys.js";
-import { followWithFrame, go, here, linkTo, setTitle } from "../router.js";
-import { savePanel } from "../save-panel.js";
-import { isRead, known, labelOf, valueText } from "../settings-table.js";
-import { parseFrames } from "../shot/frame-numbers.js";
+import { getJob } from "../news/api.js";
+import { canDenoise } from "../job/denoise-fields.js";
+import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
+import { fill, h, setText } from "../base/dom.js";
+import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
+import { emptyState, noWorkerNotice } from "../shell/hints.js";
+import { icon } from "../base/icons.js";
+import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { livePicture } from "../film/live-picture.js";
+import { jobKeys, stageKeys } from "../job/render-keys.js";
+import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
+import { savePanel } from "../job/save-panel.js";
+import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
+import { parseFrames } from "../base/frame-numbers.js";
 import { shotDesk } from "../shot/shot-desk.js";
-import { isShot, shotName } from "../shot/shot-words.js";
-import { addShortcuts } from "../shortcuts.js";
-import { progressBar, stateChip } from "../state-chip.js";
-import { Disposer } from "../store.js";
-import { announce } from "../tray.js";
+import { isShot, shotName } from "../base/shot-words.js";
+import { addShortcuts } from "../shell/shortcuts.js";
+import { progressBar, stateChip } from "../shell/state-chip.js";
+import { Disposer } from "../base/store.js";
+import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 
 /**
  * @param {string} id
@@ -32,7 +32,7 @@ export function jobView(id) {
   setTitle("Picture");
   const life = new Disposer();
   const element = h("div", { class: "job-page" });
-  /** @param {...import("../dom.js").Child} children */
+  /** @param {...import("../base/dom.js").Child} children */
   const instead = (...children) => fill(element, h("div", { class: "page" }, ...children));
   /** @type {((job: Job) => void) | null} */
   let update = null;
@@ -151,7 +151,7 @@ function open(page, job, life) {
 
 /** @param {Job} job @param {Disposer} life */
 function details(job, life) {
-  /** @type {[string, import("../dom.js").Child][]} */
+  /** @type {[string, import("../base/dom.js").Child][]} */
   const rows = [
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
     ...shotRows(job, life),
@@ -187,7 +187,7 @@ function askedFrame({ shot }) {
   return typeof numbers === "string" ? undefined : numbers.find((number) => String(number) === params.get("frame"));
 }
 
-/** @param {Job} job @param {Disposer} life @returns {[string, import("../dom.js").Child][]} */
+/** @param {Job} job @param {Disposer} life @returns {[string, import("../base/dom.js").Child][]} */
 function shotRows(job, life) {
   const { shot } = job;
   if (!shot) return [];

@@ -1,14 +1,14 @@
 /** All jobs, newest first, filtered by state; the filter is in the URL. */
 
-import { fill, h, keyedList, setText } from "../dom.js";
-import { hidden, jobs, workers } from "../farm.js";
-import { emptyState, noWorkerNotice } from "../hints.js";
-import { isPassing } from "../preview.js";
-import { here, linkTo, setParams, setTitle } from "../router.js";
-import { Disposer } from "../store.js";
+import { fill, h, keyedList, setText } from "../base/dom.js";
+import { hidden, jobs, workers } from "../news/farm.js";
+import { emptyState, noWorkerNotice } from "../shell/hints.js";
+import { isPassing } from "../news/passing.js";
+import { here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { Disposer } from "../base/store.js";
 import { jobRow } from "./job-row.js";
 
-/** @typedef {import("../types.js").Job} Job */
+/** @typedef {import("../base/types.js").Job} Job */
 
 /** @type {[string, string, (job: Job) => boolean][]} */
 const FILTERS = [

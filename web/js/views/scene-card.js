@@ -1,20 +1,20 @@
 /** A scene on the front page. */
 
-import { deleteScene, thumbnailUrl } from "../api.js";
-import { h, setText } from "../dom.js";
-import { putScene, setHidden } from "../farm.js";
-import { compact, plural } from "../format.js";
-import { icon } from "../icons.js";
-import { linkTo } from "../router.js";
-import { lightOf, variantOf } from "../scene-version.js";
-import { stateChip } from "../state-chip.js";
-import { showError, undoable } from "../tray.js";
+import { deleteScene, thumbnailUrl } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { putScene, setHidden } from "../news/farm.js";
+import { compact, plural } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { linkTo } from "../shell/router.js";
+import { lightOf, variantOf } from "../base/scene-version.js";
+import { stateChip } from "../shell/state-chip.js";
+import { showError, undoable } from "../shell/tray.js";
 
-/** @typedef {import("../types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Scene} Scene */
 
 /**
  * @param {Scene} scene
- * @returns {import("../dom.js").Row<Scene>}
+ * @returns {import("../base/dom.js").Row<Scene>}
  */
 export function sceneCard(scene) {
   const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });

@@ -1,25 +1,25 @@
 /** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
 
-import { createJob, getScene, imageUrl } from "../api.js";
-import { fill, h, keyedList, setText } from "../dom.js";
-import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../farm.js";
-import { bytes, count, extent } from "../format.js";
-import { emptyState, noWorkerNotice } from "../hints.js";
-import { icon } from "../icons.js";
-import { isPassing } from "../preview.js";
-import { go, here, linkTo, setTitle } from "../router.js";
-import { settingsForm } from "../settings-form.js";
-import { firstFrame } from "../shot/shot-words.js";
-import { addShortcuts } from "../shortcuts.js";
-import { progressBar, stateChip } from "../state-chip.js";
-import { Disposer } from "../store.js";
-import { announce, showError } from "../tray.js";
-import { choose } from "../uploads.js";
-import { viewTurner } from "../view-turner.js";
+import { createJob, getScene, imageUrl } from "../news/api.js";
+import { fill, h, keyedList, setText } from "../base/dom.js";
+import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
+import { bytes, count, extent } from "../base/format.js";
+import { emptyState, noWorkerNotice } from "../shell/hints.js";
+import { icon } from "../base/icons.js";
+import { isPassing } from "../news/passing.js";
+import { go, here, linkTo, setTitle } from "../shell/router.js";
+import { settingsForm } from "../scene/settings-form.js";
+import { firstFrame } from "../base/shot-words.js";
+import { addShortcuts } from "../shell/shortcuts.js";
+import { progressBar, stateChip } from "../shell/state-chip.js";
+import { Disposer } from "../base/store.js";
+import { announce, showError } from "../shell/tray.js";
+import { choose } from "../shell/uploads.js";
+import { viewTurner } from "../scene/view-turner.js";
 import { jobRow } from "./job-row.js";
 import { removeScene, thumbnail } from "./scene-card.js";
 
-/** @typedef {import("../types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Scene} Scene */
 
 /**
  * @param {string} id
@@ -162,7 +162,7 @@ function ready(page, scene, life) {
     const finished = own.find(({ state }) => state === "finished");
     picture.update(scene, finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, v: finished.samples }));
   };
-  const submit = async (/** @type {import("../types.js").JobRequest} */ request) => {
+  const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
@@ -202,7 +202,7 @@ function ready(page, scene, life) {
  * The scene's picture, with a button that takes the view into the hand.
  *
  * @param {HTMLElement} picture
- * @param {import("../settings-form.js").SettingsForm} form
+ * @param {import("../scene/settings-form.js").SettingsForm} form
  * @param {Disposer} life
  */
 function turnable(picture, form, life) {

@@ -1,14 +1,14 @@
 /** The workers: who they are, how fast they are, what each slot does at this moment, and how to add one. */
 
-import { fill, h, keyedList, setText } from "../dom.js";
-import { jobs, workers } from "../farm.js";
-import { compact, plural } from "../format.js";
-import { addMachineHint, emptyState } from "../hints.js";
-import { linkTo, setTitle } from "../router.js";
-import { stateChip } from "../state-chip.js";
-import { Disposer } from "../store.js";
+import { fill, h, keyedList, setText } from "../base/dom.js";
+import { jobs, workers } from "../news/farm.js";
+import { compact, plural } from "../base/format.js";
+import { addMachineHint, emptyState } from "../shell/hints.js";
+import { linkTo, setTitle } from "../shell/router.js";
+import { stateChip } from "../shell/state-chip.js";
+import { Disposer } from "../base/store.js";
 
-/** @typedef {import("../types.js").Worker} Worker */
+/** @typedef {import("../base/types.js").Worker} Worker */
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function workersView() {
@@ -61,7 +61,7 @@ export function workersView() {
   return { element, dispose: () => life.dispose() };
 }
 
-/** @returns {import("../dom.js").Row<Worker>} */
+/** @returns {import("../base/dom.js").Row<Worker>} */
 function workerRow() {
   const name = h("span", { class: "name" });
   const cpu = h("div", { class: "quiet small" });

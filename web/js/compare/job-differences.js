@@ -1,0 +1,87 @@
+/** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
+
+import { DENOISED, channelOf } from "../film/channels.js";
+import { scenes } from "../news/farm.js";
+import { lightOf, variantOf } from "../base/scene-version.js";
+import { endOf, known, labelOf, phraseOf, settingOf, valueText } from "../news/settings-table.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").Setting} Setting */
+
+/** At most this many differences name a side; the table has all of them. */
+const NAMED_BY = 2;
+
+/** Basic settings tell most, those of the lab more than what stays as it is. */
+const TELLING = ["basic", "lab", "advanced"];
+
+/**
+ * Something that is compared: its label, its value in the table, and how it names a side.
+ *
+ * @typedef {object} Row
+ * @property {string} label
+ * @property {(job: Job) => string} value
+ * @property {(job: Job) => string} phrase
+ */
+
+/** @returns {Row[]} the most telling first */
+function rows() {
+  const { settings, view } = known();
+  /** @param {Setting} setting @param {(job: Job) => Record<string, any> | undefined} part @returns {Row} */
+  const row = (setting, part) => {
+    const told = (/** @type {Job} */ job, /** @type {typeof valueText} */ tell) => {
+      const values = part(job);
+      return values && setting.name in values ? tell(setting, values[setting.name]) : "";
+    };
+    return { label: labelOf(setting), value: (job) => told(job, valueText), phrase: (job) => told(job, phraseOf) };
+  };
+  /** @param {string} label @param {(job: Job) => string} value @returns {Row} */
+  const plain = (label, value) => ({ label, value, phrase: value });
+  const ofJob = settings.filter(({ name }) => name !== "width" && name !== "height");
+  const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
+  return [
+    plain("Scene", ({ name }) => name),
+    plain("Materials", (job) => variantOf(sceneOf(job)) || "as saved"),
+    {
+      label: "Light from around",
+      value: (job) => lightOf(sceneOf(job)) || "the scene's own",
+      phrase: (job) => lightOf(sceneOf(job)) || "its own light",
+    },
+    ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
+    plain(settingOf("work", "spp").label, endOf),
+    ...view.map((setting) => row(setting, (job) => job.settings?.view)),
+    plain("Size", ({ width, height }) => `${width}×${height}`),
+  ];
+}
+
+/** @param {Job} job */
+const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);
+
+/** @param {Job} a @param {Job} b */
+const differing = (a, b) => rows().filter(({ value }) => value(a) !== value(b));
+
+/**
+ * @param {Job} a
+ * @param {Job} b
+ * @returns {{label: string, a: string, b: string}[]}
+ */
+export const differences = (a, b) =>
+  differing(a, b).map(({ label, value }) => ({ label, a: value(a) || "–", b: value(b) || "–" }));
+
+/**
+ * What the two sides are called: by what tells them apart.
+ *
+ * @param {{job: Job, channel: string}} left
+ * @param {{job: Job, channel: string}} right
+ * @returns {[string, string]}
+ */
+export function sideNames(left, right) {
+  const telling = differing(left.job, right.job).slice(0, NAMED_BY);
+  const isDenoised = [left.channel, right.channel].includes(DENOISED);
+  const name = (/** @type {{job: Job, channel: string}} */ { job, channel }) => {
+    const parts = telling.map(({ phrase }) => phrase(job) || "–");
+    if (left.channel !== right.channel || parts.length === 0)
+      parts.push(isDenoised && channel === "" ? "Raw" : channelOf(channel).label);
+    return parts.join(", ");
+  };
+  return [name(left), name(right)];
+}

@@ -1,0 +1,103 @@
+/** One picture as a texture: a film's RGB9E5 words, written tile by tile, or a finished image (an AOV) in its place. */
+
+/** @typedef {import("./film.js").Film} Film */
+/** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
+
+export class FilmLayer {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {() => void} changed
+   */
+  constructor(gl, changed) {
+    this.gl = gl;
+    this.changed = changed;
+    /** @type {Film | null} */
+    this.film = null;
+    /** Shown in the film's place. @type {ImageBitmap | null} */
+    this.image = null;
+    /** @type {WebGLTexture | null} */
+    this.texture = null;
+    /** What the texture has room for. */
+    this.room = "";
+  }
+
+  /** @returns {{width: number, height: number} | null} of what is shown */
+  get size() {
+    return this.image ?? this.film;
+  }
+
+  /** @param {Film | null} film of a size that textures may have */
+  setFilm(film) {
+    if (this.film === film && !this.image) return;
+    this.dropImage();
+    this.film = film;
+    this.upload();
+  }
+
+  /** @param {ImageBitmap} image display values, sRGB-coded; it is this layer's from now on */
+  setImage(image) {
+    this.dropImage();
+    this.image = image;
+    this.upload();
+  }
+
+  /** @param {Film} film that the tile was put into @param {TilePacket} tile */
+  putTile(film, { x, y, w, h, words }) {
+    const { gl } = this;
+    if (film !== this.film || this.image || x + w > film.width || y + h > film.height) return;
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, w, h, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, words);
+    this.changed();
+  }
+
+  /** The context was lost, and the texture with it. */
+  restore() {
+    this.room = "";
+    this.upload();
+  }
+
+  /** Fills the texture; a new one where the old one is of another size. */
+  upload() {
+    const { gl, film, image } = this;
+    this.makeRoom(image ? gl.RGBA8 : gl.RGB9_E5, image ?? film);
+    if (image) {
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, image);
+    } else if (film) {
+      const { width, height, words } = film;
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, words);
+    }
+    this.changed();
+  }
+
+  /**
+   * @param {GLenum} format
+   * @param {{width: number, height: number} | null} size null: for nothing
+   */
+  makeRoom(format, size) {
+    const { gl } = this;
+    const room = size ? `${format} ${size.width} ${size.height}` : "";
+    if (room && room === this.room) {
+      gl.bindTexture(gl.TEXTURE_2D, this.texture);
+      return;
+    }
+    gl.deleteTexture(this.texture);
+    this.texture = null;
+    this.room = room;
+    if (!size) return;
+    this.texture = gl.createTexture();
+    const { width, height } = size;
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  }
+
+  dropImage() {
+    this.image?.close();
+    this.image = null;
+  }
+
+  clear() {
+    this.setFilm(null);
+  }
+}

@@ -1,0 +1,139 @@
+/**
+ * The picture on the page, or two at a wipe: WebGL canvas, what lies over it, and the mouse. It knows nothing of jobs; it is
+ * given layers to fill and a look, and tells which pixel is under the cursor.
+ */
+
+import { h } from "../base/dom.js";
+import { FilmCanvas } from "./film-canvas.js";
+import { panAndZoom } from "./pan-zoom.js";
+import { PixelOverlay } from "./pixel-overlay.js";
+import { Viewport } from "./viewport.js";
+
+/** @typedef {import("./film-canvas.js").Look} Look */
+
+/**
+ * @typedef {object} FilmHandlers
+ * @property {(at: {x: number, y: number} | null) => void} cursor the pixel under it changed; null: none is
+ * @property {() => void} moved the viewport may have changed
+ */
+
+export class FilmView {
+  /**
+   * @param {number} width of the picture, in pixels; a second one is shown as wide
+   * @param {number} height
+   * @param {FilmHandlers} handlers
+   */
+  constructor(width, height, handlers) {
+    this.handlers = handlers;
+    this.viewport = new Viewport();
+    const canvas = h("canvas", { class: "film", role: "img", "aria-label": "The picture" });
+    const overlay = h("canvas", { class: "over", "aria-hidden": "true" });
+    this.element = h("div", { class: "stage" }, canvas, overlay);
+    this.size = { width, height };
+    this.over = new PixelOverlay(overlay, this.viewport, { width, height }, (cx) => this.filmAt(cx));
+    this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
+    this.canvas.setPicture(width, height);
+    this.layers = this.canvas.layers;
+    this.canvas.afterDraw = () => {
+      this.over.draw();
+      // Where the picture lies, for whoever compares screenshots with films.
+      const { scale, x, y } = this.viewport;
+      this.element.dataset.view = `${scale} ${x} ${y}`;
+      handlers.moved();
+    };
+    /** @param {MouseEvent} event */
+    const place = (event) => {
+      const box = canvas.getBoundingClientRect();
+      return { x: (event.clientX - box.left) * devicePixelRatio, y: (event.clientY - box.top) * devicePixelRatio };
+    };
+    this.place = place;
+    this.undoPan = panAndZoom(this.element, place, this.viewport, () => this.canvas.invalidate());
+    this.resizing = new ResizeObserver(() => this.canvas.resize());
+    this.resizing.observe(this.element);
+    this.element.addEventListener("pointermove", (event) => this.pointAt(event));
+    this.element.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && this.setCursor(null));
+    this.element.addEventListener("pointerdown", (event) => this.pointAt(event));
+    this.element.addEventListener("dblclick", () => this.fit());
+  }
+
+  /** @param {number} fraction of the stage's width that the first picture has; the second has the rest */
+  setWipe(fraction) {
+    this.canvas.wipe = fraction;
+    this.canvas.invalidate();
+  }
+
+  /**
+   * The film that is seen at a place across the canvas; null where an image is, whose values are not the film's.
+   *
+   * @param {number} cx device pixels
+   */
+  filmAt(cx) {
+    const layer = this.layers[cx < this.canvas.wipe * this.viewport.canvas.width ? 0 : 1];
+    return layer.image ? null : layer.film;
+  }
+
+  /** @param {Look} look */
+  setLook(look) {
+    this.canvas.look = look;
+    this.over.exposure = look.exposure;
+    this.canvas.invalidate();
+  }
+
+  /** @param {import("./pixel-overlay.js").Outline[]} outlines */
+  setOutlines(outlines) {
+    if (!outlines.length && !this.over.outlines.length) return;
+    this.over.outlines = outlines;
+    this.over.draw();
+  }
+
+  /** @param {PointerEvent} event */
+  pointAt(event) {
+    const { x, y } = this.place(event);
+    const at = this.viewport.pixelAt(x, y);
+    const { width, height } = this.size;
+    this.setCursor(at.x >= 0 && at.y >= 0 && at.x < width && at.y < height ? at : null);
+  }
+
+  /** @param {{x: number, y: number} | null} at */
+  setCursor(at) {
+    const was = this.over.cursor;
+    if (was?.x === at?.x && was?.y === at?.y) return;
+    this.over.cursor = at;
+    this.over.draw();
+    this.handlers.cursor(at);
+  }
+
+  /**
+   * Moves the inspected pixel by keys, from the middle where there is none.
+   *
+   * @param {number} dx
+   * @param {number} dy
+   */
+  moveCursor(dx, dy) {
+    const { width, height } = this.size;
+    const { x, y } = this.over.cursor ?? { x: Math.floor(width / 2) - dx, y: Math.floor(height / 2) - dy };
+    this.setCursor({ x: Math.min(Math.max(x + dx, 0), width - 1), y: Math.min(Math.max(y + dy, 0), height - 1) });
+  }
+
+  fit() {
+    this.viewport.fit();
+    this.canvas.invalidate();
+  }
+
+  actualSize() {
+    this.viewport.actualSize();
+    this.canvas.invalidate();
+  }
+
+  /** @param {1 | -1} direction */
+  zoom(direction) {
+    this.viewport.step(direction);
+    this.canvas.invalidate();
+  }
+
+  dispose() {
+    this.undoPan();
+    this.resizing.disconnect();
+    this.canvas.dispose();
+  }
+}

@@ -1,0 +1,92 @@
+/** The page's copy of a frame: the mean of every pixel as RGB9E5, and how many samples are in it. */
+
+import { decode, peak } from "./rgb9e5.js";
+
+/** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
+
+/** Normalising looks at about this many pixels: enough for a percentile, few enough to be instant at 8k. */
+const NORMALISE_PIXELS = 250_000;
+/** The brightest 0.5 % (lamps, fireflies) may clip. */
+const NORMALISE_QUANTILE = 0.995;
+
+export class Film {
+  /**
+   * @param {number} width
+   * @param {number} height
+   * @param {Uint32Array} [words] RGB9E5, rows from the top; black where left out
+   */
+  constructor(width, height, words = new Uint32Array(width * height)) {
+    if (words.length !== width * height)
+      throw new Error(`A picture of ${width}×${height} came with ${words.length} words.`);
+    this.width = width;
+    this.height = height;
+    this.words = words;
+    this.samples = new Uint32Array(width * height);
+    /** Samples of all pixels together. */
+    this.total = 0;
+  }
+
+  /** @param {TilePacket} tile */
+  put({ x, y, w, h, spp, words }) {
+    if (x + w > this.width || y + h > this.height) return; // of a job with another size: not ours
+    for (let row = 0; row < h; row++) {
+      const at = (y + row) * this.width + x;
+      this.words.set(words.subarray(row * w, (row + 1) * w), at);
+      for (let i = at; i < at + w; i++) this.total += spp - (this.samples[i] ?? 0);
+      this.samples.fill(spp, at, at + w);
+    }
+  }
+
+  /**
+   * Begins anew: black, or with another picture in its place until there are samples.
+   *
+   * @param {Film | null} [other] of any size
+   */
+  restart(other = null) {
+    this.samples.fill(0);
+    this.total = 0;
+    if (!other) {
+      this.words.fill(0);
+      return;
+    }
+    for (let y = 0; y < this.height; y++) {
+      const row = Math.floor((y * other.height) / this.height) * other.width;
+      for (let x = 0; x < this.width; x++)
+        this.words[y * this.width + x] = other.words[row + Math.floor((x * other.width) / this.width)] ?? 0;
+    }
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
+  contains(x, y) {
+    return x >= 0 && y >= 0 && x < this.width && y < this.height;
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @returns {{rgb: [number, number, number], samples: number}}
+   */
+  at(x, y) {
+    const i = y * this.width + x;
+    return { rgb: decode(this.words[i] ?? 0), samples: this.samples[i] ?? 0 };
+  }
+
+  /**
+   * The exposure in stops that brings all but the very brightest pixels below 1; null while the film is black.
+   *
+   * @returns {number | null}
+   */
+  normalisingExposure() {
+    const stride = Math.max(1, Math.floor(this.words.length / NORMALISE_PIXELS));
+    const peaks = [];
+    for (let i = 0; i < this.words.length; i += stride) {
+      if (this.samples[i]) peaks.push(peak(this.words[i] ?? 0));
+    }
+    peaks.sort((a, b) => a - b);
+    const white = peaks[Math.floor((peaks.length - 1) * NORMALISE_QUANTILE)] ?? 0;
+    return white > 0 ? -Math.log2(white) : null;
+  }
+}

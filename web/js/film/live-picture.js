@@ -1,0 +1,80 @@
+/** The picture of a job as it grows, its planes, and its denoised copy instead of it or beside it. */
+
+import { DENOISED } from "./channels.js";
+import { workers } from "../news/farm.js";
+import { LiveFilm } from "./live-film.js";
+import { pictureStage } from "./picture-stage.js";
+import { outlinesOf } from "./tile-outlines.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/store.js").Store<import("../job/display-panel.js").Display>} DisplayStore */
+/** @typedef {import("./picture-side.js").SideState} SideState */
+
+/**
+ * @typedef {object} LivePicture
+ * @property {HTMLElement} element
+ * @property {HTMLElement} statusBar
+ * @property {import("./film-view.js").FilmView | null} view null where this browser cannot show a film
+ * @property {LiveFilm} live
+ * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
+ * @property {import("./film.js").Film} film
+ * @property {(job: Job) => void} update
+ * @property {() => void} renew fetches what is shown anew where it is older than the film
+ */
+
+/**
+ * @param {Job} job of known size
+ * @param {DisplayStore} display
+ * @param {import("../base/store.js").Disposer} life
+ * @param {(state: {left: SideState | null, right: SideState | null}) => void} changed what is fetched, or is not
+ * @param {number} [frame] of a shot
+ * @returns {LivePicture}
+ */
+export function livePicture(job, display, life, changed, frame) {
+  const live = new LiveFilm(job, frame);
+  life.add(() => live.dispose());
+  const stage = pictureStage(live.film, life, {
+    wiped: (wipe) => display.update((look) => ({ ...look, wipe })),
+    changed: () => changed({ left: stateOf(0), right: stateOf(1) }),
+  });
+  const stateOf = (/** @type {0 | 1} */ which) => stage.side(which)?.state.value ?? null;
+  const renew = () => {
+    for (const which of /** @type {const} */ ([0, 1])) {
+      const state = stateOf(which);
+      if (state && (state.stale || state.error) && !state.waiting) void stage.side(which)?.fetch();
+    }
+  };
+
+  let latest = job;
+  const outline = () => {
+    const on = display.value.outlines && latest.state === "running";
+    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], live) : []);
+  };
+  life.add(workers.subscribe(outline));
+  life.add(live.onTurn(outline));
+  life.add(
+    display.subscribe((look) => {
+      const denoised = look.denoise !== "off" && look.channel === "";
+      stage.view?.setLook(look);
+      stage.arrange({
+        left: { live, channel: look.channel, name: look.channel === "" ? "Raw" : undefined },
+        right: denoised ? { live, channel: DENOISED } : null,
+        wipe: look.denoise === "wipe" ? look.wipe : null,
+      });
+      outline();
+    }),
+  );
+  return {
+    element: stage.element,
+    statusBar: stage.statusBar,
+    view: stage.view,
+    live,
+    side: () => stage.side(0),
+    film: live.film,
+    update(next) {
+      latest = next;
+      outline();
+    },
+    renew,
+  };
+}

@@ -1,0 +1,145 @@
+/**
+ * One picture on the stage, left or right of the wipe: a channel of a job on a layer. Colour grows by itself; planes are
+ * fetched, and renewed while the job runs; a denoised picture is fetched, is stale from the next sample on, and is renewed
+ * when the job is finished.
+ */
+
+import { fetchImage, fetchWords } from "../news/api.js";
+import { DENOISED } from "./channels.js";
+import { Film } from "./film.js";
+import { Store } from "../base/store.js";
+
+/** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
+
+/** What is stale is renewed at most this often. */
+const EVERY_MS = 3000;
+const SETTLE_MS = 300;
+
+/**
+ * @typedef {object} SideState
+ * @property {string} channel
+ * @property {boolean} waiting for the service to make it
+ * @property {boolean} stale the film has more samples than it was made of
+ * @property {unknown} error why it could not be fetched
+ */
+
+export class PictureSide {
+  /**
+   * @param {LiveFilm} live
+   * @param {import("./film-layer.js").FilmLayer} layer
+   */
+  constructor(live, layer) {
+    this.live = live;
+    this.layer = layer;
+    this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
+    /** The denoised film, where that is the channel and it is here. @type {Film | null} */
+    this.denoised = null;
+    /** How many samples the shown picture was made of; none is older than one that is not here. */
+    this.madeOf = Infinity;
+    this.fetching = new AbortController();
+    /** A frame that is played, in the place of the live one. @type {Film | null} */
+    this.played = null;
+    this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.settling = undefined;
+    this.unturn = live.onTurn(() => this.turned());
+    this.unlisten = live.onTile((tile) => {
+      layer.putTile(live.film, tile);
+      const { channel, stale } = this.state.value;
+      if (channel && !stale && this.isOutgrown()) this.state.update((state) => ({ ...state, stale: true }));
+    });
+    layer.setFilm(live.film);
+  }
+
+  /** The film whose values are seen; null where a plane is. */
+  get film() {
+    const { channel } = this.state.value;
+    if (this.played) return null; // its pixels are others
+    return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
+  }
+
+  /** After a snapshot, too, that comes after the picture: by the number of samples, not by their coming. */
+  isOutgrown() {
+    return this.live.film.total > this.madeOf;
+  }
+
+  /** Whether it is to be fetched anew unasked: denoising takes a worker's time, so only with the last samples. */
+  isOld() {
+    const { channel, stale, waiting, error } = this.state.value;
+    return stale && !waiting && !error && (channel !== DENOISED || this.live.finished);
+  }
+
+  /** @param {string} channel */
+  choose(channel) {
+    if (channel === this.state.value.channel) return;
+    this.fetching.abort();
+    this.denoised = null;
+    this.madeOf = Infinity;
+    if (channel) {
+      this.state.set({ channel, waiting: false, stale: false, error: null });
+      void this.fetch();
+    } else {
+      this.played = null;
+      this.layer.setFilm(this.live.film);
+      this.state.set({ channel, waiting: false, stale: false, error: null });
+    }
+  }
+
+  /** @param {Film | null} film shown instead of the live one; null: that again */
+  play(film) {
+    if (film === this.played) return;
+    this.played = film;
+    if (this.state.value.channel === "") this.layer.setFilm(film ?? this.live.film);
+  }
+
+  /** Another frame of the shot is shown. What is fetched of it waits until nobody goes on to the next. */
+  turned() {
+    const { channel } = this.state.value;
+    if (channel === "") {
+      if (this.played) this.play(null);
+      else this.layer.upload();
+      return;
+    }
+    this.fetching.abort();
+    this.madeOf = Infinity;
+    this.state.set({ channel, waiting: true, stale: false, error: null });
+    clearTimeout(this.settling);
+    this.settling = setTimeout(() => void this.fetch(), SETTLE_MS);
+  }
+
+  /** Fetches the channel as it is now; what is shown stays until it is here. */
+  async fetch() {
+    const { channel } = this.state.value;
+    this.fetching.abort();
+    const { signal } = (this.fetching = new AbortController());
+    this.state.update((state) => ({ ...state, waiting: true, error: null }));
+    try {
+      if (channel === DENOISED) {
+        const { width, height } = this.live.film;
+        const { words, samples } = await fetchWords(this.live, { denoise: "true" }, signal);
+        if (signal.aborted) return;
+        this.madeOf = samples;
+        this.denoised = new Film(width, height, words);
+        this.layer.setFilm(this.denoised);
+      } else {
+        const { image, samples } = await fetchImage(this.live, { aov: channel }, signal);
+        if (signal.aborted) return image.close();
+        this.madeOf = samples;
+        this.layer.setImage(image);
+      }
+    } catch (error) {
+      if (!signal.aborted) this.state.update((state) => ({ ...state, error }));
+    } finally {
+      if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.isOutgrown() }));
+    }
+  }
+
+  dispose() {
+    clearInterval(this.timer);
+    clearTimeout(this.settling);
+    this.unturn();
+    this.fetching.abort();
+    this.unlisten();
+    this.layer.clear();
+  }
+}

@@ -1,0 +1,194 @@
+/** The stage of one picture, or of two at a wipe: canvas, divider, the name of each side, pixel values, zoom. */
+
+import { channelOf } from "./channels.js";
+import { h, setText } from "../base/dom.js";
+import { CannotShow } from "./film-canvas.js";
+import { FilmView } from "./film-view.js";
+import { emptyState } from "../shell/hints.js";
+import { PictureSide } from "./picture-side.js";
+import { PixelReadout } from "./pixel-readout.js";
+import { rememberPlace } from "./view-place.js";
+import { wipeDivider } from "./wipe.js";
+import { zoomControls } from "./zoom-controls.js";
+
+/** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
+
+/**
+ * @typedef {object} Side
+ * @property {LiveFilm} live
+ * @property {string} channel
+ * @property {string} [name] what it is called beside the other; its channel's where left out
+ */
+
+/**
+ * @typedef {object} Arrangement
+ * @property {Side} left
+ * @property {Side | null} right
+ * @property {number | null} wipe how much of the width is the left one's; null: the right one is shown alone
+ */
+
+/**
+ * @typedef {object} PictureStage
+ * @property {HTMLElement} element
+ * @property {HTMLElement} statusBar
+ * @property {FilmView | null} view null where this browser cannot show a film
+ * @property {(arrangement: Arrangement) => void} arrange
+ * @property {(which: 0 | 1) => PictureSide | null} side
+ */
+
+/**
+ * @param {{width: number, height: number}} size of the left picture
+ * @param {import("../base/store.js").Disposer} life
+ * @param {{wiped: (fraction: number) => void, changed: () => void}} handlers changed: a side fetches, has, or lacks its picture
+ * @returns {PictureStage}
+ */
+export function pictureStage({ width, height }, life, { wiped, changed }) {
+  /** @type {(at: {x: number, y: number} | null) => void} */
+  let pointed = () => {};
+  let moved = () => {};
+  const made = filmView(width, height, { cursor: (at) => pointed(at), moved: () => moved() });
+  const view = made instanceof FilmView ? made : null;
+  const zoom = zoomControls(() => view);
+  const divider = wipeDivider(wiped);
+  const tags = ["left", "right"].map((edge) =>
+    h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }),
+  );
+  const readouts = h("div", { class: "readouts" });
+  const element = h(
+    "div",
+    { class: "stage-box" },
+    made instanceof FilmView ? made.element : insteadOfFilm(made),
+    tags,
+  );
+  divider.element.hidden = true;
+  element.style.setProperty("--aspect", `${width} / ${height}`);
+  const statusBar = h(
+    "footer",
+    { class: "status-bar" },
+    readouts,
+    h("span", { class: "quiet number size" }, `${width}×${height}`),
+    zoom.element,
+  );
+
+  /** @type {[Part | null, Part | null]} */
+  const parts = [null, null];
+  if (view) {
+    view.element.append(divider.element); // within the stage: the wheel zooms over it too
+    const remember = rememberPlace(view.viewport);
+    moved = () => {
+      zoom.show(view.viewport.scale);
+      remember();
+    };
+    pointed = (at) => {
+      for (const part of parts) part?.readout.point(at && within(part.side.live.film, at, width));
+    };
+    life.add(() => {
+      for (const part of parts) part?.dispose();
+      view.dispose();
+    });
+  }
+
+  /** @type {Arrangement | null} */
+  let shown = null;
+  const label = () => {
+    if (!shown) return;
+    const { left, right, wipe } = shown;
+    const seen = [right === null || wipe !== null, right !== null];
+    const both = seen.every(Boolean);
+    for (const i of /** @type {const} */ ([0, 1])) {
+      const { channel = "", waiting = false } = parts[i]?.side.state.value ?? {};
+      const name = (i ? right : left)?.name ?? channelOf(channel).label;
+      const tag = /** @type {HTMLElement} */ (tags[i]);
+      setText(tag, `${name}${waiting ? " …" : ""}`);
+      tag.hidden = !seen[i] || (!both && channel === "");
+      tag.classList.toggle("alone", !both);
+      parts[i]?.readout.setName(both ? name : "");
+      if (parts[i]) parts[i].readout.element.hidden = !seen[i];
+    }
+    divider.element.hidden = !both;
+    divider.set(wipe ?? 0, tags[0]?.textContent ?? "", tags[1]?.textContent ?? "");
+    changed();
+  };
+
+  /** @param {Arrangement} next */
+  const arrange = (next) => {
+    if (!view) return;
+    shown = next;
+    for (const i of /** @type {const} */ ([0, 1])) {
+      const wanted = i ? next.right : next.left;
+      if (parts[i] && wanted?.live !== parts[i].side.live) {
+        parts[i].dispose();
+        parts[i] = null;
+      }
+      if (wanted && !parts[i]) {
+        parts[i] = makePart(wanted.live, view.layers[i], label);
+        readouts.append(parts[i].readout.element);
+      }
+      if (wanted) parts[i]?.side.choose(wanted.channel);
+    }
+    view.setWipe(next.right ? (next.wipe ?? 0) : 1);
+    label();
+  };
+  return { element, statusBar, view, arrange, side: (which) => parts[which]?.side ?? null };
+}
+
+/** @typedef {{side: PictureSide, readout: PixelReadout, dispose: () => void}} Part */
+
+/**
+ * @param {LiveFilm} live
+ * @param {import("./film-layer.js").FilmLayer} layer
+ * @param {() => void} changed
+ * @returns {Part}
+ */
+function makePart(live, layer, changed) {
+  const side = new PictureSide(live, layer);
+  const readout = new PixelReadout(side);
+  const unlisten = side.state.subscribe(changed);
+  return {
+    side,
+    readout,
+    dispose() {
+      unlisten();
+      readout.dispose();
+      side.dispose();
+    },
+  };
+}
+
+/**
+ * The pixel of a film that is shown at the width of another, under that other's pixel; null where it has none.
+ *
+ * @param {import("./film.js").Film} film
+ * @param {{x: number, y: number}} at
+ * @param {number} width
+ */
+function within(film, at, width) {
+  const scale = film.width / width;
+  const x = Math.floor((at.x + 0.5) * scale);
+  const y = Math.floor((at.y + 0.5) * scale);
+  return film.contains(x, y) ? { x, y } : null;
+}
+
+/**
+ * @param {number} width
+ * @param {number} height
+ * @param {import("./film-view.js").FilmHandlers} handlers
+ * @returns {FilmView | CannotShow}
+ */
+function filmView(width, height, handlers) {
+  try {
+    return new FilmView(width, height, handlers);
+  } catch (error) {
+    if (error instanceof CannotShow) return error;
+    throw error;
+  }
+}
+
+/** @param {CannotShow} refusal */
+function insteadOfFilm({ message }) {
+  return h(
+    "div",
+    { class: "stage" },
+    emptyState("image", "The live picture cannot be shown here", h("p", null, message)),
+  );
+}

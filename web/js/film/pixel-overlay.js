@@ -1,0 +1,154 @@
+/**
+ * What lies over the picture, on a 2D canvas of its own: the pixels' values once they are large enough to hold them, a
+ * frame about the pixel under the cursor, and the outlines of the tiles that workers render at this moment.
+ */
+
+import { radiance } from "../base/format.js";
+
+/** @typedef {import("./film.js").Film} Film */
+/** @typedef {import("./viewport.js").Viewport} Viewport */
+/** @typedef {{x: number, y: number, w: number, h: number, label: string}} Outline */
+
+/** CSS pixels that a picture pixel must measure before its three values fit into it. */
+const VALUES_FROM = 44;
+/** And before it is framed under the cursor. */
+const CURSOR_FROM = 6;
+
+export class PixelOverlay {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Viewport} viewport
+   * @param {{width: number, height: number}} size of the picture
+   * @param {(cx: number) => Film | null} filmAt whose values are shown at a place across the canvas
+   */
+  constructor(canvas, viewport, size, filmAt) {
+    this.canvas = canvas;
+    this.viewport = viewport;
+    this.size = size;
+    this.filmAt = filmAt;
+    this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+    /** @type {{x: number, y: number} | null} */
+    this.cursor = null;
+    /** @type {Outline[]} */
+    this.outlines = [];
+    this.exposure = 0;
+  }
+
+  draw() {
+    const { canvas, context, viewport } = this;
+    const { width, height } = viewport.canvas;
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    context.clearRect(0, 0, width, height);
+    const ratio = devicePixelRatio;
+    const values = viewport.scale >= VALUES_FROM * ratio;
+    const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
+    // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
+    canvas.hidden = !values && !cursor && this.outlines.length === 0;
+    for (const outline of this.outlines) this.drawOutline(outline);
+    if (values) this.drawValues(ratio);
+    if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
+  }
+
+  /** @param {Outline} outline */
+  drawOutline({ x, y, w, h, label }) {
+    this.strokeTwice(x, y, w, h, true);
+    const { context, viewport } = this;
+    const ratio = devicePixelRatio;
+    context.font = `600 ${10 * ratio}px system-ui, sans-serif`;
+    if (w * viewport.scale < context.measureText(label).width + 8 * ratio || h * viewport.scale < 18 * ratio) return;
+    this.text(
+      label,
+      viewport.x + x * viewport.scale + 4 * ratio,
+      viewport.y + y * viewport.scale + 12 * ratio,
+      "#fff",
+      ratio,
+    );
+  }
+
+  /**
+   * A light line inside a dark one: seen on any picture.
+   *
+   * @param {number} x
+   * @param {number} y
+   * @param {number} w
+   * @param {number} h
+   * @param {boolean} [corners] only the corners, as render buckets are shown
+   */
+  strokeTwice(x, y, w, h, corners = false) {
+    const { context, viewport } = this;
+    const left = Math.round(viewport.x + x * viewport.scale);
+    const top = Math.round(viewport.y + y * viewport.scale);
+    const right = Math.round(viewport.x + (x + w) * viewport.scale);
+    const bottom = Math.round(viewport.y + (y + h) * viewport.scale);
+    const ratio = devicePixelRatio;
+    const arm = corners ? Math.min(10 * ratio, (right - left) / 3, (bottom - top) / 3) : 0;
+    for (const [style, line] of /** @type {const} */ ([
+      ["rgb(0 0 0 / 0.75)", 3 * ratio],
+      [corners ? "#ffb648" : "#fff", 1.25 * ratio],
+    ])) {
+      context.strokeStyle = style;
+      context.lineWidth = line;
+      context.beginPath();
+      if (corners) {
+        for (const [cx, sx] of /** @type {const} */ ([
+          [left, 1],
+          [right, -1],
+        ])) {
+          for (const [cy, sy] of /** @type {const} */ ([
+            [top, 1],
+            [bottom, -1],
+          ])) {
+            context.moveTo(cx + sx * arm, cy);
+            context.lineTo(cx, cy);
+            context.lineTo(cx, cy + sy * arm);
+          }
+        }
+      } else {
+        context.rect(left, top, right - left, bottom - top);
+      }
+      context.stroke();
+    }
+  }
+
+  /** @param {number} ratio */
+  drawValues(ratio) {
+    const { context, viewport } = this;
+    const size = Math.min(12, (viewport.scale / ratio) * 0.17) * ratio;
+    context.font = `${size}px ui-monospace, monospace`;
+    context.textAlign = "center";
+    const from = viewport.pixelAt(0, 0);
+    const to = viewport.pixelAt(viewport.canvas.width, viewport.canvas.height);
+    for (let y = Math.max(0, from.y); y <= Math.min(this.size.height - 1, to.y); y++) {
+      for (let x = Math.max(0, from.x); x <= Math.min(this.size.width - 1, to.x); x++) {
+        const cx = viewport.x + (x + 0.5) * viewport.scale;
+        const film = this.filmAt(cx);
+        if (film?.width !== this.size.width) continue; // of another size: its pixels are elsewhere
+        const { rgb } = film.at(x, y);
+        const luminance = (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]) * 2 ** this.exposure;
+        const ink = luminance > 0.18 ? "#000" : "#fff";
+        const cy = viewport.y + (y + 0.5) * viewport.scale;
+        rgb.forEach((value, i) => this.text(radiance(value), cx, cy + (i - 0.65) * size * 1.35, ink, 0));
+      }
+    }
+    context.textAlign = "start";
+  }
+
+  /**
+   * @param {string} text
+   * @param {number} x
+   * @param {number} y
+   * @param {string} ink
+   * @param {number} halo width of a dark outline; 0 for none
+   */
+  text(text, x, y, ink, halo) {
+    const { context } = this;
+    if (halo) {
+      context.strokeStyle = "rgb(0 0 0 / 0.75)";
+      context.lineWidth = 3 * halo;
+      context.lineJoin = "round";
+      context.strokeText(text, x, y);
+    }
+    context.fillStyle = ink;
+    context.fillText(text, x, y);
+  }
+}

@@ -1,0 +1,132 @@
+/**
+ * The status bar's pixel: its value at once from the film on the page (RGB9E5, so to 0.2 %), and when the cursor rests,
+ * the exact value and sample count from the service.
+ */
+
+import { getPixel } from "../news/api.js";
+import { DENOISED, channelOf } from "./channels.js";
+import { h, setText } from "../base/dom.js";
+import { count, radiance } from "../base/format.js";
+
+/** @typedef {import("./picture-side.js").PictureSide} PictureSide */
+
+const REST_MS = 200;
+const MOST_VALUES = 3;
+
+export class PixelReadout {
+  /** @param {PictureSide} side whose pixels are read */
+  constructor(side) {
+    this.side = side;
+    /** @type {{x: number, y: number} | null} */
+    this.at = null;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    this.asking = new AbortController();
+    this.place = h("span", { class: "place" });
+    this.values = Array.from({ length: MOST_VALUES }, () => ({
+      name: h("span", { class: "quiet" }),
+      value: h("span", { class: "value" }),
+    }));
+    this.samples = h("span", { class: "samples" });
+    this.hint = h("span", { class: "quiet hint" }, "Point at the picture to read its values");
+    this.name = h("strong", null);
+    this.line = h(
+      "span",
+      { class: "values", hidden: true },
+      this.name,
+      this.place,
+      this.values.map(({ name, value }) => h("span", { class: "channel" }, name, value)),
+      this.samples,
+    );
+    this.element = h(
+      "div",
+      { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" },
+      this.hint,
+      this.line,
+    );
+    const unlisten = [
+      side.state.subscribe(() => this.refresh()),
+      side.live.onTurn(() => this.refresh()),
+      side.live.onTile(({ x, y, w, h }) => {
+        const { at } = this;
+        if (at && at.x >= x && at.y >= y && at.x < x + w && at.y < y + h) this.refresh();
+      }),
+    ];
+    this.dispose = () => {
+      clearTimeout(this.timer);
+      this.asking.abort();
+      for (const end of unlisten) end();
+    };
+  }
+
+  /** @param {string} name of the side where there are two; "" where it is alone */
+  setName(name) {
+    setText(this.name, name);
+    this.element.setAttribute("aria-label", `Pixel under the cursor${name && `, ${name}`}`);
+  }
+
+  /** @param {{x: number, y: number} | null} at */
+  point(at) {
+    this.at = at;
+    this.refresh();
+  }
+
+  /** The film changed, another channel is shown, or the cursor moved. */
+  refresh() {
+    clearTimeout(this.timer);
+    this.asking.abort();
+    const { side } = this;
+    const at = side.played ? null : this.at;
+    this.hint.hidden = at !== null;
+    this.line.hidden = at === null;
+    if (!at) return;
+    const { samples } = side.live.film.at(at.x, at.y);
+    this.show(side.film?.at(at.x, at.y).rgb.map(radiance) ?? [], samples, false);
+    const { channel } = side.state.value;
+    if (samples && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
+  }
+
+  /** @param {{x: number, y: number}} at @param {string} channel */
+  async ask(at, channel) {
+    this.asking = new AbortController();
+    try {
+      const pixel = await getPixel(this.side.live, at.x, at.y, this.asking.signal);
+      this.show(textsOf(pixel, channel), pixel.samples, true);
+    } catch {
+      // Moved on, or the connection is lost (the banner says so): the page's own value stays.
+    }
+  }
+
+  /**
+   * @param {string[]} texts
+   * @param {number} samples
+   * @param {boolean} exact
+   */
+  show(texts, samples, exact) {
+    const names = channelOf(this.side.state.value.channel).values;
+    setText(this.place, `${this.at?.x}, ${this.at?.y}`);
+    this.values.forEach(({ name, value }, i) => {
+      setText(name, texts[i] === undefined ? "" : (names[i] ?? ""));
+      setText(value, texts[i] ?? "");
+    });
+    setText(this.samples, `${samples} spp`);
+    this.line.classList.toggle("exact", exact);
+    this.line.title = exact ? "Exact values of the film, linear Rec.709" : "Values of the live picture, true to 0.2 %";
+  }
+}
+
+/**
+ * A pixel's values of a channel as they are read.
+ *
+ * @param {import("../base/types.js").PixelValue} pixel
+ * @param {string} channel
+ * @returns {string[]}
+ */
+function textsOf(pixel, channel) {
+  const value = pixel[channel || "color"];
+  if (channel === "object" || channel === "material")
+    return [value == null ? "none" : `${value} ${pixel[`${channel}_name`] ?? ""}`];
+  if (value == null) return ["not known yet"];
+  if (channel === "samples") return [count(Number(value))];
+  return [value].flat().map(Number).map(radiance);
+}

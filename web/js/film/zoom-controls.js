@@ -1,0 +1,45 @@
+/** The zoom in the status bar: out, how much, in, fit. */
+
+import { h, setText } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+
+/** @typedef {import("./film-view.js").FilmView} FilmView */
+
+/**
+ * @param {() => FilmView | null} view
+ * @returns {{element: HTMLElement, show: (scale: number) => void}}
+ */
+export function zoomControls(view) {
+  const label = h("span", { class: "mono" });
+  /**
+   * @param {string} name
+   * @param {import("../base/dom.js").Child} face
+   * @param {() => void} run
+   */
+  const button = (name, face, run) =>
+    h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: run }, face);
+  const actual = h(
+    "button",
+    {
+      class: "icon-button zoom-button",
+      type: "button",
+      title: "Zoom; press for one to one (1)",
+      onclick: () => view()?.actualSize(),
+    },
+    label,
+  );
+  return {
+    element: h(
+      "span",
+      { class: "zoom-controls" },
+      button("Zoom out (−)", "−", () => view()?.zoom(-1)),
+      actual,
+      button("Zoom in (+)", "+", () => view()?.zoom(1)),
+      button("Fit the picture (F)", icon("fit"), () => view()?.fit()),
+    ),
+    show(scale) {
+      const percent = scale * 100;
+      setText(label, `${percent >= 10 ? Math.round(percent) : percent.toFixed(1)} %`);
+    },
+  };
+}

@@ -1,0 +1,68 @@
+/** The camera of a picture: one of the scene's, as it is or with another lens, or one by numbers. */
+
+import { h } from "../base/dom.js";
+import { field } from "./fields.js";
+import { viewFields } from "./view-fields.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../base/types.js").JobRequest} JobRequest */
+
+/**
+ * @typedef {object} CameraFields
+ * @property {HTMLElement[]} elements
+ * @property {() => Pick<JobRequest, "camera" | "view">} get
+ * @property {() => View} view what is chosen, in full
+ * @property {(view: View) => void} turn to a view of the user's own
+ * @property {(distance: number) => void} focus at this distance along the line of sight
+ */
+
+const AUTO_CAMERA = "auto"; // the one that every scene has
+const OWN_VIEW = "\0view"; // no camera's number
+
+/**
+ * @param {Scene} scene
+ * @param {(projection: string) => void} projected the user, or a camera, chose a projection
+ * @returns {CameraFields}
+ */
+export function cameraFields({ cameras }, projected) {
+  const camera = h(
+    "select",
+    null,
+    cameras.map(({ name }, number) => h("option", { value: String(number) }, shownName(cameras, name, number))),
+    h("option", { value: OWN_VIEW }, "Custom view …"),
+  );
+  const view = viewFields(cameras[0]?.view, projected);
+  const show = () => (view.place.hidden = camera.value !== OWN_VIEW);
+  camera.addEventListener("change", () => {
+    show();
+    const chosen = cameras[Number(camera.value)]; // none for a view of the user's own
+    if (chosen) view.set(chosen.view); // where a view of one's own then starts
+  });
+  show();
+  return {
+    elements: [field("Camera", camera), view.place, view.lens],
+    get: () => (camera.value === OWN_VIEW || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
+    view: view.get,
+    turn(to) {
+      camera.value = OWN_VIEW;
+      view.set(to);
+      show();
+    },
+    focus: view.focus,
+  };
+}
+
+/** Namesakes get their place among themselves. @param {Scene["cameras"]} cameras @param {string} name @param {number} number */
+function shownName(cameras, name, number) {
+  const before = cameras.slice(0, number).filter((other) => other.name === name).length;
+  const hasNamesakes = cameras.filter((other) => other.name === name).length > 1;
+  if (name === AUTO_CAMERA && number === cameras.length - 1) return "Automatic: frames the scene";
+  return hasNamesakes ? `${name} (${before + 1})` : name;
+}
+
+/** A camera's name, where that means it: of namesakes it means the first. @param {Scene["cameras"]} cameras @param {number} number */
+function asked(cameras, number) {
+  const name = cameras[number]?.name;
+  return name !== undefined && cameras.findIndex((other) => other.name === name) === number ? name : number;
+}

@@ -1,0 +1,151 @@
+/** Form fields: a label, a control, and a sentence below where one helps. */
+
+import { h, setText } from "../base/dom.js";
+
+let ids = 0;
+
+/** @param {string} stem @returns {string} an id that nothing else on the page has */
+export function freshId(stem) {
+  ids += 1;
+  return `${stem}-${ids}`;
+}
+
+/**
+ * @param {string} label
+ * @param {HTMLElement} control
+ * @param {string} [hint]
+ */
+export function field(label, control, hint) {
+  control.id ||= freshId("field");
+  const hintId = `${control.id}-hint`;
+  if (hint) control.setAttribute("aria-describedby", hintId);
+  const element = h(
+    "div",
+    { class: "field" },
+    h("label", { for: control.id }, label),
+    control,
+    hint && h("p", { class: "hint", id: hintId }, hint),
+  );
+  if (control instanceof HTMLInputElement && control.type === "number") explain(element, label, [control]);
+  return element;
+}
+
+/**
+ * Says below the fields what is wrong with them, in place of the browser's bubble, until it is mended.
+ *
+ * @param {HTMLElement} element
+ * @param {string} label
+ * @param {HTMLInputElement[]} inputs
+ */
+export function explain(element, label, inputs) {
+  const problem = h("p", { class: "problem", role: "alert", hidden: true });
+  element.append(problem);
+  const show = () => {
+    const wrong = inputs.find((input) => !input.validity.valid);
+    problem.hidden = wrong === undefined;
+    setText(problem, wrong ? problemOf(wrong, label) : "");
+    for (const input of inputs) input.setAttribute("aria-invalid", String(!input.validity.valid));
+  };
+  for (const input of inputs) {
+    input.addEventListener("invalid", (event) => (event.preventDefault(), show()));
+    input.addEventListener("change", show);
+    input.addEventListener("input", () => !problem.hidden && show());
+  }
+}
+
+/** @param {HTMLInputElement} input @param {string} label @returns {string} a sentence */
+function problemOf({ validity, validationMessage, min, max }, label) {
+  if (validity.customError) return validationMessage;
+  if (validity.badInput) return `${label}: this is not a number.`;
+  if (validity.valueMissing) return `${label} needs a number.`;
+  if (validity.stepMismatch) return `${label} is a whole number.`;
+  // The largest numbers that the renderer takes are nobody's concern.
+  return Number(max) < 1e6 ? `${label} lies between ${min} and ${max}.` : `${label} is at least ${min}.`;
+}
+
+/**
+ * A field that is not shown must not hold the form back.
+ *
+ * @param {HTMLElement} element
+ * @param {boolean} shown
+ */
+export function setShown(element, shown) {
+  element.hidden = !shown;
+  for (const input of element.querySelectorAll("input")) input.disabled = !shown;
+}
+
+/**
+ * A choice with a sentence below that says what the chosen one does.
+ *
+ * @param {string} label
+ * @param {import("../base/types.js").Choice[]} choices
+ * @param {string} start
+ * @param {() => void} [changed] by the user
+ */
+export function choiceField(label, choices, start, changed) {
+  const select = h(
+    "select",
+    null,
+    choices.map(({ name, label }) => h("option", { value: name }, label)),
+  );
+  const element = field(label, select, " ");
+  const hint = /** @type {HTMLElement} */ (element.lastElementChild);
+  const show = () => setText(hint, choices.find(({ name }) => name === select.value)?.help ?? "");
+  select.addEventListener("change", () => (show(), changed?.()));
+  /** @param {string} value */
+  const set = (value) => {
+    select.value = value;
+    show();
+  };
+  set(start);
+  return { element, get: () => select.value, set };
+}
+
+/**
+ * @param {{value?: number | string, min?: number, max?: number, step?: number | "any", placeholder?: string, required?: boolean, label?: string}} options
+ */
+export function numberInput({ value = "", min, max, step = 1, placeholder, required = true, label }) {
+  return h("input", {
+    type: "number",
+    inputmode: step === 1 ? "numeric" : "decimal",
+    autocomplete: "off",
+    ...{ min, max, step, placeholder, required },
+    value: String(value),
+    "aria-label": label,
+  });
+}
+
+/**
+ * A few exclusive choices side by side. `aside` stands at the right of the label and says what the choice comes to.
+ *
+ * @param {string} label
+ * @param {{value: string, label: string}[]} options
+ * @param {(value: string) => void} changed by the user
+ */
+export function segments(label, options, changed) {
+  const name = freshId("segments");
+  const group = h("div", { class: "segments", role: "radiogroup", "aria-label": label });
+  const radios = options.map(({ value, label: text }) => {
+    const radio = h("input", { type: "radio", name, value, onchange: () => changed(value) });
+    group.append(h("label", null, radio, text));
+    return { value, radio };
+  });
+  /** @param {string} value */
+  const select = (value) => radios.forEach((option) => (option.radio.checked = option.value === value));
+  const aside = h("span", { class: "quiet small number" });
+  return {
+    element: h(
+      "div",
+      { class: "field" },
+      h("div", { class: "row spread" }, h("span", { class: "label", "aria-hidden": "true" }, label), aside),
+      group,
+    ),
+    select,
+    aside,
+  };
+}
+
+/** @param {HTMLInputElement} input @param {number} fallback */
+export function numberOf(input, fallback) {
+  return Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : fallback;
+}

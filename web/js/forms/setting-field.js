@@ -1,0 +1,68 @@
+/** The field of one setting: a choice, a number, or a grey in place of a colour. */
+
+import { choiceField, field, numberInput } from "./fields.js";
+import { labelOf } from "../news/settings-table.js";
+
+/** @typedef {import("../base/types.js").Setting} Setting */
+
+/**
+ * @typedef {object} SettingField
+ * @property {Setting} setting
+ * @property {HTMLElement} element
+ * @property {() => any} get in the renderer's terms
+ */
+
+/**
+ * @param {Setting} setting
+ * @param {any} start what it shows first
+ * @param {() => void} [changed] by the user
+ * @returns {SettingField}
+ */
+export function settingField(setting, start, changed) {
+  if (setting.choices) {
+    const { element, get } = choiceField(setting.label, setting.choices, start, changed);
+    return { setting, element, get };
+  }
+  const isColour = Array.isArray(setting.default);
+  const input = numberFor(setting, isColour ? start[0] : start);
+  if (changed) input.addEventListener("input", changed);
+  const element = field(labelOf(setting), input, setting.help);
+  // A grey, unless the scene's own colour is left as it is.
+  const grey = () => (input.valueAsNumber === start[0] ? start : Array(3).fill(input.valueAsNumber));
+  return { setting, element, get: isColour ? grey : () => numberIn(setting, input) };
+}
+
+/**
+ * Empty where the value is the one that switches the setting off, or none.
+ *
+ * @param {Setting} setting
+ * @param {number | null} value
+ */
+export function numberFor(setting, value) {
+  const { minimum, maximum, off, type } = setting;
+  const isOff = value == null || value === off?.value;
+  return numberInput({
+    value: isOff ? "" : shownAs(setting, value),
+    min: shownAs(setting, minimum ?? -Infinity),
+    max: shownAs(setting, maximum ?? Infinity),
+    step: type === "integer" ? 1 : "any",
+    required: !isOptional(setting),
+    placeholder: isOptional(setting) ? (off?.label ?? "off") : undefined,
+  });
+}
+
+/**
+ * @param {Setting} setting
+ * @param {HTMLInputElement} input
+ * @returns {number | null} NaN where it is wanted and not there
+ */
+function numberIn(setting, input) {
+  if (!input.value && isOptional(setting)) return setting.off?.value ?? null;
+  return setting.unit === "fraction" ? input.valueAsNumber / 100 : input.valueAsNumber;
+}
+
+/** @param {Setting} setting */
+const isOptional = (setting) => setting.off !== null || setting.default === null;
+
+/** Fractions are shown as percents. @param {Setting} setting @param {number} value */
+const shownAs = ({ unit }, value) => (unit === "fraction" ? Number((value * 100).toPrecision(12)) : value);

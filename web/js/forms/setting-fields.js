@@ -1,0 +1,80 @@
+/** The fields of all settings that the renderer has: among the first, in the fold of what few change, in the lab. */
+
+import { h } from "../base/dom.js";
+import { environmentFields } from "./environment-fields.js";
+import { setShown } from "./fields.js";
+import { settingField } from "./setting-field.js";
+import { isRead, known, settingOf } from "../news/settings-table.js";
+
+/** @typedef {import("../base/types.js").JobRequest} JobRequest */
+/** @typedef {import("../base/types.js").Setting} Setting */
+/** @typedef {import("./setting-field.js").SettingField} SettingField */
+
+/** These have fields of their own: presets along the longer side. */
+const SIZE = ["width", "height"];
+
+/**
+ * @param {Record<string, any>} defaults what the scene file asks for
+ * @param {Record<string, any>} [first] what the fields show first, where that is something else
+ * @returns {{basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>}}
+ */
+export function settingFields(defaults, first = {}) {
+  /** @param {Setting} setting what a request that leaves it out gets */
+  const own = (setting) => defaults[setting.name] ?? setting.default;
+  const fields = known()
+    .settings.filter((setting) => setting.of === "job" && !SIZE.includes(setting.name))
+    .map((setting) => settingField(setting, first[setting.name] ?? own(setting), () => show()));
+  const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
+  const environment = environmentFields(first);
+  const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));
+  const show = () => {
+    for (const { setting, element } of fields) setShown(element, isRead(setting, integrator.get()));
+  };
+  show();
+
+  /** @param {string} name @param {SettingField[]} some */
+  const elements = (name, some = fields) => some.filter(({ setting }) => setting.group === name).map(({ element }) => element);
+  const sections = [...new Set(fields.map(({ setting }) => setting.section))].map((section) =>
+    group(
+      section,
+      elements(
+        "advanced",
+        fields.filter(({ setting }) => setting.section === section),
+      ),
+    ),
+  );
+  return {
+    basic: elements("basic"),
+    folds: [
+      fold("Advanced", [
+        group(
+          "Stop early",
+          ends.map(({ element }) => element),
+        ),
+        ...sections,
+        group("Environment", environment.elements),
+      ]),
+      fold("Lab", [
+        h("p", { class: "quiet small" }, "To compare what renderers do. Left alone, each is at its best."),
+        h("div", { class: "pairs" }, elements("lab")),
+      ]),
+    ],
+    get() {
+      const changed = fields.filter(
+        (field) => isRead(field.setting, integrator.get()) && String(field.get()) !== String(own(field.setting)),
+      );
+      const light = environment.get();
+      return {
+        ...Object.fromEntries([...changed, ...ends].map(({ setting, get }) => [setting.name, get()]).filter(([, v]) => v != null)),
+        ...(Object.keys(light).length && { environment: light }),
+      };
+    },
+  };
+}
+
+/** @param {string} title @param {HTMLElement[]} content */
+const group = (title, content) =>
+  h("fieldset", { class: "group" }, h("legend", null, title), h("div", { class: "pairs" }, content));
+
+/** @param {string} title @param {HTMLElement[]} content */
+const fold = (title, content) => h("details", null, h("summary", null, title), h("div", { class: "stack" }, content));

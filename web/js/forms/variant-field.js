@@ -1,0 +1,19 @@
+/** Which of a glTF file's variants of its materials is shown. */
+
+import { choiceField } from "./fields.js";
+
+/**
+ * @param {import("../base/types.js").Scene} scene
+ * @returns {{elements: HTMLElement[], get: () => {variant?: string}}} without elements where there is nothing to choose
+ */
+export function variantField({ variants = [], variant = null }) {
+  if (!variants.length) return { elements: [], get: () => ({}) };
+  // By number: names may be alike. The scene's own comes by its name, or by its number where another has that name too.
+  const own = variant === null ? "" : String(variants.includes(variant) ? variants.indexOf(variant) : Number(variant));
+  const choices = [
+    { name: "", label: "The file's own", help: "As it was saved." },
+    ...variants.map((label, i) => ({ name: String(i), label, help: "" })),
+  ];
+  const field = choiceField("Materials", choices, own);
+  return { elements: [field.element], get: () => (field.get() === own ? {} : { variant: field.get() }) };
+}

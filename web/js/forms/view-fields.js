@@ -1,0 +1,154 @@
+/** A camera by numbers: where it is, what it looks at, which way is up; and its lens. */
+
+import { h } from "../base/dom.js";
+import { choiceField, explain, field, numberInput, numberOf, setShown } from "./fields.js";
+import { numberFor } from "./setting-field.js";
+import { isSeen, known, labelOf, settingOf } from "../news/settings-table.js";
+
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+/** @typedef {import("../base/types.js").Setting} Setting */
+
+/** @type {View} */
+const START = { eye: [0, 0, 5], target: [0, 0, 0], up: [0, 1, 0], fov: 40 };
+
+/**
+ * @param {View} [start]
+ * @param {(projection: string) => void} [projected]
+ * @returns {{place: HTMLElement, lens: HTMLDetailsElement, get: () => View, set: (view: View) => void, focus: (distance: number) => void, isChanged: () => boolean}}
+ *     isChanged: by the user, since it was set
+ */
+export function viewFields(start = START, projected = () => {}) {
+  let base = start;
+  const eye = vector(settingOf("view", "eye"));
+  const target = vector(settingOf("view", "target"));
+  const up = vector(settingOf("view", "up"));
+  const lens = known()
+    .view.filter(({ type }) => type === "number")
+    .map((setting) => {
+      const input = numberFor(setting, null);
+      return { setting, input, element: field(labelOf(setting), input, setting.help) };
+    });
+  const focus = /** @type {HTMLInputElement} */ (lens.find(({ setting }) => setting.name === "focus")?.input);
+  const { label, choices } = settingOf("view", "projection");
+  const projection = choiceField(label, choices ?? [], "perspective", () => chosen());
+  const show = () => {
+    for (const { setting, element } of lens) setShown(element, isSeen(setting, projection.get()));
+  };
+  const chosen = () => (show(), projected(projection.get()));
+
+  /** @param {View} view */
+  const set = (view) => {
+    const before = projection.get();
+    base = view;
+    eye.set(view.eye);
+    target.set(view.target);
+    up.set(view.up);
+    projection.set(view.projection ?? "perspective");
+    for (const { setting, input } of lens) {
+      const value = numberOfView(view, setting);
+      input.value = value == null ? "" : String(short(value));
+    }
+    focus.placeholder = String(short(distance(view)));
+    show();
+    if (projection.get() !== before) projected(projection.get());
+  };
+
+  /** The base's exact number where the field still shows it, rounded. @param {HTMLInputElement} input @param {number} exact */
+  const kept = (input, exact) => (input.value === String(short(exact)) ? exact : numberOf(input, exact));
+
+  /** @returns {View} */
+  const get = () => {
+    /** @type {View} */
+    const view = { ...base, eye: eye.get(base.eye), target: target.get(base.target), up: up.get(base.up) };
+    const shape = projection.get();
+    view.projection = shape;
+    for (const { setting, input } of lens) {
+      if (!isSeen(setting, shape)) continue;
+      const isLeft = setting.default === null && !input.value;
+      Object.assign(view, { [setting.name]: isLeft ? null : kept(input, numberOfView(base, setting) ?? 0) });
+    }
+    return view;
+  };
+
+  set(start);
+  const fold = h(
+    "details",
+    null,
+    h("summary", null, "Lens"),
+    h(
+      "div",
+      { class: "pairs" },
+      projection.element,
+      lens.map(({ element }) => element),
+    ),
+  );
+  /** As the fields had it when they were set. */
+  const unchanged = () => JSON.stringify(get());
+  let asSet = unchanged();
+  return {
+    place: h("div", { class: "stack" }, eye.element, target.element, up.element),
+    lens: fold,
+    get,
+    set(view) {
+      set(view);
+      asSet = unchanged();
+    },
+    focus(distance) {
+      focus.value = String(short(distance));
+      fold.open = true; // where the distance, and the aperture that makes it seen, are
+    },
+    isChanged: () => unchanged() !== asSet,
+  };
+}
+
+/** @param {View} view */
+function distance({ eye, target }) {
+  return Math.hypot(...eye.map((v, i) => v - (target[i] ?? 0)));
+}
+
+/** What an orthographic camera must show to have the target in the same size. @param {View} view */
+function heightAtTarget(view) {
+  return 2 * distance(view) * Math.tan((view.fov * Math.PI) / 360);
+}
+
+/**
+ * What a view has of a setting: its own, else what shows the same.
+ *
+ * @param {View} view
+ * @param {Setting} setting
+ * @returns {number | null}
+ */
+function numberOfView(view, { name, default: usual }) {
+  const own = /** @type {Record<string, any>} */ (view)[name];
+  return own ?? (name === "height" ? heightAtTarget(view) : usual);
+}
+
+/** @param {Setting} setting */
+function vector({ label, minimum, maximum }) {
+  const inputs = ["x", "y", "z"].map((axis) =>
+    numberInput({ step: "any", min: minimum ?? undefined, max: maximum ?? undefined, label: `${label} ${axis}` }),
+  );
+  const element = h(
+    "div",
+    { class: "field", role: "group", "aria-label": label },
+    h("span", { class: "label" }, label),
+    h("div", { class: "triple" }, inputs),
+  );
+  explain(element, label, inputs);
+  return {
+    element,
+    /** @param {Vec3} exact what the fields show rounded @returns {Vec3} */
+    get: (exact) =>
+      /** @type {Vec3} */ (
+        inputs.map((input, i) => (input.value === String(short(exact[i] ?? 0)) ? (exact[i] ?? 0) : numberOf(input, 0)))
+      ),
+    /** @param {Vec3} value */
+    set: (value) => inputs.forEach((input, i) => (input.value = String(short(value[i] ?? 0)))),
+  };
+}
+
+/** Six digits place a camera to a pixel; seventeen fill the field. @param {number} value */
+function short(value) {
+  return Number(value.toPrecision(6));
+}

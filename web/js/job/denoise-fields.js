@@ -1,0 +1,60 @@
+/** The denoised picture: instead of the raw one or beside it; how its making goes; when it is older than the film. */
+
+import { h, setText } from "../base/dom.js";
+import { segments } from "../forms/fields.js";
+import { icon } from "../base/icons.js";
+import { progressBar } from "../shell/state-chip.js";
+
+/** @typedef {import("../film/picture-side.js").SideState} SideState */
+/** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
+
+export const DENOISE_MODES = /** @type {const} */ (["off", "wipe", "on"]);
+
+/**
+ * @param {DisplayStore} display
+ * @param {() => void} renew denoises what the film has now
+ * @returns {{element: HTMLElement, update: (state: SideState | null) => void}} null: nothing is denoised
+ */
+export function denoiseFields(display, renew) {
+  const choice = segments(
+    "Denoise",
+    [
+      { value: "off", label: "Off" },
+      { value: "wipe", label: "Beside" },
+      { value: "on", label: "Instead" },
+    ],
+    (value) => display.update((d) => ({ ...d, denoise: /** @type {typeof d.denoise} */ (value) })),
+  );
+  display.subscribe(({ denoise }) => choice.select(denoise));
+  const bar = progressBar("Denoising");
+  bar.update(null);
+  const said = h("p", { class: "small", role: "status", hidden: true });
+  const again = h(
+    "button",
+    { class: "button", type: "button", hidden: true, onclick: renew },
+    icon("refresh"),
+    "Denoise again",
+  );
+  const element = h("div", { class: "stack tight", hidden: true }, choice.element, bar.element, said, again);
+  return {
+    element,
+    update(state) {
+      bar.element.hidden = !state?.waiting;
+      const { error } = state ?? {};
+      const sentence = state?.waiting
+        ? "Denoising …"
+        : error
+          ? `Not denoised. ${error instanceof Error ? error.message : error}`
+          : state?.stale
+            ? "New samples have come since it was denoised."
+            : "";
+      setText(said, sentence);
+      said.hidden = sentence === "";
+      said.classList.toggle("bad", Boolean(error) && !state?.waiting);
+      again.hidden = !state || state.waiting || !(state.stale || error);
+    },
+  };
+}
+
+/** Whether a worker that is connected can denoise. @param {import("../base/types.js").Worker[] | null} all */
+export const canDenoise = (all) => (all ?? []).some(({ denoises }) => denoises);

@@ -1,0 +1,180 @@
+/** How the picture is shown: exposure, tone curve, channel, denoised or not. The state is a store; sliders, keys and the URL all write it. */
+
+import { CHANNELS } from "../film/channels.js";
+import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
+import { h, setText } from "../base/dom.js";
+import { field } from "../forms/fields.js";
+import { stops } from "../base/format.js";
+import { here, setParams } from "../shell/router.js";
+import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
+import { Store } from "../base/store.js";
+
+/**
+ * @typedef {object} Display
+ * @property {number} exposure stops
+ * @property {string} curve
+ * @property {string} channel "" for the colour, or an AOV
+ * @property {"off" | "wipe" | "on"} denoise
+ * @property {number} wipe how much of the width is the raw picture's, where it lies beside the denoised one
+ * @property {boolean} outlines of the tiles that are being rendered
+ */
+
+export const EXPOSURE_STEP = 0.5;
+const EXPOSURE_RANGE = 12;
+
+/** @returns {Store<Display>} as the URL says, and written back to it */
+export function displayFromUrl() {
+  const { params } = here();
+  const channel = params.get("aov") ?? "";
+  const denoise = DENOISE_MODES.find((mode) => mode === params.get("denoise")) ?? "off";
+  /** @type {Store<Display>} */
+  const store = new Store({
+    ...lookFromUrl(params),
+    channel: CHANNELS.some(({ name }) => name === channel) ? channel : "",
+    denoise,
+    wipe: wipeFrom(params.get("wipe")),
+    outlines: params.get("tiles") !== "0",
+  });
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  store.subscribe(({ exposure, curve, channel, denoise, wipe, outlines }) => {
+    // Browsers throttle history changes; a dragged slider makes sixty a second.
+    clearTimeout(timer);
+    const { path } = here();
+    timer = setTimeout(() => {
+      if (here().path.join() !== path.join()) return;
+      setParams({
+        ...lookParams({ exposure, curve }),
+        aov: channel || null,
+        denoise: denoise === "off" ? null : denoise,
+        wipe: denoise !== "wipe" || wipe === 0.5 ? null : wipe.toFixed(3),
+        tiles: outlines ? null : "0",
+      });
+    }, 300);
+  });
+  return store;
+}
+
+/** @param {URLSearchParams} params @returns {{exposure: number, curve: string}} */
+export function lookFromUrl(params) {
+  const curve = params.get("tone") ?? DEFAULT_CURVE;
+  return {
+    exposure: clampExposure(Number(params.get("ev") ?? 0) || 0),
+    curve: CURVES.some(({ name }) => name === curve) ? curve : DEFAULT_CURVE,
+  };
+}
+
+/** @param {{exposure: number, curve: string}} look @returns {Record<string, string | null>} for the URL */
+export const lookParams = ({ exposure, curve }) => ({
+  ev: exposure === 0 ? null : String(exposure),
+  tone: curve === DEFAULT_CURVE ? null : curve,
+});
+
+/** @param {string | null} text of the URL @returns {number} 0..1, the middle where it says none */
+export function wipeFrom(text) {
+  const fraction = Number(text ?? 0.5);
+  return fraction >= 0 && fraction <= 1 ? fraction : 0.5;
+}
+
+/** @param {number} exposure rounded to what the slider shows */
+export function clampExposure(exposure) {
+  return Math.min(Math.max(Math.round(exposure * 10) / 10, -EXPOSURE_RANGE), EXPOSURE_RANGE);
+}
+
+/**
+ * @param {Store<Display>} display
+ * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
+ * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void}}
+ */
+export function displayPanel(display, { normalise, denoise: renew }) {
+  const look = lookFields(display, normalise);
+  const denoise = denoiseFields(display, renew);
+  const channel = h(
+    "select",
+    { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
+    CHANNELS.map(({ name, label }) => h("option", { value: name }, label)),
+  );
+  const channelField = field("Channel", channel, " ");
+  const hint = /** @type {HTMLElement} */ (channelField.lastElementChild);
+  const outlines = h("input", {
+    type: "checkbox",
+    onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
+  });
+  const colourOnly = h("div", { class: "stack" }, look, denoise.element);
+  display.subscribe((d) => {
+    channel.value = d.channel;
+    const told = CHANNELS.find(({ name }) => name === d.channel)?.hint ?? "";
+    setText(hint, told);
+    hint.hidden = told === "";
+    outlines.checked = d.outlines;
+    colourOnly.hidden = d.channel !== "";
+  });
+  const element = h(
+    "section",
+    { class: "side-section stack", "aria-label": "Display" },
+    channelField,
+    colourOnly,
+    h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
+  );
+  /** @param {boolean} can */
+  const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
+  return { element, updateDenoise: denoise.update, offerDenoise };
+}
+
+/**
+ * Exposure and tone curve.
+ *
+ * @template {{exposure: number, curve: string}} T
+ * @param {Store<T>} display
+ * @param {() => void} normalise
+ * @returns {HTMLElement}
+ */
+export function lookFields(display, normalise) {
+  const value = h("output", { class: "mono" });
+  const slider = h("input", {
+    type: "range",
+    class: "centred",
+    ...{ min: -EXPOSURE_RANGE, max: EXPOSURE_RANGE, step: 0.1 },
+    oninput: () => display.update((d) => ({ ...d, exposure: clampExposure(slider.valueAsNumber) })),
+    ondblclick: () => display.update((d) => ({ ...d, exposure: 0 })),
+  });
+  const curve = h(
+    "select",
+    { onchange: () => display.update((d) => ({ ...d, curve: curve.value })) },
+    CURVES.map(({ name, label, hint }) => h("option", { value: name, title: hint }, label)),
+  );
+  const exposure = field("Exposure", slider);
+  const reset = h(
+    "button",
+    {
+      class: "text-button small",
+      type: "button",
+      title: "Back to 0 (R)",
+      onclick: () => display.update((d) => ({ ...d, exposure: 0 })),
+    },
+    "Reset",
+  );
+  exposure.prepend(
+    h(
+      "div",
+      { class: "row" },
+      exposure.firstElementChild,
+      value,
+      h("span", { class: "grow" }),
+      reset,
+      h(
+        "button",
+        { class: "text-button small", type: "button", title: "Bring the brightest below 1 (N)", onclick: normalise },
+        "Normalise",
+      ),
+    ),
+  );
+  display.subscribe((d) => {
+    setText(value, `${stops(d.exposure)} EV`);
+    slider.valueAsNumber = d.exposure;
+    slider.setAttribute("aria-valuetext", `${d.exposure.toFixed(1)} stops`);
+    reset.hidden = d.exposure === 0;
+    curve.value = d.curve;
+  });
+  return h("div", { class: "stack" }, exposure, field("Tone curve", curve));
+}

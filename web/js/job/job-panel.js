@@ -1,0 +1,192 @@
+/** A job's progress and what can be done with it: pause, resume, cancel, more samples. */
+
+import { changeJob } from "../news/api.js";
+import { fill, h, setText } from "../base/dom.js";
+import { putJob } from "../news/farm.js";
+import { clock, compact, count, plural } from "../base/format.js";
+import { command } from "../shell/hints.js";
+import { icon } from "../base/icons.js";
+import { endOf, settingOf, valueText } from "../news/settings-table.js";
+import { framesDone, isShot } from "../base/shot-words.js";
+import { progressBar } from "../shell/state-chip.js";
+import { showError } from "../shell/tray.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+
+const MORE_SAMPLES = 256;
+/** Of the samples that were left out, so many are named. */
+const BAD_NAMED = 3;
+/** States from which a job goes on where it stopped: its film stays. */
+const STOPPED = ["paused", "cancelled", "failed"];
+
+/**
+ * @param {Job} job
+ * @param {Parameters<typeof changeJob>[1]} change
+ * @param {string} failure
+ */
+export async function change(job, change, failure) {
+  try {
+    putJob(await changeJob(job.id, change));
+  } catch (error) {
+    showError(failure, error);
+  }
+}
+
+/** Progress in numbers, ticking between the service's messages. */
+export function progressPanel() {
+  const samples = h("strong", { class: "big number" });
+  const of = h("span", { class: "quiet number" });
+  const bar = progressBar("Progress of the picture");
+  const elapsed = h("dd");
+  const left = h("dd");
+  const speed = h("dd");
+  const message = h("p", { class: "quiet small", role: "status", hidden: true });
+  const error = h("div", { class: "notice error", role: "alert", hidden: true });
+  const bad = h("div", { class: "quiet small", hidden: true });
+  /** @type {Job | null} */
+  let latest = null;
+  let heard = 0;
+  /** @type {string | null} */
+  let shownError = null;
+  let shownBad = 0;
+  const tick = () => {
+    if (!latest) return;
+    const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
+    setText(elapsed, clock(latest.active_s + since));
+    setText(
+      left,
+      latest.state === "running"
+        ? latest.eta_s == null
+          ? "…"
+          : clock(latest.eta_s - since)
+        : latest.state === "finished"
+          ? "0:00"
+          : "–",
+    );
+  };
+  return {
+    element: h(
+      "section",
+      { class: "side-section stack", "aria-label": "Progress" },
+      h("div", { class: "row baseline" }, samples, of),
+      bar.element,
+      h(
+        "dl",
+        { class: "figures number" },
+        [
+          ["Elapsed", elapsed],
+          ["Left", left],
+          ["Samples/s", speed],
+        ].map(([name, value]) => h("div", null, h("dt", null, name), value)),
+      ),
+      message,
+      error,
+      bad,
+    ),
+    tick,
+    /** @param {Job} job */
+    update(job) {
+      latest = job;
+      heard = performance.now();
+      const pixels = (job.width ?? 1) * (job.height ?? 1);
+      setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : count(Math.floor(job.samples / pixels)));
+      setText(of, goal(job));
+      bar.update(job.progress, job.state);
+      const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? job.samples / job.active_s : 0);
+      setText(speed, rate > 0 ? compact(rate) : "–");
+      message.hidden = !job.message;
+      setText(message, job.message ?? "");
+      error.hidden = !job.error;
+      if (job.error !== shownError) {
+        shownError = job.error; // an alert that is written again is read out again
+        fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
+      }
+      bad.hidden = job.bad_samples === 0;
+      if (job.bad_samples !== shownBad) {
+        shownBad = job.bad_samples;
+        const replay = job.frames?.[0]?.bad?.[0]?.reproduce;
+        fill(
+          bad,
+          h("p", null, badSentence(job)),
+          replay && h("p", null, "To see how the first came about:"),
+          replay && command(replay),
+        );
+      }
+      tick();
+    },
+  };
+}
+
+/** @param {Job} job */
+function badSentence({ bad_samples: n, frames }) {
+  const where = (frames?.[0]?.bad ?? [])
+    .slice(0, BAD_NAMED)
+    .map(({ x, y, sample }) => `pixel ${x}, ${y} sample ${sample}`);
+  const first = where.length ? ` First: ${where.join("; ")}.` : "";
+  return `${plural(n, "sample")} came out as no number and ${n === 1 ? "was" : "were"} left out.${first}`;
+}
+
+/** @param {Job} job what "12" samples are out of */
+function goal(job) {
+  if (isShot(job) && job.shot) return `${framesDone(job.shot).replace(/^[\d,]+ /, "")}, ${endOf(job)}`;
+  if (job.noise != null) return `samples per pixel, until the noise is ${valueText(settingOf("work", "noise"), job.noise)}`;
+  if (job.seconds != null) return `samples per pixel, for ${clock(job.seconds)}`;
+  return `of ${count(job.spp ?? 0)} samples per pixel`;
+}
+
+/** @returns {{element: HTMLElement, update: (job: Job) => void}} */
+export function actionsPanel() {
+  /** @type {Job | null} */
+  let latest = null;
+  /** @param {import("../base/icons.js").IconName} symbol @param {string} label @param {(job: Job) => void} run @param {string} [style] */
+  const button = (symbol, label, run, style = "") =>
+    h(
+      "button",
+      { class: `button ${style}`, type: "button", onclick: () => latest && run(latest) },
+      icon(symbol),
+      label,
+    );
+  const pause = button("pause", "Pause", pauseOrResume);
+  const resume = button("play", "Resume", pauseOrResume, "primary");
+  const cancel = button(
+    "stop",
+    "Cancel",
+    (job) => change(job, { state: "cancelled" }, "The job was not cancelled"),
+    "danger",
+  );
+  cancel.title = "Stops rendering; the picture so far stays";
+  const more = button("plus", `${MORE_SAMPLES} samples`, moreSamples);
+  more.title = "Goes on from here: the same picture as if they had been asked for at once";
+  const element = h("div", { class: "row actions" }, resume, pause, cancel, more);
+  return {
+    element,
+    update(job) {
+      latest = job;
+      const focused = [pause, resume, cancel].find((button) => button === document.activeElement);
+      const open = ["queued", "running", "paused"].includes(job.state);
+      pause.hidden = !open || job.state === "paused";
+      resume.hidden = !STOPPED.includes(job.state);
+      cancel.hidden = !open;
+      more.hidden = job.state === "failed";
+      // The button that was pressed may be the one that goes: the focus must not go with it.
+      if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();
+    },
+  };
+}
+
+/** @param {Job} job */
+export function pauseOrResume(job) {
+  if (STOPPED.includes(job.state)) void change(job, { state: "running" }, "The job was not resumed");
+  else if (job.state === "running" || job.state === "queued")
+    void change(job, { state: "paused" }, "The job was not paused");
+}
+
+/** @param {Job} job */
+export function moreSamples(job) {
+  const stopped = job.state === "cancelled";
+  void change(
+    job,
+    { more: MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
+    "No samples were added",
+  );
+}

@@ -1,0 +1,88 @@
+/** The keys of the render view; tev's, where tev has them. */
+
+import { DENOISE_MODES, canDenoise } from "./denoise-fields.js";
+import { EXPOSURE_STEP, clampExposure } from "./display-panel.js";
+import { workers } from "../news/farm.js";
+import { moreSamples, pauseOrResume } from "./job-panel.js";
+import { here, linkTo } from "../shell/router.js";
+import { announce } from "../shell/tray.js";
+
+/** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
+
+/** In a shot the arrows go to other frames, and vi's keys read pixels. */
+const ARROWS = /** @type {const} */ ([
+  ["ArrowLeft", "H", -1, 0],
+  ["ArrowRight", "L", 1, 0],
+  ["ArrowUp", "K", 0, -1],
+  ["ArrowDown", "J", 0, 1],
+]);
+
+/**
+ * The keys of every stage: exposure, zoom, the pixel that is read.
+ *
+ * @template {{exposure: number, curve: string}} T
+ * @param {object} parts
+ * @param {import("../film/film-view.js").FilmView | null} parts.view
+ * @param {import("../base/store.js").Store<T>} parts.display
+ * @param {() => void} parts.normalise
+ * @param {boolean} [parts.inShot] the arrows go to other frames
+ * @returns {Shortcut[]}
+ */
+export function stageKeys({ view, display, normalise, inShot = false }) {
+  /** @param {number} exposure */
+  const expose = (exposure) => {
+    display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
+    announce(`Exposure ${display.value.exposure} stops`);
+  };
+  const inspect = ARROWS.flatMap(([arrow, letter, dx, dy]) =>
+    [1, 10].map((by) => ({
+      keys: `${by > 1 ? "Shift+" : ""}${inShot ? letter : arrow}`,
+      shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : "Arrows") : null, // one line for all eight
+      does: "Read pixels by keys; with Shift ten at a time",
+      run: () => view?.moveCursor(dx * by, dy * by),
+    })),
+  );
+  return [
+    { keys: "E", does: "Half a stop brighter", run: () => expose(display.value.exposure + EXPOSURE_STEP) },
+    { keys: "Shift+E", does: "Half a stop darker", run: () => expose(display.value.exposure - EXPOSURE_STEP) },
+    { keys: "R", does: "Reset the exposure", run: () => expose(0) },
+    { keys: "N", does: "Normalise: the brightest below white", run: normalise },
+    { keys: "F", does: "Fit the picture", run: () => view?.fit() },
+    { keys: "1", does: "One picture pixel a screen pixel", run: () => view?.actualSize() },
+    { keys: "+", does: "Zoom in", run: () => view?.zoom(1) },
+    { keys: "-", does: "Zoom out", run: () => view?.zoom(-1) },
+    ...inspect,
+  ];
+}
+
+/**
+ * The keys of a job beside those of its stage.
+ *
+ * @param {object} parts
+ * @param {() => import("../base/types.js").Job} parts.job
+ * @param {import("../base/store.js").Store<import("./display-panel.js").Display>} parts.display
+ * @param {boolean} [parts.inShot] Space plays it
+ * @returns {Shortcut[]}
+ */
+export function jobKeys({ job, display, inShot = false }) {
+  const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
+  const denoise = () => {
+    if (!canDenoise(workers.value)) {
+      announce("No worker that is connected can denoise");
+      return;
+    }
+    const next = DENOISE_MODES[(DENOISE_MODES.indexOf(display.value.denoise) + 1) % DENOISE_MODES.length] ?? "off";
+    display.update((look) => ({ ...look, denoise: next }));
+  };
+  const compare = () => {
+    const frame = inShot ? here().params.get("frame") : null;
+    location.hash = linkTo("compare", job().id) + (frame ? `?frame=${frame}` : "");
+  };
+  return [
+    { keys: "D", does: "Denoised: off, beside, instead", run: denoise },
+    { keys: "C", does: "Compare with another picture", run: compare },
+    { keys: "T", does: "Outline the tiles being rendered", run: outline },
+    { keys: inShot ? "P" : "Space", does: inShot ? "Pause or resume rendering" : "Pause or resume", run: () => pauseOrResume(job()) },
+    { keys: "M", does: "More samples", run: () => moreSamples(job()) },
+  ];
+}

@@ -1,0 +1,88 @@
+/** Downloads: the picture as it looks now, or its light; as it was rendered, and denoised. */
+
+import { imageUrl } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
+
+const FORMATS = /** @type {const} */ ([
+  ["png", "As it looks now, exposure and tone curve included"],
+  ["exr", "Scene-linear floats, untouched by exposure and curve"],
+  ["jpg", "As it looks now, small"],
+]);
+
+/**
+ * @param {Job} job
+ * @param {DisplayStore} display
+ * @param {() => import("../news/api.js").Place} place which of its pictures
+ * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
+ */
+export function savePanel(job, display, place) {
+  const raw = row(
+    "",
+    FORMATS.map(([format, hint]) => link(job, display, place, format, hint, false)),
+  );
+  const clean = row(
+    "Denoised",
+    FORMATS.map(([format, hint]) => link(job, display, place, format, hint, true)),
+  );
+  let can = false;
+  const show = () => {
+    const both = can && display.value.channel === "";
+    setText(raw.label, both ? "As rendered" : "");
+    raw.label.hidden = !both;
+    clean.element.hidden = !both;
+  };
+  display.subscribe(show);
+  return {
+    element: h(
+      "section",
+      { class: "side-section stack tight", "aria-label": "Save" },
+      h("h2", null, "Save"),
+      raw.element,
+      clean.element,
+    ),
+    offerDenoised(now) {
+      can = now;
+      show();
+    },
+  };
+}
+
+/** A file of a job is called so. @param {Job} job */
+export const plainName = ({ name }) => name.replace(/\.[a-z]+$/i, "");
+
+/** @param {string} text @param {HTMLElement[]} links */
+export function row(text, links) {
+  const label = h("span", { class: "quiet small" }, text);
+  return { label, element: h("div", { class: "stack tight" }, label, h("div", { class: "triple" }, links)) };
+}
+
+/**
+ * @param {Job} job
+ * @param {DisplayStore} display
+ * @param {() => import("../news/api.js").Place} place
+ * @param {"png" | "exr" | "jpg"} format
+ * @param {string} hint
+ * @param {boolean} denoise
+ */
+function link(job, display, place, format, hint, denoise) {
+  const name = `${format.toUpperCase()}${denoise ? ", denoised" : ""}`;
+  const anchor = h("a", { class: "button", title: hint, "aria-label": name }, icon("download"), format.toUpperCase());
+  // The address is made when it is used: exposure and channel are those of that moment.
+  const aim = () => {
+    const { exposure, curve, channel } = display.value;
+    /** @type {Record<string, string | number>} */
+    const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
+    if (denoise) query.denoise = "true";
+    anchor.href = imageUrl(place(), format, query);
+    const kind = denoise ? "denoised" : channel;
+    const number = job.shot ? `-${String(place().frame).padStart(4, "0")}` : "";
+    anchor.download = `${plainName(job)}${number}${kind && `-${kind}`}.${format}`;
+  };
+  for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
+  aim();
+  return anchor;
+}

@@ -1,0 +1,206 @@
+/** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").JobRequest} JobRequest */
+/** @typedef {import("../base/types.js").Worker} Worker */
+/** @typedef {import("../base/types.js").Info} Info */
+/** @typedef {import("../base/types.js").Example} Example */
+/** @typedef {import("../base/types.js").PixelValue} PixelValue */
+/** @typedef {import("../base/types.js").Frame} Frame */
+
+/**
+ * @typedef {object} JobChange of frames as text: 10-20 or 7,9
+ * @property {"running" | "paused" | "cancelled"} [state]
+ * @property {number} [spp]
+ * @property {number} [more]
+ * @property {string} [frames] that spp or more are for
+ * @property {string} [extend]
+ * @property {string} [again]
+ * @property {number} [first] -1: none
+ * @property {string} [order]
+ */
+
+export class ApiError extends Error {
+  /**
+   * @param {number} status HTTP status; 0 where the service did not answer
+   * @param {string} message a sentence for a person
+   */
+  constructor(status, message) {
+    super(message);
+    this.status = status;
+  }
+}
+
+const NO_ANSWER = "The service does not answer. Is it still running? `python3 farm.py up` starts it.";
+
+/**
+ * The sentence in an error answer: RFC 9457's `detail`, or the plain status where something else than the service spoke.
+ *
+ * @param {number} status
+ * @param {string} body
+ * @returns {ApiError}
+ */
+export function errorOf(status, body) {
+  if (status === 0) return new ApiError(0, NO_ANSWER);
+  try {
+    const problem = JSON.parse(body);
+    const sentence = problem.detail ?? problem.title;
+    if (typeof sentence === "string" && sentence) return new ApiError(status, sentence);
+  } catch {
+    // Not JSON: a proxy between the page and the service.
+  }
+  return new ApiError(status, `The service answered with status ${status}.`);
+}
+
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal, keepalive?: boolean}} [options]
+ * @returns {Promise<any>}
+ */
+async function call(method, path, { json, headers = {}, signal, keepalive } = {}) {
+  let response;
+  try {
+    response = await fetch(`api${path}`, {
+      method,
+      headers: json === undefined ? headers : { ...headers, "Content-Type": "application/json" },
+      body: json === undefined ? undefined : JSON.stringify(json),
+      signal,
+      keepalive,
+    });
+  } catch (error) {
+    if (signal?.aborted) throw error;
+    throw new ApiError(0, NO_ANSWER);
+  }
+  const text = await response.text();
+  if (!response.ok) throw errorOf(response.status, text);
+  return text ? JSON.parse(text) : null;
+}
+
+export const UPLOAD_URL = "api/scenes";
+
+/** @returns {Promise<Scene[]>} newest first */
+export const getScenes = () => call("GET", "/scenes");
+
+/** @param {string} id @returns {Promise<Scene>} */
+export const getScene = (id) => call("GET", `/scenes/${id}`);
+
+/** @param {string} id @returns {Promise<void>} */
+export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
+
+/** @returns {Promise<Job[]>} newest first */
+export const getJobs = () => call("GET", "/jobs");
+
+/** @param {string} id @returns {Promise<Job>} */
+export const getJob = (id) => call("GET", `/jobs/${id}`);
+
+/**
+ * @param {JobRequest} request
+ * @param {string} idempotencyKey a repeated POST with the same key makes one job
+ * @returns {Promise<Job>}
+ */
+export const createJob = (request, idempotencyKey) =>
+  call("POST", "/jobs", { json: request, headers: { "Idempotency-Key": idempotencyKey } });
+
+/** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
+export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
+
+/** @param {string} id @returns {Promise<Frame[]>} */
+export const getFrames = (id) => call("GET", `/jobs/${id}/frames`);
+
+/** @param {string} id @returns {Promise<void>} */
+export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
+
+/** @returns {Promise<Worker[]>} */
+export const getWorkers = () => call("GET", "/workers");
+
+/** @returns {Promise<Info>} */
+export const getInfo = () => call("GET", "/info");
+
+/** @returns {Promise<Example[]>} */
+export const getExamples = () => call("GET", "/examples");
+
+/** @param {string} name @returns {Promise<Scene>} the scene that the example became */
+export const openExample = (name) => call("POST", `/examples/${encodeURIComponent(name)}`);
+
+/** A picture of a job. @typedef {{job: string, frame: number}} Place */
+
+/**
+ * @param {Place} place
+ * @param {number} x
+ * @param {number} y
+ * @param {AbortSignal} signal
+ * @returns {Promise<PixelValue>}
+ */
+export const getPixel = ({ job, frame }, x, y, signal) =>
+  call("GET", `/jobs/${job}/frames/${frame}/pixel?x=${x}&y=${y}`, { signal });
+
+/** @param {string} scene */
+export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
+
+/**
+ * @param {Place} place
+ * @param {"png" | "exr" | "jpg" | "rgb9e5"} format
+ * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
+ */
+export function imageUrl({ job, frame }, format, query = {}) {
+  return `api/jobs/${job}/frames/${frame}/image.${format}${queryText(query)}`;
+}
+
+/** @param {Record<string, string | number>} query */
+function queryText(query) {
+  const text = new URLSearchParams(Object.entries(query).map(([k, v]) => [k, String(v)])).toString();
+  return text && `?${text}`;
+}
+
+/**
+ * Many frames in one file.
+ *
+ * @param {string} job
+ * @param {"frames.zip" | "movie.mp4" | "movie.webm"} file
+ * @param {Record<string, string | number>} query
+ */
+export const shotUrl = (job, file, query) => `api/jobs/${job}/${file}${queryText(query)}`;
+
+/**
+ * @param {Place} place
+ * @param {Parameters<typeof imageUrl>[1]} format
+ * @param {Record<string, string | number>} query
+ * @param {AbortSignal} signal
+ */
+async function fetchPicture(place, format, query, signal) {
+  const response = await fetch(imageUrl(place, format, query), { signal });
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return response;
+}
+
+/**
+ * A plane of the film as a picture to look at, and how many samples of all pixels together it was made of.
+ *
+ * @param {Place} place
+ * @param {Record<string, string | number>} query
+ * @param {AbortSignal} signal
+ * @returns {Promise<{image: ImageBitmap, samples: number}>}
+ */
+export async function fetchImage(place, query, signal) {
+  const response = await fetchPicture(place, "png", query, signal);
+  const options = /** @type {const} */ ({ colorSpaceConversion: "none", premultiplyAlpha: "none" });
+  return { image: await createImageBitmap(await response.blob(), options), samples: samplesOf(response) };
+}
+
+/**
+ * A picture as linear light: RGB9E5 words, rows from the top, and how many samples it was made of.
+ *
+ * @param {Place} place
+ * @param {Record<string, string | number>} query
+ * @param {AbortSignal} signal
+ * @returns {Promise<{words: Uint32Array, samples: number}>}
+ */
+export async function fetchWords(place, query, signal) {
+  const response = await fetchPicture(place, "rgb9e5", query, signal);
+  return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response) };
+}
+
+/** @param {Response} response */
+const samplesOf = (response) => Number(response.headers.get("X-Samples"));

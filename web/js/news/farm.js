@@ -1,0 +1,142 @@
+/** What the page knows of the farm: scenes, jobs and workers, fetched once and kept fresh by server-sent events. */
+
+import * as api from "./api.js";
+import { Backoff } from "../base/backoff.js";
+import { table } from "./settings-table.js";
+import { Store } from "../base/store.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").Worker} Worker */
+
+/** Null until first fetched. @type {Store<Scene[] | null>} */
+export const scenes = new Store(/** @type {Scene[] | null} */ (null));
+/** @type {Store<Job[] | null>} */
+export const jobs = new Store(/** @type {Job[] | null} */ (null));
+/** @type {Store<Worker[] | null>} */
+export const workers = new Store(/** @type {Worker[] | null} */ (null));
+/** The connections that are lost at the moment, by name. @type {Store<ReadonlySet<string>>} */
+export const lost = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
+
+/** What the user deleted and may still take back: hidden, not gone. @type {Store<ReadonlySet<string>>} */
+export const hidden = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
+
+/**
+ * @param {Store<ReadonlySet<string>>} store
+ * @param {string} item
+ * @param {boolean} member
+ */
+function setMember(store, item, member) {
+  if (store.value.has(item) === member) return;
+  const next = new Set(store.value);
+  if (member) next.add(item);
+  else next.delete(item);
+  store.set(next);
+}
+
+/** @param {string} id @param {boolean} hide */
+export const setHidden = (id, hide) => setMember(hidden, id, hide);
+
+/** @param {string} connection @param {boolean} up */
+export const setLink = (connection, up) => setMember(lost, connection, !up);
+
+/**
+ * @template {{id: string}} T
+ * @param {Store<T[] | null>} store
+ * @param {T} item replaces the one with its id, or comes first
+ */
+function put(store, item) {
+  store.update((items) => {
+    if (!items) return items;
+    const at = items.findIndex(({ id }) => id === item.id);
+    return at < 0 ? [item, ...items] : items.with(at, item);
+  });
+}
+
+/**
+ * Puts an answer in place where nothing is known yet. What events told is newer than an answer that was on its way.
+ *
+ * @template {{id: string}} T
+ * @param {Store<T[] | null>} store
+ * @param {T} item
+ */
+function adopt(store, item) {
+  if (!store.value?.some(({ id }) => id === item.id)) put(store, item);
+}
+
+/** @param {Scene} scene */
+export const putScene = (scene) => put(scenes, scene);
+
+/** @param {Job} job */
+export const putJob = (job) => put(jobs, job);
+
+/** @param {Scene} scene */
+export const adoptScene = (scene) => adopt(scenes, scene);
+
+/** @param {Job} job */
+export const adoptJob = (job) => adopt(jobs, job);
+
+/**
+ * @template {{id: string}} T
+ * @param {Store<T[] | null>} store
+ * @param {T & {deleted?: boolean}} item
+ */
+function take(store, item) {
+  if (item.deleted) store.update((items) => items?.filter(({ id }) => id !== item.id) ?? null);
+  else put(store, item);
+}
+
+/** @param {Worker & {id: string, deleted?: boolean}} worker */
+function takeWorker(worker) {
+  workers.update((all) => {
+    const name = worker.deleted ? worker.id : worker.name;
+    const others = (all ?? []).filter((other) => other.name !== name);
+    return worker.deleted ? others : [...others, worker].sort((a, b) => a.name.localeCompare(b.name));
+  });
+}
+
+const TAKERS = /** @type {Record<string, (item: any) => void>} */ ({
+  scene: (item) => take(scenes, item),
+  job: (item) => take(jobs, item),
+  worker: takeWorker,
+});
+
+/** Subscribes to the farm's news for as long as the page is open. */
+export function followFarm() {
+  const backoff = new Backoff();
+  const connect = () => {
+    const source = new EventSource("api/events");
+    /** What events told while the lists were fetched: it may be newer than they are. @type {(() => void)[] | null} */
+    let meanwhile = null;
+    for (const [type, take] of Object.entries(TAKERS)) {
+      source.addEventListener(type, ({ data }) => {
+        const apply = () => take(JSON.parse(data));
+        meanwhile?.push(apply);
+        apply();
+      });
+    }
+    source.onopen = async () => {
+      meanwhile = [];
+      try {
+        const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers(), api.getInfo()]);
+        table.set(lists[3]); // before all else: what is said of jobs and scenes is said by it
+        jobs.set(lists[1]);
+        scenes.set(lists[0]); // after the jobs: a scene's form may begin with the settings of one
+        workers.set(lists[2]);
+      } catch {
+        source.dispatchEvent(new Event("error"));
+        return;
+      }
+      for (const apply of meanwhile) apply();
+      meanwhile = null;
+      backoff.succeeded();
+      setLink("events", true);
+    };
+    source.onerror = () => {
+      source.close(); // its own reconnection knows no back-off, and gives up after some answers
+      setLink("events", false);
+      backoff.schedule(connect);
+    };
+  };
+  connect();
+}

@@ -1,0 +1,32 @@
+/** One upload. XMLHttpRequest, because fetch cannot tell how much it has sent. */
+
+import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
+
+/** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
+/** @typedef {import("../base/types.js").Scene} Scene */
+
+/**
+ * @param {NamedFile[]} files
+ * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal}} options
+ * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
+ */
+export function upload(files, { progress, signal }) {
+  const form = new FormData();
+  for (const { file, path } of files) form.append("files", file, path);
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", UPLOAD_URL);
+    request.upload.onprogress = ({ loaded, total }) => progress(loaded, total);
+    request.onload = () => {
+      if (request.status >= 200 && request.status < 300) resolve(JSON.parse(request.responseText));
+      else reject(errorOf(request.status, request.responseText));
+    };
+    // A service that refuses a large body early may close the connection before its answer is read.
+    request.onerror = () =>
+      reject(new ApiError(0, "The upload broke off: the service does not answer, or refused its size."));
+    request.onabort = () => reject(signal.reason);
+    signal.addEventListener("abort", () => request.abort());
+    if (signal.aborted) reject(signal.reason);
+    else request.send(form);
+  });
+}

@@ -1,0 +1,118 @@
+/** Turning a view by hand: around its target, along the picture, nearer and farther. Pure arithmetic on views. */
+
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+
+/** A view may come this near to looking along `up`, where left and right lose their meaning. */
+const STEEPEST = (89 * Math.PI) / 180;
+
+/** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
+const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+/** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
+const subtract = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+/** @param {Vec3} a @param {number} s @returns {Vec3} */
+const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+/** @param {Vec3} a @param {Vec3} b */
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/** @param {Vec3} a */
+const length = (a) => Math.hypot(...a);
+/** @param {Vec3} a @returns {Vec3} */
+const unit = (a) => scale(a, 1 / length(a));
+
+/** From the eye to the target. @param {View} view */
+export const distanceOf = ({ eye, target }) => length(subtract(target, eye));
+
+/** What the picture shows from its lower edge to its upper at the target's distance, in scene units. @param {View} view */
+function heightAtTarget(view) {
+  if (view.projection === "orthographic") return view.height ?? 2;
+  return 2 * distanceOf(view) * Math.tan(((view.projection === "panorama" ? 90 : view.fov) * Math.PI) / 360);
+}
+
+/** The camera's axes: to the right, up in the picture, and along the line of sight. @param {View} view */
+function axes({ eye, target, up }) {
+  const forward = unit(subtract(target, eye));
+  const right = unit(cross(forward, up));
+  return { right, above: cross(right, forward), forward };
+}
+
+/**
+ * A direction turned about `up` by an angle to the left, and raised by another, not beyond the steepest.
+ *
+ * @param {Vec3} direction
+ * @param {Vec3} up
+ * @param {number} left radians
+ * @param {number} raise radians
+ * @returns {Vec3} of the same length
+ */
+function turned(direction, up, left, raise) {
+  const axis = unit(up);
+  const size = length(direction);
+  const elevation = Math.asin(Math.min(Math.max(dot(direction, axis) / size, -1), 1));
+  const level = unit(subtract(direction, scale(axis, dot(direction, axis))));
+  const side = cross(axis, level);
+  const heading = add(scale(level, Math.cos(left)), scale(side, Math.sin(left)));
+  const next = Math.min(Math.max(elevation + raise, -STEEPEST), STEEPEST);
+  return add(scale(heading, size * Math.cos(next)), scale(axis, size * Math.sin(next)));
+}
+
+/**
+ * Moves the eye around the target, as if the scene were turned by hand; a panorama, whose eye sees all around, turns its
+ * middle instead.
+ *
+ * @param {View} view
+ * @param {number} dx radians by which the scene turns to the right
+ * @param {number} dy radians by which it turns down
+ * @returns {View}
+ */
+export function orbit(view, dx, dy) {
+  const { eye, target, up } = view;
+  if (view.projection === "panorama") return { ...view, target: add(eye, turned(subtract(target, eye), up, dx, dy)) };
+  return { ...view, eye: add(target, turned(subtract(eye, target), up, -dx, dy)) };
+}
+
+/**
+ * Moves eye and target along the picture, so that what is at the target's distance follows the hand.
+ *
+ * @param {View} view
+ * @param {number} dx to the right, in picture heights
+ * @param {number} dy down, in picture heights
+ * @returns {View}
+ */
+export function pan(view, dx, dy) {
+  const { right, above } = axes(view);
+  const size = heightAtTarget(view);
+  const move = add(scale(right, -dx * size), scale(above, dy * size));
+  return { ...view, eye: add(view.eye, move), target: add(view.target, move) };
+}
+
+/**
+ * Brings the eye nearer to the target, below 1, or farther from it; an orthographic view shows less or more instead.
+ *
+ * @param {View} view
+ * @param {number} factor
+ * @returns {View}
+ */
+export function dolly(view, factor) {
+  const eye = add(view.target, scale(subtract(view.eye, view.target), factor));
+  return view.projection === "orthographic"
+    ? { ...view, eye, height: heightAtTarget(view) * factor }
+    : { ...view, eye };
+}
+
+/**
+ * The distance along the line of sight of what a pixel of a perspective picture sees: where the plane that is sharp goes
+ * through it.
+ *
+ * @param {View} view
+ * @param {{width: number, height: number}} size of the picture
+ * @param {{x: number, y: number}} at a pixel
+ * @param {number} depth from the eye
+ */
+export function alongSight({ fov }, { width, height }, at, depth) {
+  const half = Math.tan((fov * Math.PI) / 360);
+  const x = ((2 * (at.x + 0.5) - width) / height) * half;
+  const y = ((2 * (at.y + 0.5) - height) / height) * half;
+  return depth / Math.hypot(x, y, 1);
+}

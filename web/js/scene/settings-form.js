@@ -1,0 +1,119 @@
+/** What a picture is asked to be: the form on a scene's page, and what it will cost. */
+
+import { cameraFields } from "../forms/camera-fields.js";
+import { h, setText } from "../base/dom.js";
+import { jobs, workers } from "../news/farm.js";
+import { compact, plural, roughly } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { qualityFields } from "../forms/quality-fields.js";
+import { expectedSpeed } from "../forms/render-presets.js";
+import { shotFields } from "../shot/shot-fields.js";
+import { settingFields } from "../forms/setting-fields.js";
+import { sizeFields } from "../forms/size-fields.js";
+import { variantField } from "../forms/variant-field.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").JobRequest} JobRequest */
+
+/**
+ * @typedef {object} SettingsForm
+ * @property {HTMLFormElement} element
+ * @property {() => void} update the farm's speed may have changed
+ * @property {() => JobRequest} request as the form is now
+ * @property {() => import("../base/types.js").View} view
+ * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
+ * @property {(distance: number) => void} focus
+ */
+
+/**
+ * @param {Scene} scene ready
+ * @param {(request: JobRequest) => Promise<void>} submit
+ * @param {import("../base/types.js").Job | null} [like] a picture whose settings the form shows first
+ * @param {boolean} [asShot] a scene that moves is asked for as a shot, unless told otherwise
+ * @returns {SettingsForm}
+ */
+export function settingsForm(scene, submit, like = null, asShot = false) {
+  const { defaults } = scene;
+  /** @type {Record<string, any>} */
+  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
+  const estimate = h("p", { class: "quiet small number" });
+  let update = () => {};
+  const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
+  update = () => setText(estimate, costOf(scene, size.get(), quality.get() * shot.count()));
+  const size = sizeFields({ ...defaults, ...first }, () => update());
+  const camera = cameraFields(scene, (projection) => size.suit(projection));
+  const quality = qualityFields({ ...defaults, ...first }, () => update());
+  const others = settingFields(defaults, first);
+  const variant = variantField(scene);
+  // Of a shot the scene's own camera may move; a view of one's own would stand still.
+  if (like?.settings && !like.shot) camera.turn(like.settings.view);
+  /** @returns {JobRequest} */
+  const request = () => ({
+    scene: scene.id,
+    ...variant.get(),
+    ...camera.get(),
+    ...size.get(),
+    spp: quality.get(),
+    ...shot.get(),
+    ...others.get(),
+  });
+  const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
+  const onsubmit = async (/** @type {SubmitEvent} */ event) => {
+    event.preventDefault();
+    if (!element.checkValidity()) {
+      showFirstProblem(element);
+      return;
+    }
+    render.disabled = true;
+    try {
+      await submit(request());
+    } finally {
+      render.disabled = false;
+    }
+  };
+  const element = h(
+    "form",
+    { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
+    shot.elements,
+    camera.elements,
+    variant.elements,
+    size.elements,
+    quality.elements,
+    others.basic,
+    others.folds,
+    h("div", { class: "submit" }, estimate, render),
+  );
+  update();
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus };
+}
+
+/**
+ * A field that is out of range must be seen to be mended.
+ *
+ * @param {HTMLFormElement} form
+ */
+function showFirstProblem(form) {
+  const wrong = /** @type {HTMLElement | null} */ (form.querySelector("input:invalid"));
+  for (let fold = wrong?.closest("details"); fold; fold = fold.parentElement?.closest("details")) fold.open = true;
+  wrong?.focus();
+}
+
+/**
+ * @param {Scene} scene
+ * @param {{width: number, height: number}} size
+ * @param {number} spp
+ * @returns {string} a sentence
+ */
+function costOf(scene, { width, height }, spp) {
+  const samples = width * height * spp;
+  const all = workers.value ?? [];
+  const slots = plural(
+    all.reduce((sum, worker) => sum + worker.slots, 0),
+    "slot",
+  );
+  const speed = expectedSpeed(all, jobs.value ?? [], scene.id);
+  const cost = `${compact(samples)} samples`;
+  if (!all.length) return `${cost}. They wait for a worker.`;
+  if (!speed) return `${cost} on ${slots}. How long that takes is known once they have rendered something.`;
+  return `${cost}, ${roughly(samples / speed)} on ${slots}`;
+}

@@ -1,0 +1,49 @@
+/** The `?` overlay: the keys that work in the view that is open. */
+
+import { h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { shortcuts } from "./shortcuts.js";
+
+/** Opens the overlay; Escape, its button or a click beside it closes it. */
+export function showHelp() {
+  const close = h(
+    "button",
+    { class: "icon-button", type: "button", "aria-label": "Close", onclick: () => dialog.close() },
+    icon("close"),
+  );
+  const dialog = h(
+    "dialog",
+    {
+      class: "help",
+      "aria-labelledby": "help-title",
+      onclick: (/** @type {MouseEvent} */ e) => e.target === dialog && dialog.close(),
+      onclose: () => dialog.remove(),
+    },
+    h(
+      "div",
+      { class: "help-body" },
+      h("header", null, h("h2", { id: "help-title" }, "Keyboard"), close),
+      h(
+        "dl",
+        { class: "keys" },
+        shortcuts()
+          .filter(({ shown }) => shown !== null)
+          .map(({ keys, shown, does }) =>
+            h(
+              "div",
+              null,
+              h(
+                "dt",
+                null,
+                (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, key)),
+              ),
+              h("dd", null, does),
+            ),
+          ),
+      ),
+      h("p", { class: "quiet" }, "On the picture: drag to pan, wheel or pinch to zoom, double-click to fit."),
+    ),
+  );
+  document.body.append(dialog);
+  dialog.showModal();
+}

@@ -1,0 +1,82 @@
+/** Empty states and standing hints: each says what to do next. */
+
+import { h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { announce } from "./tray.js";
+
+/**
+ * A shell command with a button that copies it.
+ *
+ * @param {string} text
+ */
+export function command(text) {
+  const button = h(
+    "button",
+    {
+      class: "icon-button",
+      type: "button",
+      "aria-label": "Copy the command",
+      onclick: async () => {
+        await navigator.clipboard.writeText(text);
+        announce("Copied");
+        button.replaceChildren(icon("check"));
+        setTimeout(() => button.replaceChildren(icon("copy")), 1500);
+      },
+    },
+    icon("copy"),
+  );
+  button.hidden = !navigator.clipboard; // only on HTTPS and localhost
+  return h("div", { class: "command" }, h("code", null, text), button);
+}
+
+/** Adds a worker to this farm; the token is told where the farm was started. */
+export const joinCommand = () => `python3 farm.py worker --join ${location.origin} --token TOKEN`;
+
+/** Whether this page, and so the farm, was opened under a name that only its own machine knows. */
+export const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+
+/** How another machine joins. */
+export function addMachineHint() {
+  return isLoopback()
+    ? [
+        h(
+          "p",
+          { class: "quiet" },
+          "This farm answers to its own machine only. Start it so that others reach it, and it prints the line to run on them:",
+        ),
+        command("python3 farm.py up --host 0.0.0.0"),
+      ]
+    : [
+        h(
+          "p",
+          { class: "quiet" },
+          "From a clone of the same version. It fetches scenes from here by itself and needs no shared folder; the farm printed its token when it started.",
+        ),
+        command(joinCommand()),
+      ];
+}
+
+/** Shown wherever work waits for a worker. */
+export function noWorkerNotice() {
+  return h(
+    "div",
+    { class: "notice warning", role: "status" },
+    icon("warning"),
+    h(
+      "div",
+      { class: "grow" },
+      h("strong", null, "No worker is connected. "),
+      "What you start waits until there is one. Start one:",
+      command(joinCommand()),
+    ),
+  );
+}
+
+/**
+ * @param {import("../base/icons.js").IconName} symbol
+ * @param {string} title
+ * @param {...import("../base/dom.js").Child} children
+ */
+export function emptyState(symbol, title, ...children) {
+  return h("div", { class: "empty" }, icon(symbol), h("strong", null, title), ...children);
+}

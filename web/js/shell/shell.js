@@ -1,0 +1,132 @@
+/** The top bar, the "connection lost" banner, and the view between them. */
+
+import { fill, h, setText } from "../base/dom.js";
+import { jobs, lost, workers } from "../news/farm.js";
+import { showHelp } from "./help-dialog.js";
+import { icon } from "../base/icons.js";
+import { isPassing } from "../news/passing.js";
+import { linkTo } from "./router.js";
+import { announce } from "./tray.js";
+
+/** @typedef {"system" | "light" | "dark"} Theme */
+
+/** A hiccup of a second or two is nobody's business. */
+const LOST_AFTER_MS = 1500;
+
+const THEMES = /** @type {const} */ ([
+  ["system", "auto", "Theme: as the system"],
+  ["light", "sun", "Theme: light"],
+  ["dark", "moon", "Theme: dark"],
+]);
+
+const NAV = /** @type {const} */ ([
+  ["Scenes", ""],
+  ["Jobs", "jobs"],
+  ["Workers", "workers"],
+]);
+
+/** Builds the top bar. @returns {(section: string) => void} marks the section that is open */
+export function buildShell() {
+  const bar = /** @type {HTMLElement} */ (document.getElementById("topbar"));
+  const main = /** @type {HTMLElement} */ (document.getElementById("main"));
+  const links = NAV.map(([label, path]) => ({ path, tally: h("span", { class: "tally", hidden: true }), label })).map(
+    ({ path, tally, label }) => ({
+      path,
+      tally,
+      element: h("a", { href: path ? linkTo(path) : linkTo() }, label, tally),
+    }),
+  );
+  fill(
+    bar,
+    h("button", { class: "button skip", type: "button", onclick: () => main.focus() }, "Skip to the content"),
+    h(
+      "a",
+      { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" },
+      h("img", { src: "icon.svg", alt: "" }),
+      h("span", null, "Rayfarm"),
+    ),
+    h(
+      "nav",
+      { "aria-label": "Sections" },
+      links.map(({ element }) => element),
+    ),
+    h(
+      "button",
+      {
+        class: "icon-button help-button",
+        type: "button",
+        "aria-label": "Keyboard help",
+        title: "Keyboard help (?)",
+        onclick: showHelp,
+      },
+      "?",
+    ),
+    themeButton(),
+  );
+
+  /** @param {string} section @param {number} n @param {string} label @param {boolean} [alarm] */
+  const setTally = (section, n, label, alarm = false) => {
+    const found = links.find(({ path }) => path === section);
+    if (!found) return;
+    setText(found.tally, n);
+    found.tally.hidden = n === 0 && !alarm;
+    found.tally.classList.toggle("none", alarm);
+    found.tally.title = label;
+  };
+  jobs.subscribe((all) => {
+    const running = (all ?? []).filter((job) => ["running", "queued"].includes(job.state) && !isPassing(job)).length;
+    setTally("jobs", running, `${running} under way`);
+  });
+  workers.subscribe((all) =>
+    setTally("workers", all?.length ?? 0, all?.length ? "connected" : "No worker is connected", all?.length === 0),
+  );
+  buildLostBanner();
+  return (section) => {
+    for (const { path, element } of links) {
+      if (path === section) element.setAttribute("aria-current", "page");
+      else element.removeAttribute("aria-current");
+    }
+  };
+}
+
+function buildLostBanner() {
+  const banner = h(
+    "div",
+    { class: "lost-banner", role: "status", hidden: true },
+    icon("warning"),
+    "Connection lost. Trying again …",
+  );
+  document.body.append(banner);
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  lost.subscribe(({ size }) => {
+    if (size) {
+      timer ??= setTimeout(() => (banner.hidden = false), LOST_AFTER_MS);
+      return;
+    }
+    clearTimeout(timer);
+    timer = undefined;
+    if (!banner.hidden) announce("Connected again");
+    banner.hidden = true;
+  });
+}
+
+function themeButton() {
+  /** @type {{get: () => Theme, set: (theme: Theme) => void}} */
+  const theme = /** @type {any} */ (window).rayfarmTheme;
+  const button = h("button", { class: "icon-button", type: "button" });
+  const show = () => {
+    const [, symbol, label] = THEMES.find(([name]) => name === theme.get()) ?? THEMES[0];
+    fill(button, icon(symbol));
+    button.setAttribute("aria-label", label);
+    button.title = label;
+  };
+  button.addEventListener("click", () => {
+    const at = THEMES.findIndex(([name]) => name === theme.get());
+    theme.set((THEMES[(at + 1) % THEMES.length] ?? THEMES[0])[0]);
+    show();
+    announce(button.title);
+  });
+  show();
+  return button;
+}

@@ -1,0 +1,59 @@
+/** A state as an icon and a word; the colour only repeats them. */
+
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+
+/** @type {Record<string, [import("../base/icons.js").IconName, string]>} */
+const STATES = {
+  preparing: ["clock", "Preparing"],
+  ready: ["check", "Ready"],
+  queued: ["clock", "Queued"],
+  running: ["play", "Rendering"],
+  paused: ["pause", "Paused"],
+  finished: ["check", "Finished"],
+  failed: ["warning", "Failed"],
+  cancelled: ["stop", "Cancelled"],
+  starting: ["clock", "Starting"],
+  "set-aside": ["warning", "Set aside"],
+};
+
+/**
+ * @param {string} state
+ * @returns {{element: HTMLElement, update: (state: string) => void}}
+ */
+export function stateChip(state) {
+  const element = h("span", { class: "chip" });
+  let shown = "";
+  /** @param {string} next */
+  const update = (next) => {
+    if (next === shown) return;
+    shown = next;
+    const [symbol, word] = STATES[next] ?? ["info", next];
+    element.className = `chip ${next}`;
+    fill(element, icon(symbol), word);
+  };
+  update(state);
+  return { element, update };
+}
+
+/**
+ * @param {string} label for screen readers
+ * @returns {{element: HTMLElement, update: (fraction: number | null, state?: string) => void}} null: under way, no telling how far
+ */
+export function progressBar(label) {
+  const bar = h("div");
+  const element = h(
+    "div",
+    { class: "progress", role: "progressbar", "aria-label": label, "aria-valuemin": "0", "aria-valuemax": "100" },
+    bar,
+  );
+  return {
+    element,
+    update(fraction, state = "") {
+      element.className = `progress ${state} ${fraction === null ? "unknown" : ""}`;
+      bar.style.transform = fraction === null ? "" : `scaleX(${fraction})`;
+      if (fraction === null) element.removeAttribute("aria-valuenow");
+      else element.setAttribute("aria-valuenow", String(Math.floor(fraction * 100)));
+    },
+  };
+}

@@ -1,0 +1,99 @@
+/** The tray at the lower right: uploads under way, what went wrong, what can be undone. */
+
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+
+const tray = /** @type {HTMLElement} */ (document.getElementById("tray"));
+const announcer = /** @type {HTMLElement} */ (document.getElementById("announcer"));
+
+/**
+ * Tells screen readers, and only them.
+ *
+ * @param {string} sentence
+ */
+export function announce(sentence) {
+  announcer.textContent = "";
+  requestAnimationFrame(() => (announcer.textContent = sentence));
+}
+
+/** A card in the tray. */
+export class Card {
+  /** @param {string} title */
+  constructor(title) {
+    this.title = h("span", { class: "title", title }, title);
+    /** Stands in for an icon. */
+    this.lead = h("span", { hidden: true });
+    this.actions = h("span", { class: "row" });
+    this.body = h("div", null);
+    this.element = h(
+      "section",
+      { "aria-label": title },
+      h("header", null, this.lead, this.title, this.actions),
+      this.body,
+    );
+    tray.append(this.element);
+  }
+
+  /** @param {() => void} run */
+  onClose(run) {
+    fill(
+      this.actions,
+      h("button", { class: "icon-button", type: "button", "aria-label": "Dismiss", onclick: run }, icon("close")),
+    );
+  }
+
+  remove() {
+    this.element.remove();
+  }
+}
+
+/**
+ * A sentence about what went wrong. It stays until it is dismissed: it asks for something to be done.
+ *
+ * @param {string} title
+ * @param {unknown} error
+ * @param {{remedy?: string, action?: {label: string, run: () => void}}} [help] what to do about it
+ */
+export function showError(title, error, { remedy, action } = {}) {
+  const sentence = error instanceof Error ? error.message : String(error);
+  const card = new Card(title);
+  card.element.className = "error";
+  card.element.setAttribute("role", "alert");
+  card.lead.replaceWith(icon("warning"));
+  fill(card.body, h("p", { class: "detail" }, sentence), remedy && h("p", { class: "detail" }, remedy));
+  if (action) {
+    const act = () => {
+      card.remove();
+      action.run();
+    };
+    card.body.append(
+      h("p", { class: "detail" }, h("button", { class: "text-button", type: "button", onclick: act }, action.label)),
+    );
+  }
+  card.onClose(() => card.remove());
+}
+
+/**
+ * A deed that waits a few seconds, so that it can be taken back.
+ *
+ * @param {string} sentence
+ * @param {{commit: () => void, undo: () => void, seconds?: number}} deed
+ */
+export function undoable(sentence, { commit, undo, seconds = 7 }) {
+  const card = new Card(sentence);
+  announce(`${sentence}. Press Undo to take it back.`);
+  let settled = false;
+  /** @param {() => void} act */
+  const settle = (act) => {
+    if (settled) return;
+    settled = true;
+    clearTimeout(timer);
+    removeEventListener("pagehide", onLeave);
+    card.remove();
+    act();
+  };
+  const onLeave = () => settle(commit);
+  const timer = setTimeout(() => settle(commit), seconds * 1000);
+  addEventListener("pagehide", onLeave);
+  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => settle(undo) }, "Undo"));
+}

@@ -1,0 +1,121 @@
+/** Dropping and choosing files: from the drop to the scene's page, with a card in the tray on the way. */
+
+import { ApiError, getInfo } from "../news/api.js";
+import { fill, h, setText } from "../base/dom.js";
+import { adoptScene } from "../news/farm.js";
+import { bytes } from "../base/format.js";
+import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
+import { icon } from "../base/icons.js";
+import { go } from "./router.js";
+import { Card, announce, showError } from "./tray.js";
+import { upload } from "../news/upload.js";
+
+/** @typedef {import("./gather-files.js").NamedFile} NamedFile */
+
+/** @param {NamedFile[]} files */
+async function start(files) {
+  if (!files.length) {
+    const { formats } = await getInfo();
+    showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${formats.join(" ")}.`);
+    return;
+  }
+  const title = titleOf(files);
+  const total = files.reduce((sum, { file }) => sum + file.size, 0);
+  const card = new Card(title);
+  const abort = new AbortController();
+  const bar = h("div");
+  const track = h(
+    "div",
+    {
+      class: "progress",
+      role: "progressbar",
+      "aria-label": `Uploading ${title}`,
+      "aria-valuemin": "0",
+      "aria-valuemax": "100",
+    },
+    bar,
+  );
+  const line = h("p", { class: "detail number" }, `Uploading ${bytes(total)}`);
+  card.lead.replaceWith(icon("upload"));
+  fill(card.body, track, line);
+  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, "Cancel"));
+  announce(`Uploading ${title}`);
+  /** @param {number} fraction */
+  const show = (fraction) => {
+    bar.style.transform = `scaleX(${fraction})`;
+    track.setAttribute("aria-valuenow", String(Math.round(fraction * 100)));
+  };
+  show(0);
+  try {
+    const scene = await upload(files, {
+      signal: abort.signal,
+      progress: (sent, all) => {
+        show(sent / Math.max(1, all));
+        setText(line, sent < all ? `${bytes(sent)} of ${bytes(all)}` : "Storing …");
+      },
+    });
+    adoptScene(scene);
+    go("scenes", scene.id);
+  } catch (error) {
+    if (!abort.signal.aborted)
+      showError(`${title} was not taken`, error, {
+        // The service's own sentences say what to do; a lost connection has none.
+        remedy: error instanceof ApiError && error.status === 0 ? "Drop it again once the service is back." : undefined,
+        action: { label: "Choose other files", run: () => choose({ folder: false }) },
+      });
+  } finally {
+    card.remove();
+  }
+}
+
+/** @param {() => NamedFile[] | Promise<NamedFile[]>} gather */
+async function startFrom(gather) {
+  try {
+    await start(await gather());
+  } catch (error) {
+    showError("The files could not be read", error);
+  }
+}
+
+/**
+ * Opens the system's file dialog.
+ *
+ * @param {{folder: boolean}} options
+ */
+export function choose({ folder }) {
+  const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
+  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files)));
+  input.addEventListener("cancel", () => input.remove());
+  input.addEventListener("change", () => input.remove());
+  document.body.append(input);
+  input.click();
+}
+
+/** Lets files be dropped anywhere on the page. */
+export function acceptDrops() {
+  const veil = /** @type {HTMLElement} */ (document.getElementById("drop-veil"));
+  fill(
+    veil,
+    icon("upload"),
+    h("strong", null, "Drop to upload"),
+    h("span", { class: "quiet" }, "One scene: its file, or its folder, or a zip"),
+  );
+  let depth = 0; // enter and leave fire for every element that is crossed
+  /** @param {DragEvent} event */
+  const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
+  /** @param {number} next */
+  const setDepth = (next) => {
+    depth = Math.max(0, next);
+    veil.hidden = depth === 0;
+  };
+  addEventListener("dragenter", (event) => hasFiles(event) && setDepth(depth + 1));
+  addEventListener("dragleave", (event) => hasFiles(event) && setDepth(depth - 1));
+  addEventListener("dragover", (event) => hasFiles(event) && event.preventDefault());
+  addEventListener("drop", (event) => {
+    if (!hasFiles(event) || !event.dataTransfer) return;
+    event.preventDefault();
+    setDepth(0);
+    const gathering = filesOfDrop(event.dataTransfer);
+    void startFrom(() => gathering);
+  });
+}
