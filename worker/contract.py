@@ -47,7 +47,6 @@ __all__ = [
     "Result",
     "SceneInfo",
     "WorkerReport",
-    "celery_config",
     "denoise_queue",
     "order_key",
     "prepare_queue",
@@ -105,31 +104,6 @@ def order_key(name: str) -> str:
     return f"rayfarm:order:{name}"
 
 
-def celery_config(redis_url: str) -> dict[str, Any]:
-    """The Celery settings of both ends.
-
-    acks_late + reject_on_worker_lost: a killed child's batch goes back to the queue. No result backend: results travel on
-    the stream. The visibility timeout lies above the hard time limit, so that a running task is never handed out twice
-    by the broker; the service's own deadlines are shorter and make duplicates harmless.
-    """
-    return {
-        "broker_url": redis_url,
-        "result_backend": None,
-        "task_ignore_result": True,
-        "task_serializer": "json",
-        "accept_content": ["json"],
-        "task_acks_late": True,
-        "task_reject_on_worker_lost": True,
-        "worker_prefetch_multiplier": 1,
-        "task_time_limit": 900,
-        "broker_transport_options": {"visibility_timeout": 1200},
-        "broker_connection_retry_on_startup": True,
-        "worker_send_task_events": False,
-        "worker_enable_remote_control": False,
-        "task_create_missing_queues": True,
-    }
-
-
 @dataclass(frozen=True)
 class BlobRef:
     """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size.
@@ -154,13 +128,15 @@ class BlobRef:
 @dataclass(frozen=True)
 class Manifest:
     """A scene as uploaded: its files, which of them is the scene, what lights it in place of its own environment (an image
-    among them, or a sky: renderer.scene.sky.parse_sky), and the variant of a glTF file's materials that it shows."""
+    among them, or a name: renderer.scene.presets.is_named), and the variant of a glTF file's materials that it shows.
+    base: a SceneInfo as a dict, of the scene that differs from this one by light from around alone, where that is prepared."""
 
     scene: str
     main: str
     files: list[BlobRef]
     environment: str | None = None
     variant: str | None = None
+    base: dict[str, Any] | None = None
 
     @classmethod
     def from_json(cls, data: Any) -> Manifest:
@@ -189,6 +165,7 @@ class SceneInfo:
     fps: float = 24.0  # the file's own frames a second
     clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
+    lights_power: float | None = None  # what its own lights send out: renderer.scene.lit needs it
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:

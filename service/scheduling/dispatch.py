@@ -11,6 +11,7 @@ import redis
 from celery import Celery
 from kombu.exceptions import OperationalError
 
+from worker.broker import celery_config
 from worker.contract import (
     DENOISE,
     PREPARE,
@@ -22,7 +23,6 @@ from worker.contract import (
     FrameVectors,
     PrepareFrames,
     RenderBatch,
-    celery_config,
     denoise_queue,
     prepare_queue,
     render_queue,
