@@ -1,11 +1,11 @@
 """What the service and a worker say to each other. Ids and numbers go through Celery; sums and news come back on a stream.
 
     service --- Celery task PREPARE ------> worker     {scene}
-    service --- Celery task RENDER_BATCH -> worker     RenderBatch
-    service --- Celery task RENDER_BATCHES > worker    some of them, to be rendered in turn
+    service --- Celery task RENDER_BATCH -> worker     RenderBatch; RENDER_BATCHES: some of them, to be rendered in turn
     service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     service --- Celery task VECTORS ------> worker     FrameVectors
+    service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
     service --- key order_key(name) ------> worker     why it is to take no more tasks; no key: it takes them
@@ -26,6 +26,7 @@ from renderer.settings import RenderSettings, Tile
 
 __all__ = [
     "DENOISE",
+    "ENVIRONMENT",
     "HEARTBEAT_EVERY_S",
     "HEARTBEAT_TTL_S",
     "PREPARE",
@@ -46,6 +47,7 @@ __all__ = [
     "RenderBatch",
     "Result",
     "SceneInfo",
+    "ShowEnvironment",
     "WorkerReport",
     "denoise_queue",
     "order_key",
@@ -60,6 +62,7 @@ RENDER_BATCH = "rayfarm.render_batch"
 RENDER_BATCHES = "rayfarm.render_batches"
 DENOISE = "rayfarm.denoise"
 VECTORS = "rayfarm.vectors"
+ENVIRONMENT = "rayfarm.environment"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S = 1.0
@@ -296,6 +299,25 @@ class FrameVectors:
 
 
 @dataclass(frozen=True)
+class ShowEnvironment:
+    """Ask for an image that lights scenes to be looked at: the worker stores a small picture of it as a blob, a JPEG."""
+
+    work: str  # unique for every time it is handed out
+    job: str  # no job but the environment's id: which one waits for it
+    path: str  # what the image is called
+    sha256: str
+    size: int
+    width: int  # of the picture, which is half as high
+    height: int = 0
+    frame: int = 0
+
+    @classmethod
+    def from_json(cls, data: Any) -> ShowEnvironment:
+        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        return cls(**_fields(cls, data))
+
+
+@dataclass(frozen=True)
 class WorkerReport:
     """A worker of itself, every HEARTBEAT_EVERY_S."""
 
@@ -350,7 +372,7 @@ class Result:
         batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)
-        vectors-made     work, worker, sha256 (of the blob); vectors-failed as denoise-failed
+        vectors-made, environment-shown: work, worker, sha256 (of the blob); vectors-failed, environment-failed as denoise-failed
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo

@@ -29,7 +29,7 @@ __all__ = ["relight"]
 SECONDS = 300.0
 
 
-def relight(worker: WorkerContext, manifest: Manifest, seconds: float = SECONDS) -> SceneInfo | None:
+def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
     """What came of the scene under its light; None where it has to be compiled as any other. Raises as `prepare_scene`.
 
     What the manifest has in place of the scene's own light is all that is read of its files.
@@ -54,8 +54,16 @@ def relight(worker: WorkerContext, manifest: Manifest, seconds: float = SECONDS)
             def work(send: Send) -> dict[str, Any]:
                 return {"manifest": str(_relit(folder, light, base, data, power, out))}
 
-            bounds = {"memory_bytes": memory_budget(), "seconds": seconds, "faults": (SceneError,), "subject": light}
-            made = Path(run_bounded(work, lambda message: None, **bounds)["manifest"])
+            made = Path(
+                run_bounded(
+                    work,
+                    lambda message: None,
+                    memory_bytes=memory_budget(),
+                    seconds=SECONDS,
+                    faults=(SceneError,),
+                    subject=light,
+                )["manifest"]
+            )
         there = {part.sha256 for part in parts_of(worker.cache.path(info.compiled.sha256))}
         compiled = store_scene(worker, made, there)
     warnings = [warning for warning in info.warnings if warning not in STUDIO_NOTES]

@@ -49,5 +49,5 @@ def test_the_studio_s_key_stands_on_the_left_of_who_looks_from_the_front():
 
 
 def test_light_that_nobody_knows_is_refused_with_what_there_is():
-    with pytest.raises(SceneError, match="candle.*studio"):
+    with pytest.raises(SceneError, match=r"candle.*studio"):
         light_by_name("candle", SceneDescription(name="scene"))
