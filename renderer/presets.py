@@ -21,7 +21,7 @@ class Preset(NamedTuple):
 PRESETS = {
     "studio": Preset("Studio", "Soft boxes left, right and above, over a floor that brightens towards the horizon."),
     "dark-studio": Preset("Dark studio", "Two long strip lights and a rim in a black room: for metal, glass and paint."),
-    "even": Preset("Even white", "The same white from every direction: no shadow has an edge."),
+    "even-white": Preset("Even white", "The same white from every direction: no shadow has an edge."),
     "overcast": Preset("Overcast", "A cloudy day: three times brighter above than at the horizon, and no sun."),
     "sunrise": Preset("Sunrise", "A clear sky, the sun just up: long and warm.", (3.0, 110.0)),
     "morning": Preset("Morning", "A clear sky, the sun low on one side.", (18.0, 125.0)),

@@ -49,7 +49,7 @@ def light_by_name(name: str, description: SceneDescription) -> None:
     sky = PRESETS[name].sky
     if sky is not None:
         description.environment = Environment(sky=Sky(*sky))
-    elif name == "even":
+    elif name == "even-white":
         description.environment = Environment()
     else:
         description.images.append(Image(name, preset_image(name), srgb=False))
@@ -90,7 +90,7 @@ def _overcast() -> np.ndarray:
 _IMAGES: dict[str, Callable[[], np.ndarray]] = {
     "studio": _studio,
     "dark-studio": _dark_studio,
-    "even": _even,
+    "even-white": _even,
     "overcast": _overcast,
 }
 

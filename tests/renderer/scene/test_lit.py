@@ -30,7 +30,7 @@ def test_a_scene_under_other_light_is_the_one_that_is_compiled_so(tmp_path, text
     (tmp_path / "scene.yaml").write_text(text)
     base, manifest, power = compiled(tmp_path, None, tmp_path / "base")
     before = {part.sha256 for part in parts_of(manifest)}
-    for name in ("sky:20,30", "studio", "even"):
+    for name in ("sky:20,30", "studio", "even-white"):
         _, whole, _ = compiled(tmp_path, name, tmp_path / f"whole-{name}")
         light = read(tmp_path, "scene.yaml", name)
         out = tmp_path / f"swapped-{name}"
