@@ -34,6 +34,8 @@
  * @property {string | null} [environment] in place of its own: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {Clip[]} [clips] of its animations
  * @property {number | null} [fps] the file's own, else 24
+ * @property {{sample_s: number, noise: number | null} | null} [measured] by its latest picture: seconds of a slot for a sample
+ *     of a pixel, and the relative noise at one sample
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
