@@ -146,6 +146,7 @@
  * @property {"job" | "environment"} of what of a request it belongs to
  * @property {string[] | null} integrators that look at it; null: all
  * @property {string[] | null} projections that look at it; null: all
+ * @property {[number, number] | null} [usual] the range that people use, for a slider
  * @property {string} phrase names a picture by the value, in place of {}
  *
  * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[]}} SettingsTable
