@@ -41,7 +41,8 @@
  *
  * @typedef {{name: string, start: number, end: number}} Clip from when to when it moves, in seconds
  *
- * @typedef {SettingsTable & {formats: string[]}} Info what this farm takes; formats: suffixes of what may be uploaded
+ * @typedef {SettingsTable & {formats: string[], foreign: Record<string, string>}} Info what this farm takes; formats: suffixes
+ *     of what may be uploaded; foreign: of what may not, and how to get out of it what may
  *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *

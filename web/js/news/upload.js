@@ -7,11 +7,13 @@ import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
 
 /**
  * @param {NamedFile[]} files
- * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal}} options
+ * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
+ *     fields: of the form, beside the files
  * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
  */
-export function upload(files, { progress, signal }) {
+export function upload(files, { progress, signal, fields = {} }) {
   const form = new FormData();
+  for (const [name, value] of Object.entries(fields)) form.append(name, value);
   for (const { file, path } of files) form.append("files", file, path);
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
