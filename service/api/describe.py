@@ -134,9 +134,17 @@ def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
         bad_samples=sums.bad_samples,
         width=size.get("width"),
         height=size.get("height"),
+        environment=_light_of(job),
+        variant=job.request.get("variant"),
         frames=frames,
         shot=about,
     )
+
+
+def _light_of(job: Job) -> dict[str, Any] | None:
+    """What is asked for of the light from around; None where all of it is the scene's own."""
+    found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
+    return {**found, "name": job.light} if "image" in found else found or None
 
 
 @dataclass(frozen=True)
@@ -273,6 +281,8 @@ def _message(job: Job, view: Snapshot) -> str | None:
         return "Waits for its scene to be prepared."
     if why := _in_the_way(view.roster):
         return why
+    if job.lit in view.preparing:
+        return "Its scene is prepared under its light."
     if job.shot is not None and view.roster.shooting_kind() is None:
         return "Waits for a worker of this release: those that are connected prepare no frames of shots."
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:

@@ -11,6 +11,7 @@ from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from service.api.describe import snapshot
+from service.api.lookup import is_lit
 from service.farm import Farm, FarmDependency
 
 __all__ = ["router"]
@@ -53,5 +54,6 @@ async def _stream(farm: Farm) -> AsyncIterator[str]:
 
 def _texts(farm: Farm, changed: list[tuple[str, str]]) -> list[str]:
     with farm.sessions() as session:
-        found = [(what, id, snapshot(what, id, session, farm.engine)) for what, id in changed]
+        seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
+        found = [(what, id, snapshot(what, id, session, farm.engine)) for what, id in seen]
     return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in found]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query, Response
 from sqlalchemy import func, select
@@ -14,14 +14,12 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from service.api.describe import job_out
-from service.api.lookup import find_job, find_scene, no_job
+from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
 from service.api.schemas import JobIn, JobOut, JobPatch
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
-from service.intake.record import record
 from service.intake.resolve import resolve
-from service.intake.uploads import changed
 from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
 from service.shot import IN_TURN, Shot
@@ -42,10 +40,12 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
-    scene_id = _as_asked(request, farm)
+    rendered = _rendered(request, asked, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
-        scene=scene_id,
+        scene=request.scene,
+        lit=None if rendered == request.scene else rendered,
+        light=farm.lighting.name_of(asked["environment"]),
         name=request.name or "",
         state="queued",
         priority=request.priority,
@@ -60,8 +60,8 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         idempotency_key=idempotency_key or None,
     )
     try:
-        with farm.sessions.begin() as session:
-            scene = session.get(Scene, scene_id, with_for_update=True)
+        with farm.lighting.held(rendered), farm.sessions.begin() as session:
+            scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
@@ -115,6 +115,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     """
     may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
     is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
+    _light_again(id, farm)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
@@ -170,22 +171,20 @@ def _shot(request: JobIn) -> Shot:
     return Shot(request.fps, request.clip, request.turntable, order, request.every)
 
 
-def _as_asked(request: JobIn, farm: Farm) -> str:
-    """The scene to render: under another sky, or with other materials of its file, it is another one, which is made here."""
-    sky = request.environment.sky if request.environment else None
-    if sky is None and request.variant is None:
+def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
+    """The scene to render: under another light, or with other materials of its file, it is made here."""
+    if asked["environment"] is None and request.variant is None:
         return request.scene
-    stored = changed(_scene(request.scene, farm), (sky.elevation, sky.azimuth) if sky else None, request.variant)
-    with farm.garbage.pinned(ref.sha256 for ref in stored.files):
-        _scene(request.scene, farm)  # where it is deleted by now, its files may be
-        return record(stored, farm.sessions, farm.changed).id
+    return farm.lighting.row(request.scene, asked["environment"], request.variant).id
 
 
-def _scene(id: str, farm: Farm) -> Scene:
-    try:
-        return find_scene(id, farm)
-    except NotFound:
-        raise _no_scene(id) from None  # the id is in the body
+def _light_again(id: str, farm: Farm) -> None:
+    """What a job that is over was rendered of may be gone; where it is to go on, that is made again."""
+    with farm.sessions() as session:
+        job = session.get(Job, id)
+        if job is None or job.lit is None or session.get(Scene, job.lit) is not None or session.get(Scene, job.scene) is None:
+            return
+    farm.lighting.row(job.scene, job.request.get("environment"), job.request.get("variant"))
 
 
 def _no_scene(id: str) -> NotFound:
@@ -194,7 +193,7 @@ def _no_scene(id: str) -> NotFound:
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
-    if scene is None:
+    if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")

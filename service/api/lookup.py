@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from sqlalchemy.orm import Session
+
 from renderer.frames import frame_text
 from service.errors import NotFound
 from service.farm import Farm
 from service.store.models import Job, Scene
 
-__all__ = ["find_job", "find_scene", "no_frame", "no_job", "no_scene"]
+__all__ = ["find_job", "find_scene", "is_lit", "no_frame", "no_job", "no_scene"]
 
 
 def find_job(id: str, farm: Farm) -> Job:
@@ -23,9 +25,15 @@ def find_scene(id: str, farm: Farm) -> Scene:
     """The scene's row. Raises NotFound."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
-    if scene is None:
+    if scene is None or scene.of is not None:
         raise no_scene(id)
     return scene
+
+
+def is_lit(id: str, session: Session) -> bool:
+    """Whether a scene is no upload: it was made of one for some request's light."""
+    scene = session.get(Scene, id)
+    return scene is not None and scene.of is not None
 
 
 def no_job(id: str) -> NotFound:

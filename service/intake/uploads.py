@@ -15,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
+from renderer.presets import PRESETS
 from service.errors import Invalid, TooLarge
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
@@ -27,7 +28,7 @@ from service.store.room import disk_checker, full_disk
 from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "changed", "gathered", "keep", "receive"]
+__all__ = ["Upload", "changed", "gathered", "keep", "light_text", "receive", "sky_text"]
 
 PIECE = 1 << 20
 SKY = "sky:"
@@ -120,7 +121,7 @@ def keep(
             return _added(partial(find, form.fields["base"].strip()), files, store, garbage, settings, record)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
-        if environment is not None and not environment.startswith(SKY):
+        if environment is not None and environment in files:
             environment = chosen.strip(environment)
         name = title[:200] or PurePosixPath(chosen.main).stem
         with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
@@ -159,14 +160,16 @@ def _added(
         return record(Upload(id, scene.name, scene.main, scene.environment, refs, scene.notes, scene.variant))
 
 
-def changed(scene: Scene, sky: tuple[float, float] | None = None, variant: str | None = None) -> Upload:
-    """The scene's files under a clear sky with the sun there (elevation and azimuth, degrees), or with other materials of the
-    file: another scene, without another upload. None leaves what the scene has; an empty variant is the file's own materials.
+def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:
+    """The scene's files under another light from around (a preset's name, a sky, or an image by the path that it is to have among
+    them), or with other materials of the file. None leaves what the scene has; an empty variant is the file's own materials.
 
     Raises Invalid where there is none such.
     """
     files = [BlobRef(**ref) for ref in scene.files]
-    environment = scene.environment if sky is None else sky_text(*sky)
+    environment = light.path if isinstance(light, BlobRef) else light or scene.environment
+    if isinstance(light, BlobRef):
+        files = sorted([*(file for file in files if file.path != light.path), light], key=lambda file: file.path)
     variant = scene.variant if variant is None else _variant_of(scene, variant)
     id = _id(files, scene.main, environment, variant)
     return Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
@@ -192,6 +195,12 @@ def sky_text(elevation: float, azimuth: float) -> str:
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
         raise Invalid("environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
+
+
+def light_text(preset: str) -> str:
+    """A preset as renderer.scene.presets knows it; one that is a sky is the same as that sky."""
+    sky = PRESETS[preset].sky
+    return preset if sky is None else sky_text(*sky)
 
 
 def _sky_of(text: str) -> str:
@@ -264,6 +273,8 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
         environment = _sky_of(environment)
+    elif environment in PRESETS and environment not in files:
+        environment = light_text(environment)
     elif environment is not None:
         environment = safe_name(environment)
         if environment not in files:

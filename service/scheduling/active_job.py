@@ -45,7 +45,7 @@ class ActiveJob:
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
-        self.scene = row.scene
+        self.scene = row.stage
         self.created = row.created
         self.request = row.request
         self.film = film

@@ -118,7 +118,7 @@ class Lifecycle:
 
     def _take_up(self, row: Job) -> None:
         """Begin or go on with a job, as soon as its scene is ready."""
-        scene = self._records.scene(row.scene)
+        scene = self._records.scene(row.stage)
         if scene is None:
             self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
         elif scene.status == "failed":
@@ -137,7 +137,7 @@ class Lifecycle:
         frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
-        asked = {"env": scene.environment, "variant": scene.variant}
+        asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         self._scheduler.jobs[row.id] = job
         if job.shot is not None:
@@ -235,6 +235,8 @@ class Lifecycle:
         self._preparing.forget_kind(scene, info.kind)
         if not self._records.prepared(scene, info):
             return
+        for id in self._records.waiting_for(scene):
+            self._changes.note("scene", id)
         for id in self._records.jobs_of(scene):
             if id in self._scheduler.jobs:
                 job = self._scheduler.jobs[id]
@@ -252,6 +254,8 @@ class Lifecycle:
         row = self._records.scene(scene)
         if row is None:
             return
+        for id in self._records.waiting_for(scene) if row.status == "failed" else ():
+            self.prepare_failed(id, None, error)
         for id in self._records.jobs_of(scene):
             job = self._scheduler.jobs.get(id)
             if job is None and row.status == "failed":
@@ -271,7 +275,9 @@ class Lifecycle:
         if scene is None:
             self._preparing.forget(id)
         elif scene.status == "preparing":
-            self._preparing.want(id, None)
+            base = self._records.scene(scene.of) if scene.of else None
+            if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
+                self._preparing.want(id, None)
         self._tell("scene", id)
 
     def _drop(self, job: ActiveJob) -> None:

@@ -6,14 +6,14 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, replace
 
-from sqlalchemy import select, update
+from sqlalchemy import func, select, update
 
 from renderer.errors import SettingsError
 from service.intake.resolve import resolve
 from service.scheduling.active_job import ActiveJob
 from service.shot import Shot
 from service.store.database import Sessions
-from service.store.models import ACTIVE, Frame, Job, Scene
+from service.store.models import ACTIVE, Environment, Frame, Job, Scene
 from worker.contract import SceneInfo
 
 __all__ = ["Records"]
@@ -39,9 +39,15 @@ class Records:
             return set(session.scalars(select(Job.id)))
 
     def jobs_of(self, scene: str) -> list[str]:
-        """The jobs of a scene that are not over."""
+        """The jobs that render a scene and are not over."""
         with self._sessions() as session:
-            return list(session.scalars(select(Job.id).where(Job.scene == scene, Job.state.in_(ACTIVE))))
+            stage = func.coalesce(Job.lit, Job.scene)
+            return list(session.scalars(select(Job.id).where(stage == scene, Job.state.in_(ACTIVE))))
+
+    def waiting_for(self, scene: str) -> list[str]:
+        """The scenes that are to be made of this one, and are not prepared yet."""
+        with self._sessions() as session:
+            return list(session.scalars(select(Scene.id).where(Scene.of == scene, Scene.status == "preparing")))
 
     def preparing_scenes(self) -> list[str]:
         """The scenes that nobody has prepared yet."""
@@ -51,7 +57,8 @@ class Records:
     def blobs(self) -> set[str]:
         """The hashes of all blobs that scenes and frames refer to."""
         with self._sessions() as session:
-            owners = [*session.scalars(select(Scene)), *session.scalars(select(Frame).where(Frame.compiled.is_not(None)))]
+            frames = session.scalars(select(Frame).where(Frame.compiled.is_not(None)))
+            owners = [*session.scalars(select(Scene)), *session.scalars(select(Environment)), *frames]
             return {sha256 for owner in owners for sha256 in owner.blobs}
 
     def job(self, id: str) -> Job | None:

@@ -69,6 +69,8 @@
  * @property {number | null} noise
  * @property {number | null} seconds
  * @property {Record<string, any> | null} settings
+ * @property {EnvironmentRequest | null} [environment] as it was asked for
+ * @property {string | null} [variant] as it was asked for
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *
@@ -100,7 +102,18 @@
  * @property {number} [strength]
  * @property {number} [rotation] degrees
  * @property {Vec3} [color] linear Rec.709
- * @property {{elevation: number, azimuth: number}} [sky] degrees
+ * @property {{elevation: number, azimuth?: number}} [sky] degrees
+ * @property {string} [preset] by name
+ * @property {string} [image] an uploaded one's id
+ * @property {string | null} [name] what that is called
+ *
+ * @typedef {object} Environment light that can be chosen
+ * @property {string} id
+ * @property {string} name
+ * @property {string} help
+ * @property {"preset" | "image"} kind
+ * @property {EnvironmentRequest} environment what to ask for it by
+ * @property {string} thumbnail its address
  *
  * @typedef {Record<string, any> & Asked} JobRequest and whichever of the settings: the scene file's own where one is left out
  *

@@ -1,4 +1,4 @@
-/** The fields of all settings that the renderer has: among the first, in the fold of what few change, in the lab. */
+/** The fields of all settings that the renderer has: light, among the first, in the fold of what few change, in the lab. */
 
 import { h } from "../base/dom.js";
 import { environmentFields } from "./environment-fields.js";
@@ -15,8 +15,8 @@ const SIZE = ["width", "height"];
 
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
- * @param {Record<string, any>} [first] what the fields show first, where that is something else
- * @returns {{basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>}}
+ * @param {Record<string, any>} [first] what the fields show first, where that is something else; `light`: a request's
+ * @returns {{light: HTMLElement, basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>, dispose: () => void}}
  */
 export function settingFields(defaults, first = {}) {
   /** @param {Setting} setting what a request that leaves it out gets */
@@ -44,7 +44,9 @@ export function settingFields(defaults, first = {}) {
     ),
   );
   return {
+    light: environment.element,
     basic: elements("basic"),
+    dispose: environment.dispose,
     folds: [
       fold("Advanced", [
         group(
@@ -52,7 +54,6 @@ export function settingFields(defaults, first = {}) {
           ends.map(({ element }) => element),
         ),
         ...sections,
-        group("Environment", environment.elements),
       ]),
       fold("Lab", [
         h("p", { class: "quiet small" }, "To compare what renderers do. Left alone, each is at its best."),

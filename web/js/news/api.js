@@ -8,6 +8,7 @@
 /** @typedef {import("../base/types.js").Example} Example */
 /** @typedef {import("../base/types.js").PixelValue} PixelValue */
 /** @typedef {import("../base/types.js").Frame} Frame */
+/** @typedef {import("../base/types.js").Environment} Environment */
 
 /**
  * @typedef {object} JobChange of frames as text: 10-20 or 7,9
@@ -111,6 +112,12 @@ export const getFrames = (id) => call("GET", `/jobs/${id}/frames`);
 
 /** @param {string} id @returns {Promise<void>} */
 export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
+
+/** @returns {Promise<Environment[]>} presets, then what was uploaded, newest first */
+export const getEnvironments = () => call("GET", "/environments");
+
+/** @param {string} id @returns {Promise<void>} */
+export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
 
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");

@@ -23,6 +23,7 @@ import { variantField } from "../forms/variant-field.js";
  * @property {() => import("../base/types.js").View} view
  * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
  * @property {(distance: number) => void} focus
+ * @property {() => void} dispose
  */
 
 /**
@@ -35,7 +36,7 @@ import { variantField } from "../forms/variant-field.js";
 export function settingsForm(scene, submit, like = null, asShot = false) {
   const { defaults } = scene;
   /** @type {Record<string, any>} */
-  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
+  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds, light: like.environment } : {};
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
   const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
@@ -54,7 +55,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const camera = cameraFields(scene, (projection) => size.suit(projection));
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
   const others = settingFields(defaults, first);
-  const variant = variantField(scene);
+  const variant = variantField(scene, like?.variant ?? null);
   // Of a shot the scene's own camera may move; a view of one's own would stand still.
   if (like?.settings && !like.shot) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
@@ -84,6 +85,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const element = h(
     "form",
     { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
+    others.light,
     shot.elements,
     camera.elements,
     variant.elements,
@@ -94,7 +96,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     h("div", { class: "submit" }, estimate, render),
   );
   update();
-  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus };
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, dispose: others.dispose };
 }
 
 /**

@@ -6,6 +6,8 @@ import { adoptScene } from "../news/farm.js";
 import { bytes } from "../base/format.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
+import { areImages, hasLight, offerLight } from "./light-drop.js";
+import { addEnvironment } from "../news/environments.js";
 import { go } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
@@ -19,6 +21,11 @@ async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
     showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${formats.join(" ")}.`);
+    return;
+  }
+  const sent = files.map(({ file }) => file);
+  if (areImages(sent)) {
+    if (!offerLight(sent)) explainImages(sent);
     return;
   }
   const { formats, foreign } = await getInfo();
@@ -115,6 +122,23 @@ async function send(files, fields = {}) {
   }
 }
 
+/** An image alone is no scene; what it may be is said, and one that lights scenes can be kept. @param {File[]} files */
+function explainImages(files) {
+  const name = files.length > 1 ? `${files[0]?.name} and ${files.length - 1} more` : (files[0]?.name ?? "");
+  const isLight = files.length === 1 && hasLight(files);
+  const file = /** @type {File} */ (files[0]);
+  const keep = () => {
+    const abort = new AbortController();
+    addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
+      () => announce(`${name} is among the lights of every scene now`),
+      (error) => showError(`${name} was not taken`, error),
+    );
+  };
+  showError(`${name} is no scene`, isLight ? "It can light one: open a scene, and drop it there." : "Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it.", {
+    action: isLight ? { label: "Keep it among the lights", run: keep } : undefined,
+  });
+}
+
 /**
  * @param {() => NamedFile[] | Promise<NamedFile[]>} gather
  * @param {(files: NamedFile[]) => Promise<void>} [take]
@@ -154,7 +178,7 @@ export function acceptDrops() {
     veil,
     icon("upload"),
     h("strong", null, "Drop to upload"),
-    h("span", { class: "quiet" }, "One scene: its file, or its folder, or a zip"),
+    h("span", { class: "quiet" }, "A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open"),
   );
   let depth = 0; // enter and leave fire for every element that is crossed
   /** @param {DragEvent} event */

@@ -175,6 +175,7 @@ function ready(page, scene, life) {
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like, here().params.has("shot"));
+  life.add(form.dispose);
   const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
