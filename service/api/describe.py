@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
-from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, SceneOut, SceneStatus, ShotOut, WorkerOut
+from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, MeasuredOut, SceneOut, SceneStatus, ShotOut, WorkerOut
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
@@ -95,6 +95,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         variants=info.get("variants", []),
         variant=scene.variant,
         environment=scene.environment,
+        measured=MeasuredOut(**scene.measured) if scene.measured else None,
         warnings=[*scene.notes, *info.get("warnings", [])],
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,

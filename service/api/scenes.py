@@ -40,6 +40,10 @@ UPLOAD_FORM = {
                             "description": "an image among the files that lights the scene, or a sky as sky:ELEVATION,AZIMUTH",
                         },
                         "name": {"type": "string"},
+                        "base": {
+                            "type": "string",
+                            "description": "the id of a scene whose files are taken over: only what it lacks is sent",
+                        },
                     },
                 }
             }
@@ -63,6 +67,7 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
         farm.garbage,
         farm.settings,
         partial(record, sessions=farm.sessions, changed=farm.changed),
+        partial(find_scene, farm=farm),
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)

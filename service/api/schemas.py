@@ -24,6 +24,7 @@ __all__ = [
     "JobIn",
     "JobOut",
     "JobPatch",
+    "MeasuredOut",
     "SceneOut",
     "SceneStatus",
     "ShotOut",
@@ -235,6 +236,15 @@ class CameraOut(BaseModel):
     view: ViewModel
 
 
+class MeasuredOut(BaseModel):
+    """What the latest job of a scene that was rendered to its end has measured."""
+
+    sample_s: float = Field(description="seconds that one slot takes for one sample of one pixel")
+    noise: float | None = Field(
+        description="relative standard error of a pixel at one sample; it falls with the square root of the samples"
+    )
+
+
 class SceneOut(BaseModel):
     """An uploaded scene."""
 
@@ -257,6 +267,7 @@ class SceneOut(BaseModel):
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
+    measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import AsyncIterator, Callable, Iterable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import PurePosixPath
 from typing import TypeVar
 
@@ -15,7 +16,7 @@ from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.presets import PRESETS
-from service.errors import Invalid
+from service.errors import Invalid, TooLarge
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
@@ -76,14 +77,18 @@ async def receive(
     garbage: Garbage,
     settings: Settings,
     record: Callable[[Upload], T],
+    find: Callable[[str], Scene] | None = None,
 ) -> T:
-    """Read, expand, check and store an upload, and write it down. Raises FarmError; then nothing of it is left."""
+    """Read, expand, check and store an upload, and write it down. find: a scene by its id, to which files may be added.
+
+    Raises FarmError; then nothing of it is left.
+    """
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
     with full_disk():
         form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
         try:
-            return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
+            return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record, find)
         finally:
             form.discard()  # a service that ends may cancel this before a thread has begun
 
@@ -95,6 +100,7 @@ def keep(
     settings: Settings,
     check_disk: Callable[[int], None],
     record: Callable[[Upload], T],
+    find: Callable[[str], Scene] | None = None,
 ) -> T:
     """Expand, check and store what was sent, and write it down by `record`, before which nobody can delete its blobs.
 
@@ -111,6 +117,8 @@ def keep(
                 raise Invalid(f"The file {name} is there twice. Send it once.")
             files[name] = writer
         _refuse_files_as_folders(files)
+        if find is not None and "base" in form.fields:
+            return _added(partial(find, form.fields["base"].strip()), files, store, garbage, settings, record)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
@@ -123,6 +131,33 @@ def keep(
         form.discard()
         for _, writer in sent:
             writer.discard()
+
+
+def _added(
+    find: Callable[[], Scene],
+    files: dict[str, BlobWriter],
+    store: BlobStore,
+    garbage: Garbage,
+    settings: Settings,
+    record: Callable[[Upload], T],
+) -> T:
+    """A scene with more files, or others of the same names: what was missing need not be sent with all the rest."""
+    if not files or all(writer.size == 0 for writer in files.values()):
+        raise Invalid("The upload is empty. Choose the files that are to be added.")
+    scene = find()
+    kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
+    if len(kept) + len(files) > settings.max_upload_files:
+        raise TooLarge(f"With these the scene has more than {settings.max_upload_files} files.")
+    if sum(ref.size for ref in kept) + sum(writer.size for writer in files.values()) > settings.max_upload_bytes:
+        raise TooLarge(f"With these the scene is larger than the {settings.max_upload_bytes} bytes that are taken.")
+    _refuse_files_as_folders([*files, *(ref.path for ref in kept)])
+    hashes = [writer.sha256 for writer in files.values()]
+    with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
+        find()  # where it is deleted by now, its files may be
+        sent = [BlobRef(path, writer.commit(), writer.size) for path, writer in files.items()]
+        refs = sorted((*kept, *sent), key=lambda ref: ref.path)
+        id = _id(refs, scene.main, scene.environment, scene.variant)
+        return record(Upload(id, scene.name, scene.main, scene.environment, refs, scene.notes, scene.variant))
 
 
 def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:

@@ -20,6 +20,7 @@ from service.scheduling.active_job import ActiveJob
 from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
+from service.scheduling.measured import measured
 from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
@@ -173,7 +174,8 @@ class Lifecycle:
         self._records.progress(job)
         if gone:
             self._let_go(gone)
-        if is_over and self._records.finished(job):
+        if is_over and self._records.finished(job, measured(job)):
+            self._tell("scene", job.scene)
             self._drop(job)
             self._give_back(job)
             self._bulkheads.forget(job.id)

@@ -149,8 +149,9 @@ class Records:
             for key, goal in job.agenda.new_goals.items():
                 session.execute(update(Frame).where(Frame.job == job.id, Frame.number == key).values(spp=goal))
 
-    def finished(self, job: ActiveJob) -> bool:
+    def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
+        measured: what it says of its scene (service/scheduling/measured.py).
         False where it was over already, or something else was asked for in the meantime."""
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
@@ -159,6 +160,8 @@ class Records:
             shot = Shot.of(row.shot)
             if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
                 return False
+            if measured is not None:
+                session.execute(update(Scene).where(Scene.id == row.scene).values(measured=measured))
             row.state, row.finished, row.active_s = "finished", time.time(), job.active_s
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))

@@ -50,6 +50,7 @@ class Scene(Base):
     notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself
     info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # worker.contract.SceneInfo of the first kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
+    measured: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # by its latest job: scheduling/measured.py
 
     @property
     def blobs(self) -> set[str]:

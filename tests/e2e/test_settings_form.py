@@ -77,6 +77,40 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
     assert "sparkle" not in submitted(page)
 
 
+def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
+    """By what the scene's latest picture measured: a slot's microsecond a sample of a pixel, and a noise of 0.4 with one."""
+    call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
+    open_form(page, scene={**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}})
+    choices = page.get_by_role("radiogroup", name="Quality").locator("label").all()
+    assert [[part.text_content() for part in choice.locator("span").all()] for choice in choices] == [
+        ["Draft", "16 samples", "≈ 9 s · 10 % noise"],
+        ["Good", "128 samples", "≈ 65 s · 4 % noise"],
+        ["Final", "512 samples", "≈ 4 min · 2 % noise"],
+        ["Finest", "2048 samples", "≈ 17 min · 0.9 % noise"],
+        ["Custom", "", ""],
+    ]
+    expect(page.get_by_text("128 M samples, about 65 s on 2 slots, 4 % noise")).to_be_visible()
+    page.get_by_text("Finest").click()
+    assert submitted(page)["spp"] == 2048
+
+
+def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
+    open_form(page)
+    depth = page.get_by_label("Max depth")
+    back = page.get_by_role("button", name="Back to 5")
+    expect(back).to_be_hidden()
+    depth.locator("xpath=..").locator("input[type=range]").fill("400")  # its end
+    expect(depth).to_have_value("64")
+    assert submitted(page)["max_depth"] == 64
+    back.click()
+    expect(depth).to_have_value("5")
+    expect(back).to_be_hidden()
+    assert "max_depth" not in submitted(page)
+    page.get_by_label("Filter").select_option("box")
+    page.get_by_role("button", name="Back to Blackman-Harris").click()
+    assert "filter" not in submitted(page)
+
+
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     """The value that switches something off, a choice, a noise level and a camera among them; the sides are named by phrases."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}

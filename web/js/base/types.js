@@ -34,12 +34,15 @@
  * @property {string | null} [environment] in place of its own: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {Clip[]} [clips] of its animations
  * @property {number | null} [fps] the file's own, else 24
+ * @property {{sample_s: number, noise: number | null} | null} [measured] by its latest picture: seconds of a slot for a sample
+ *     of a pixel, and the relative noise at one sample
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
  * @typedef {{name: string, start: number, end: number}} Clip from when to when it moves, in seconds
  *
- * @typedef {SettingsTable & {formats: string[]}} Info what this farm takes; formats: suffixes of what may be uploaded
+ * @typedef {SettingsTable & {formats: string[], foreign: Record<string, string>}} Info what this farm takes; formats: suffixes
+ *     of what may be uploaded; foreign: of what may not, and how to get out of it what may
  *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *
@@ -157,6 +160,7 @@
  * @property {"job" | "environment"} of what of a request it belongs to
  * @property {string[] | null} integrators that look at it; null: all
  * @property {string[] | null} projections that look at it; null: all
+ * @property {[number, number] | null} [usual] the range that people use, for a slider
  * @property {string} phrase names a picture by the value, in place of {}
  *
  * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[]}} SettingsTable

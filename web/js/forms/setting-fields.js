@@ -23,7 +23,7 @@ export function settingFields(defaults, first = {}) {
   const own = (setting) => defaults[setting.name] ?? setting.default;
   const fields = known()
     .settings.filter((setting) => setting.of === "job" && !SIZE.includes(setting.name))
-    .map((setting) => settingField(setting, first[setting.name] ?? own(setting), () => show()));
+    .map((setting) => settingField(setting, first[setting.name] ?? own(setting), () => show(), own(setting)));
   const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
   const environment = environmentFields(first);
   const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));

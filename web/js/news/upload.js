@@ -7,7 +7,8 @@ import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
 
 /**
  * @param {NamedFile[]} files
- * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal}} options
+ * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
+ *     fields: of the form, beside the files
  * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
  */
 export const upload = (files, options) => sendFiles(UPLOAD_URL, "files", files, options);
@@ -16,11 +17,12 @@ export const upload = (files, options) => sendFiles(UPLOAD_URL, "files", files, 
  * @param {string} url
  * @param {string} field that the service takes files in
  * @param {NamedFile[]} files
- * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal}} options
+ * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
  * @returns {Promise<any>} what the service answers. Rejects as `upload`.
  */
-export function sendFiles(url, field, files, { progress, signal }) {
+export function sendFiles(url, field, files, { progress, signal, fields = {} }) {
   const form = new FormData();
+  for (const [name, value] of Object.entries(fields)) form.append(name, value);
   for (const { file, path } of files) form.append(field, file, path);
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
