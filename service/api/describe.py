@@ -58,11 +58,11 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
 def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
     """A job, with the engine's latest numbers where it is being rendered. One whose row says what this release does not
     understand is given as far as it is known."""
-    return _one_out(job, _recorded([job.id], session).get(job.id, []), engine, names_bad=True)
+    return _one_out(job, _recorded([job.id], session).get(job.id, []), engine)
 
 
 def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine) -> list[JobOut]:
-    """Many jobs, by one look at their frames; which samples of them were bad is told of a single job alone."""
+    """Many jobs, by one look at their frames."""
     recorded = _recorded([job.id for job in jobs], session)
     return [_one_out(job, recorded.get(job.id, []), engine) for job in jobs]
 
@@ -78,10 +78,10 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     return found
 
 
-def _one_out(job: Job, recorded: Recorded, engine: Engine, names_bad: bool = False) -> JobOut:
+def _one_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
     try:
         out = _job_out(job, recorded, engine)
-        for frame in out.frames if names_bad and job.shot is None else ():
+        for frame in out.frames if job.shot is None else ():
             frame.bad = _bad_samples(job, frame, engine)
         return out
     except Exception as error:
