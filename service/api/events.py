@@ -61,7 +61,5 @@ def _texts(farm: Farm, changed: list[tuple[str, str]]) -> list[str]:
     with farm.sessions() as session:
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
         jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine)}
-        found = [
-            (what, id, jobs.get(id) if what == "job" else snapshot(what, id, session, farm.engine)) for what, id in changed
-        ]
+        found = [(what, id, jobs.get(id) if what == "job" else snapshot(what, id, session, farm.engine)) for what, id in changed]
     return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in found]

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.api.job_list import MOST_JOBS
 from service.api.lookup import find_job, no_job
-from service.api.schemas import Strict
+from service.api.schemas import JobState, Strict
 from service.errors import FarmError
 from service.farm import Farm
 from service.scheduling.wishes import begins_anew, set_state
@@ -27,6 +27,7 @@ class ChangesIn(Strict):
     jobs: list[str] = Field(min_length=1, max_length=MOST_JOBS)
     state: Literal["running", "paused", "cancelled", "deleted"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
+    of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
 
     @model_validator(mode="after")
     def _says_something(self) -> ChangesIn:
@@ -61,6 +62,11 @@ def change_many(changes: ChangesIn, farm: Farm) -> ChangesOut:
     """Do it to those to which it can be done."""
     ids = list(dict.fromkeys(changes.jobs))
     answer = ChangesOut(changed=[], refused=[])
+    if changes.of is not None:
+        with farm.sessions() as session:
+            chosen = select(Job.id).where(Job.id.in_(ids), Job.state.in_(changes.of))
+            of = set(session.scalars(chosen))
+        ids = [id for id in ids if id in of]
     for at in range(0, len(ids), AT_A_TIME):
         some = ids[at : at + AT_A_TIME]
         if changes.state == "deleted":

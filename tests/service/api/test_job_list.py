@@ -60,7 +60,7 @@ def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_j
     assert 0 < len(said) < 10, said
     one = next(job for job in page if job["shot"])
     assert one == get(service, f"/{one['id']}")
-    assert one["shot"]["count"] == 3 and one["samples"] == sum(f["samples"] for f in get(service, f"/{one['id']}/frames"))
+    assert one["shot"]["count"] == 3 and one["progress"] in (0.25, 1.0)
 
 
 def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None:
