@@ -91,7 +91,7 @@ def list_environments(farm: FarmDependency) -> list[EnvironmentOut]:
 
 
 @router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
-async def upload(request: Request, farm: FarmDependency, response: Response) -> EnvironmentOut:
+async def add_environment(request: Request, farm: FarmDependency, response: Response) -> EnvironmentOut:
     """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
     limit = farm.settings.max_upload_bytes
     if is_beyond(request.headers.get("content-length", ""), limit):
@@ -116,7 +116,7 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
 
 
 @router.get("/{id}/thumbnail.jpg", response_class=StreamingResponse)
-def thumbnail(id: _Id, farm: FarmDependency) -> Response:
+def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
     """A small picture of it, twice as wide as high, tone-mapped."""
     headers = {"Cache-Control": "max-age=86400"}
     if id in PRESETS:
@@ -130,7 +130,7 @@ def thumbnail(id: _Id, farm: FarmDependency) -> Response:
 
 
 @router.delete("/{id}", status_code=204)
-def delete(id: _Id, farm: FarmDependency) -> None:
+def delete_environment(id: _Id, farm: FarmDependency) -> None:
     """Delete an uploaded environment. Finished pictures stay; jobs that still need it are in the way."""
     if id in PRESETS:
         raise Conflict("This light is made by a formula and takes no room: it cannot be deleted.")

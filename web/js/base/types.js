@@ -62,6 +62,7 @@
  * @property {number} bad_samples that were NaN or infinite, and left out
  * @property {Frame[]} [frames] the only one of a still, the first of a shot
  * @property {Shot | null} [shot] null: a still
+ * @property {number} priority -100 to 100
  * @property {number} created unix seconds
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height

@@ -40,6 +40,7 @@ export class LiveFilm {
       link: (up) => setLink(this.link, up),
       refused: (sentence) =>
         showError("The live picture ended", sentence, {
+          ofPage: true,
           action: { label: "Reload the page", run: () => location.reload() },
         }),
     });

@@ -93,6 +93,30 @@ export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
 /** @returns {Promise<Job[]>} newest first */
 export const getJobs = () => call("GET", "/jobs");
 
+/** @param {import("./job-list.js").JobQuery} query @returns {Promise<string[]>} in order */
+export const getJobIds = (query) => call("GET", `/jobs/ids${listText(query)}`);
+
+/** @param {string[]} ids @returns {Promise<Job[]>} those that are there, in no order */
+export const getJobsOf = (ids) => call("GET", `/jobs?limit=${ids.length}&ids=${ids.join(",")}`);
+
+/** @param {import("./job-list.js").JobQuery} query @returns {Promise<import("./job-list.js").Tallies>} */
+export const getTallies = (query) => call("GET", `/jobs/tallies${listText(query)}`);
+
+/**
+ * @param {string[]} ids
+ * @param {import("./job-list.js").Change} change
+ * @returns {Promise<{changed: import("./job-list.js").Was[], refused: {id: string, why: string}[]}>}
+ */
+export const changeJobs = (ids, change) =>
+  call("POST", "/jobs/changes", { json: { jobs: ids, ...change }, keepalive: change.state === "deleted" });
+
+/** @param {import("./job-list.js").JobQuery} query */
+function listText(query) {
+  const pairs = Object.entries(query).flatMap(([name, value]) => [value ?? []].flat().map((each) => [name, each]));
+  const text = new URLSearchParams(pairs).toString();
+  return text && `?${text}`;
+}
+
 /** @param {string} id @returns {Promise<Job>} */
 export const getJob = (id) => call("GET", `/jobs/${id}`);
 

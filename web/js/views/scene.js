@@ -152,7 +152,7 @@ function ready(page, scene, life) {
   const showJobs = keyedList(
     list,
     (job) => job.id,
-    (job) => jobRow(job, life),
+    (job) => jobRow(job),
   );
   const listJobs = () => {
     const own = (jobs.value ?? []).filter(
