@@ -6,12 +6,12 @@ import asyncio
 import hashlib
 import math
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import anyio
 import anyio.to_thread
 import numpy as np
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
@@ -19,10 +19,10 @@ from starlette.concurrency import run_in_threadpool
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
-from renderer.frames import MAX_FRAME, frame_key, frame_name
+from renderer.frames import frame_key, frame_name
 from renderer.image import tonemap
 from service.api.describe import frame_out, frames_out
-from service.api.lookup import find_job, no_frame
+from service.api.lookup import Number, find_film, find_job, no_frame
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
 from service.errors import Conflict, Invalid
@@ -31,6 +31,7 @@ from service.scheduling.aside import MadeAside
 from service.store import bands
 from service.store.films import Film
 from service.store.models import Scene
+from service.watching import film_packet
 from service.watching.pictures import MEDIA, PictureWish, memory, picture
 from worker.contract import SAMPLES_HEADER
 
@@ -38,8 +39,8 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
-Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
@@ -136,6 +137,24 @@ async def image(
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 
 
+@router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
+async def film(id: str, n: Number, request: Request, farm: FarmDependency) -> Response:
+    """All of a frame's light, and how many samples each tile has, in one answer: see docs/api.md. For watchers that begin."""
+    film, version, _ = await run_in_threadpool(_state, id, n, farm)
+    gzip = "gzip" in request.headers.get("accept-encoding", "")
+    headers = {"ETag": f'"{version}{"-gzip" if gzip else ""}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    folder = farm.settings.data / "tmp"
+    most = film_packet.memory(film)
+    key = (id, n, "film", headers["ETag"])
+    made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip)
+    headers["Content-Length"] = str(made.size)
+    if gzip:
+        headers["Content-Encoding"] = "gzip"
+    return StreamingResponse(made.pieces(), media_type="application/octet-stream", headers=headers)
+
+
 @router.get("/{n}/pixel", response_model=Pixel)
 async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
     """The exact values of a pixel, counted from the upper left, and how many samples it has."""
@@ -143,7 +162,7 @@ async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), 
 
 
 def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
-    film = _film(id, n, farm)
+    film = find_film(id, n, farm)
     if x >= film.width or y >= film.height:
         raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
@@ -192,18 +211,8 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """A frame's film, the version of its content, and its samples."""
-    film = _film(id, n, farm)
+    film = find_film(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
-
-
-def _film(id: str, n: float, farm: Farm) -> Film:
-    job = find_job(id, farm)
-    if not farm.records.has_frame(id, frame_key(n)):
-        raise no_frame(n)
-    film = farm.film(job, frame_key(n))
-    if film is None:
-        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
-    return film
 
 
 def _names(id: str, farm: Farm) -> dict[str, list[str]]:

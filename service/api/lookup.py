@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from renderer.frames import frame_text
-from service.errors import NotFound
+from typing import Annotated
+
+from fastapi import Path
+
+from renderer.frames import MAX_FRAME, frame_key, frame_text
+from service.errors import Conflict, NotFound
 from service.farm import Farm
+from service.store.films import Film
 from service.store.models import Job, Scene
 
-__all__ = ["find_job", "find_scene", "no_frame", "no_job", "no_scene"]
+__all__ = ["Number", "find_film", "find_job", "find_scene", "no_frame", "no_job", "no_scene"]
+
+Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 
 
 def find_job(id: str, farm: Farm) -> Job:
@@ -26,6 +33,17 @@ def find_scene(id: str, farm: Farm) -> Scene:
     if scene is None:
         raise no_scene(id)
     return scene
+
+
+def find_film(id: str, n: float, farm: Farm) -> Film:
+    """The film of a job that has frame n. Raises NotFound; Conflict where there is none yet; FilmLost and FilmWaits."""
+    job = find_job(id, farm)
+    if not farm.records.has_frame(id, frame_key(n)):
+        raise no_frame(n)
+    film = farm.film(job, frame_key(n))
+    if film is None:
+        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+    return film
 
 
 def no_job(id: str) -> NotFound:

@@ -65,6 +65,7 @@
  * @property {number | null} spp at most
  * @property {number | null} noise
  * @property {number | null} seconds
+ * @property {number | null} [tile_size]
  * @property {Record<string, any> | null} settings
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState

@@ -1,10 +1,12 @@
 /** The picture of a job as it grows, its planes, and its denoised copy instead of it or beside it. */
 
 import { DENOISED } from "./channels.js";
+import { imageUrl } from "../news/api.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
+import { DEFAULT_CURVE } from "./tonemap.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/store.js").Store<import("../job/display-panel.js").Display>} DisplayStore */
@@ -45,6 +47,8 @@ export function livePicture(job, display, life, changed, frame) {
     }
   };
 
+  stage.view?.setPoster(posterOf(job, live.frame, display.value));
+
   let latest = job;
   const outline = () => {
     const on = display.value.outlines && latest.state === "running";
@@ -77,4 +81,14 @@ export function livePicture(job, display, life, changed, frame) {
     },
     renew,
   };
+}
+
+/** As the list of jobs asks for it, so that the browser has it already. */
+const POSTER_WIDTH = 320;
+
+/** @param {Job} job @param {number} frame @param {{exposure: number, curve: string, channel: string}} look */
+function posterOf({ id, samples }, frame, { exposure, curve, channel }) {
+  if (!samples || channel) return null;
+  const usual = exposure === 0 && curve === DEFAULT_CURVE;
+  return imageUrl({ job: id, frame }, "jpg", { width: POSTER_WIDTH, v: samples, ...(!usual && { exposure, tonemap: curve }) });
 }

@@ -43,10 +43,17 @@ export class PictureSide {
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
     this.unturn = live.onTurn(() => this.turned());
-    this.unlisten = live.onTile((tile) => {
-      layer.putTile(live.film, tile);
+    const outgrow = () => {
       const { channel, stale } = this.state.value;
       if (channel && !stale && this.isOutgrown()) this.state.update((state) => ({ ...state, stale: true }));
+    };
+    this.unlisten = live.onTile((tile) => {
+      layer.putTile(live.film, tile);
+      outgrow();
+    });
+    this.unfill = live.onFill(() => {
+      if (layer.film === live.film && !layer.image) layer.upload();
+      outgrow();
     });
     layer.setFilm(live.film);
   }
@@ -140,6 +147,7 @@ export class PictureSide {
     this.unturn();
     this.fetching.abort();
     this.unlisten();
+    this.unfill();
     this.layer.clear();
   }
 }

@@ -1,5 +1,7 @@
 /** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
 
+import { decodeFilm } from "./tile-packet.js";
+
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
@@ -200,6 +202,19 @@ export async function fetchImage(place, query, signal) {
 export async function fetchWords(place, query, signal) {
   const response = await fetchPicture(place, "rgb9e5", query, signal);
   return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response) };
+}
+
+/**
+ * All of a frame's light, and what each of its tiles has.
+ *
+ * @param {Place} place
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("./tile-packet.js").FilmPacket>}
+ */
+export async function fetchFilm({ job, frame }, signal) {
+  const response = await fetch(`api/jobs/${job}/frames/${frame}/film`, { signal });
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return decodeFilm(await response.arrayBuffer());
 }
 
 /** @param {Response} response */
