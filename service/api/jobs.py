@@ -23,7 +23,7 @@ from service.intake.record import record
 from service.intake.resolve import resolve
 from service.intake.uploads import changed
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
+from service.scheduling.wishes import ask_for_samples, begins_anew, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
@@ -111,7 +111,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
-    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others.
+    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
+    rendered first, which changes no bit of how the picture ends.
     """
     may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
     is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
@@ -131,6 +132,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
         elif change.spp is not None or change.more is not None:
             frame = session.get(Frame, (id, 0))
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
+        if "focus" in change.model_fields_set:
+            focus_on(job, change.focus)
         if change.state is not None:
             set_state(job, change.state, is_anew)
         session.flush()

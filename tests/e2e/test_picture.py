@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 from playwright.sync_api import Page, WebSocket, expect
 
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_shows, read_exr, rendered
-from tests.helpers import Farm
+from tests.e2e.site import call
+from tests.helpers import Farm, wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.farm]
 
@@ -74,6 +75,62 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
     assert watched.errors == []
 
 
-def changed(farm: Farm, job: str, **change: Any) -> dict[str, Any]:
-    answer: dict[str, Any] = httpx.patch(f"{farm.url}/api/jobs/{job}", json=change).raise_for_status().json()
-    return answer
+def at(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a picture's point is on the page."""
+    stage = page.locator(".stage")
+    scale, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
+    box = page.locator("canvas.film").bounding_box()
+    assert box is not None
+    return box["x"] + left + x * scale, box["y"] + top + y * scale
+
+
+def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watched) -> None:
+    job = httpx.post(f"{farm.url}/api/jobs", json={"scene": spheres(farm), **SIZE, "spp": 60_000}).raise_for_status().json()["id"]
+    url = f"{farm.url}/api/jobs/{job}"
+    page = watched.page
+    try:
+        open_job(page, farm, job)
+        page.keyboard.down("Shift")
+        page.mouse.move(*at(page, 130, 70))
+        page.mouse.down()
+        page.mouse.move(*at(page, 185, 120), steps=3)
+        page.mouse.up()
+        page.keyboard.up("Shift")
+        chip = page.locator(".stage-chip")
+        expect(chip).to_contain_text("First: ")
+        x, y, w, h = httpx.get(url).json()["focus"]
+        assert abs(x - 130) <= 1 and abs(y - 70) <= 1 and abs(w - 56) <= 2 and abs(h - 51) <= 2
+
+        def ahead() -> bool:
+            film = httpx.get(f"{url}/frames/0/film", headers={"Accept-Encoding": "identity"}).content
+            samples = np.frombuffer(film, "<u4", 6, 12)
+            return bool(samples[5] > 8 * samples[:5].max())
+
+        wait_until(ahead, 30, "the lower right tile is ahead of all others")
+        chip.get_by_role("button").click()
+        expect(chip).to_be_hidden()
+        assert httpx.get(url).json()["focus"] is None
+
+        # By the button, and a click: the tile under it.
+        page.get_by_role("button", name="Render a part first").click()
+        expect(chip).to_contain_text("Click or drag")
+        page.mouse.click(*at(page, 10, 10))
+        expect(chip).to_contain_text("First: 64×64 at 0, 0")
+        page.keyboard.press("Shift+A")
+        expect(chip).to_be_hidden()
+    finally:
+        httpx.delete(url)
+    assert watched.errors == []
+
+
+def test_the_tiles_in_hand_say_whose_they_are(page: Page) -> None:
+    workers = [
+        {"name": "b", "current": [{"job": "j", "frame": 0, "tile": [0, 0, 8, 8]}, {}]},
+        {
+            "name": "a",
+            "current": [{"job": "other"}, {"job": "j", "tile": [8, 0, 8, 8]}, {"job": "j", "frame": 3, "tile": [0, 8, 8, 8]}],
+        },
+    ]
+    found = call(page, "film/tile-outlines", "return m.outlinesOf(a, {job: 'j', frame: 0});", workers)
+    assert [(each["label"], each["x"]) for each in found] == [("b · 1", 0), ("a · 2", 8)]
+    assert found[0]["colour"] != found[1]["colour"]

@@ -66,6 +66,7 @@
  * @property {number | null} noise
  * @property {number | null} seconds
  * @property {number | null} [tile_size]
+ * @property {[number, number, number, number] | null} [focus] the rectangle that is rendered first: x, y, w, h
  * @property {Record<string, any> | null} settings
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState

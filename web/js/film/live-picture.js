@@ -16,11 +16,13 @@ import { DEFAULT_CURVE } from "./tonemap.js";
  * @typedef {object} LivePicture
  * @property {HTMLElement} element
  * @property {HTMLElement} statusBar
+ * @property {HTMLElement} tools room in it
  * @property {import("./film-view.js").FilmView | null} view null where this browser cannot show a film
  * @property {LiveFilm} live
  * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
  * @property {import("./film.js").Film} film
  * @property {(job: Job) => void} update
+ * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands told of the tiles in hand
  * @property {() => void} renew fetches what is shown anew where it is older than the film
  */
 
@@ -50,9 +52,12 @@ export function livePicture(job, display, life, changed, frame) {
   stage.view?.setPoster(posterOf(job, live.frame, display.value));
 
   let latest = job;
+  /** @type {(outlines: import("./pixel-overlay.js").Outline[]) => void} */
+  let inHand = () => {};
   const outline = () => {
-    const on = display.value.outlines && latest.state === "running";
-    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], live) : []);
+    const outlines = latest.state === "running" ? outlinesOf(workers.value ?? [], live) : [];
+    stage.view?.setOutlines(display.value.outlines ? outlines : []);
+    inHand(outlines);
   };
   life.add(workers.subscribe(outline));
   life.add(live.onTurn(outline));
@@ -71,6 +76,7 @@ export function livePicture(job, display, life, changed, frame) {
   return {
     element: stage.element,
     statusBar: stage.statusBar,
+    tools: stage.tools,
     view: stage.view,
     live,
     side: () => stage.side(0),
@@ -80,6 +86,10 @@ export function livePicture(job, display, life, changed, frame) {
       outline();
     },
     renew,
+    onHands(listener) {
+      inHand = listener;
+      outline();
+    },
   };
 }
 

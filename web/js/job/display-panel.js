@@ -2,9 +2,9 @@
 
 import { CHANNELS } from "../film/channels.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
-import { h, setText } from "../base/dom.js";
+import { fill, h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
-import { stops } from "../base/format.js";
+import { plural, stops } from "../base/format.js";
 import { here, setParams } from "../shell/router.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Store } from "../base/store.js";
@@ -84,7 +84,7 @@ export function clampExposure(exposure) {
 /**
  * @param {Store<Display>} display
  * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
- * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void}}
+ * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
 export function displayPanel(display, { normalise, denoise: renew }) {
   const look = lookFields(display, normalise);
@@ -109,16 +109,45 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     outlines.checked = d.outlines;
     colourOnly.hidden = d.channel !== "";
   });
+  const legend = h("ul", { class: "workers-legend", "aria-label": "Workers on this picture", hidden: true });
+  let shown = "";
+  /** @type {{name: string, colour: string, tiles: number}[]} */
+  let hands = [];
+  const showWorkers = () => {
+    const key = JSON.stringify([hands, display.value.outlines]);
+    if (key === shown) return;
+    shown = key;
+    legend.hidden = !display.value.outlines || hands.length === 0;
+    fill(
+      legend,
+      ...hands.map(({ name, colour, tiles }) => {
+        const swatch = h("span", { class: "swatch" });
+        swatch.style.background = colour;
+        return h("li", null, swatch, h("span", null, name), h("span", { class: "quiet number" }, plural(tiles, "tile")));
+      }),
+    );
+  };
+  display.subscribe(showWorkers);
   const element = h(
     "section",
     { class: "side-section stack", "aria-label": "Display" },
     channelField,
     colourOnly,
     h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
+    legend,
   );
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
-  return { element, updateDenoise: denoise.update, offerDenoise };
+  /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
+  const showHands = (outlines) => {
+    const names = [...new Set(outlines.map(({ worker }) => worker))].sort();
+    hands = names.map((name) => {
+      const own = outlines.filter(({ worker }) => worker === name);
+      return { name, colour: own[0]?.colour ?? "", tiles: own.length };
+    });
+    showWorkers();
+  };
+  return { element, updateDenoise: denoise.update, offerDenoise, showHands };
 }
 
 /**

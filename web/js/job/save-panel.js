@@ -51,6 +51,17 @@ export function savePanel(job, display, place) {
   };
 }
 
+/**
+ * The picture's address, as it looks now.
+ *
+ * @param {import("../news/api.js").Place} place
+ * @param {import("./display-panel.js").Display} look
+ */
+export function asItLooks(place, { exposure, curve, channel, denoise }) {
+  if (channel) return imageUrl(place, "png", { aov: channel });
+  return imageUrl(place, "png", { exposure, tonemap: curve, ...(denoise === "on" && { denoise: "true" }) });
+}
+
 /** A file of a job is called so. @param {Job} job */
 export const plainName = ({ name }) => name.replace(/\.[a-z]+$/i, "");
 

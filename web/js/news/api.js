@@ -21,6 +21,7 @@ import { decodeFilm } from "./tile-packet.js";
  * @property {string} [again]
  * @property {number} [first] -1: none
  * @property {string} [order]
+ * @property {[number, number, number, number] | null} [focus] x, y, w, h that is rendered first
  */
 
 export class ApiError extends Error {

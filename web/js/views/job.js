@@ -9,6 +9,9 @@ import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
+import { focusTool } from "../job/focus-tool.js";
+import { pictureTools } from "../job/picture-tools.js";
+import { asItLooks } from "../job/save-panel.js";
 import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { savePanel } from "../job/save-panel.js";
@@ -80,11 +83,16 @@ function open(page, job, life) {
   const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
   const asked = isShot(job) ? askedFrame(job) : undefined;
   const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right), asked);
+  picture.onHands(look.showHands);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
   const save = savePanel(job, display, () => picture.live);
   const actions = actionsPanel();
   const progress = progressPanel();
+  const focus = focusTool(job, picture, life);
+  const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button]);
+  picture.tools.append(tools.element);
+  life.add(addShortcuts([...focus.keys, ...tools.keys]));
   const chip = stateChip(job.state);
   const line = progressBar("Progress");
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
@@ -145,7 +153,7 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress, shot]) part?.update(next);
+    for (const part of [picture, actions, progress, focus, shot]) part?.update(next);
   };
 }
 
