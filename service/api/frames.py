@@ -19,9 +19,10 @@ from starlette.concurrency import run_in_threadpool
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
-from renderer.frames import frame_key, frame_name
+from renderer.frames import frame_key
 from renderer.image import tonemap
 from service.api.describe import frame_out, frames_out
+from service.api.file_names import named, picture_name
 from service.api.lookup import Number, find_film, find_job, no_frame
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
@@ -108,7 +109,8 @@ async def image(
 ) -> Response:
     """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
 
-    The header X-Samples has the number of samples, of all pixels together, that it was made of.
+    The header X-Samples has the number of samples, of all pixels together, that it was made of; of a heat map, X-Span has the
+    values between which it is drawn.
     """
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
@@ -116,6 +118,7 @@ async def image(
     if denoise and planes:
         raise Invalid("denoise: only colour is denoised; leave aov out.")
     PictureWish(extension, planes, in_layers, width=width).check()
+    job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
     denoised = await _denoised(id, n, film, samples, farm) if denoise else None
     if denoised is not None:
@@ -127,13 +130,15 @@ async def image(
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
-    motion = await motion_of(find_job(id, farm), n, film, farm) if aovs.MOTION in planes else None
+    motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make((id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder)
-    kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
-    headers["Content-Disposition"] = f'inline; filename="{frame_name(f"{id}-####{kind}.{extension}", n)}"'
+    kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
+    headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
     headers["Content-Length"] = str(made.size)
+    if made.span is not None:
+        headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 
 

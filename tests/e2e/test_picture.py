@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import time
 from pathlib import Path
 
 import httpx
@@ -10,8 +12,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, WebSocket, expect
 
+from renderer import aovs
+from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_shows, read_exr, rendered
+from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, rendered
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
@@ -68,7 +72,9 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
     page.keyboard.press("1")
     page.mouse.move(5, 5)
     assert_shows(page, read_exr(f"{farm.url}/api/jobs/{finished}/frames/0/image.exr", tmp_path), 0, "neutral")
-    page.wait_for_timeout(300)
+    with page.expect_download() as download:
+        page.get_by_role("link", name="EXR", exact=True).click()
+    assert download.value.suggested_filename == "Spheres-8spp.exr", "what people call it"
     have = [json.loads(text) for text in said if "have" in text]
     assert have == [{"have": [8] * 6}], "the service knows what is here"
     assert tiles == [] and asked == ["0/film"], "the JPEG is the list's"
@@ -134,3 +140,71 @@ def test_the_tiles_in_hand_say_whose_they_are(page: Page) -> None:
     found = call(page, "film/tile-outlines", "return m.outlinesOf(a, {job: 'j', frame: 0});", workers)
     assert [(each["label"], each["x"]) for each in found] == [("b · 1", 0), ("a · 2", 8)]
     assert found[0]["colour"] != found[1]["colour"]
+
+
+def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    open_job(page, farm, finished, "?pins=3,4")
+    page.keyboard.press("1")
+    film = read_exr(f"{farm.url}/api/jobs/{finished}/frames/0/image.exr", tmp_path)
+    light = rgbe9995.unpack(rgbe9995.pack(film))
+    luminance = light @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+    # Pinned: exact, on the page and in its address; a second click lets it go. They would be in the screen's pixels.
+    pins = page.get_by_label("Pinned pixels")
+    for x, y in ((3, 4), (100, 64)):
+        if (x, y) != (3, 4):
+            page.get_by_role("button", name="Pin pixels").click()
+            page.mouse.click(*at(page, x + 0.5, y + 0.5))
+        row = pins.get_by_role("listitem").filter(has_text=f"{x}, {y}")
+        expect(row.locator("dd").first).to_have_text(re.compile("[0-9]"))
+        shown_values = [float(text) for text in row.locator("dd").all_inner_texts()]
+        np.testing.assert_allclose(shown_values, [*film[y, x], film[y, x] @ [0.2126, 0.7152, 0.0722]], rtol=2e-3, atol=1e-4)
+    expect(page).to_have_url(re.compile("pins=3(,|%2C)4(;|%3B)100(,|%2C)64"))
+    page.keyboard.press("Shift+V")
+    expect(pins).to_be_hidden()
+
+    page.mouse.move(5, 5)
+    for key, grey in (("2", light[..., 0]), ("5", luminance)):
+        page.keyboard.press(key)
+        assert_screen(page, tonemap.apply(np.repeat(grey[..., None], 3, axis=2), 0, "neutral").astype(int), key)
+    page.keyboard.press("6")
+    at_stop = (np.log2(np.maximum(luminance, 1e-10) / 0.18) / 12 + 0.5).ravel()[::97]
+    colours = call(page, "film/colour-map", "return a.map(m.turbo);", at_stop.tolist())
+    screen = on_screen(page, SIZE["width"], SIZE["height"]).astype(int)
+    deadline = time.monotonic() + 10
+    while np.abs(screen.reshape(-1, 3)[::97] - np.array(colours) * 255).max() > 2 and time.monotonic() < deadline:
+        screen = on_screen(page, SIZE["width"], SIZE["height"]).astype(int)
+    assert np.abs(screen.reshape(-1, 3)[::97] - np.array(colours) * 255).max() <= 2, "false colour"
+    expect(page.get_by_role("img", name="Luminance, in stops")).to_be_visible()
+
+    # A plane by its key, with the bar that reads its heat.
+    page.keyboard.press("Shift+9")
+    expect(page.get_by_label("Channel")).to_have_value("error")
+    answer = httpx.get(f"{farm.url}/api/jobs/{finished}/frames/0/image.png?aov=error")
+    top = float(answer.headers["X-Span"].split(",")[1])
+    expect(page.get_by_role("img", name="Error: 0; ")).to_be_visible()
+    ticks = page.get_by_role("img", name="Error: 0; ").get_attribute("aria-label") or ""
+    assert float(ticks.split("; ")[-1]) == pytest.approx(top, rel=1e-3)
+    np.testing.assert_allclose(call(page, "film/colour-map", "return m.HEAT;"), aovs._HEAT, atol=1e-6)
+    assert watched.errors == []
+
+
+def test_the_histogram_counts_the_films_pixels(page: Page) -> None:
+    random = np.random.default_rng(3)
+    film = np.exp2(random.uniform(-14, 8, (40, 50, 1)) + random.uniform(-1, 1, (40, 50, 3))).astype(np.float32)
+    body = """
+        const { Film } = await import("/js/film/film.js");
+        const film = new Film(50, 40, new Uint32Array(a.words));
+        film.samples.fill(1);
+        const { channels, ...rest } = m.histogramOf(film, a.exposure);
+        return { ...rest, channels: channels.map((c) => [...c]), lowest: m.LOWEST };"""
+    words = rgbe9995.pack(film)
+    found = call(page, "film/histogram", body, {"words": words.ravel().tolist(), "exposure": 1})
+    light = rgbe9995.unpack(words).astype(np.float64) * 2
+    values = np.concatenate([light, (light @ [0.2126, 0.7152, 0.0722])[..., None]], axis=2)
+    for c, counts in enumerate(found["channels"]):
+        bins = np.clip(np.floor((np.log2(values[..., c]) - found["lowest"]) * 4), -1, len(counts) - 1).astype(int)
+        wanted = np.bincount(bins[bins >= 0].ravel(), minlength=len(counts)) / bins.size
+        np.testing.assert_allclose(counts, wanted, atol=1.01 / bins.size)  # a value on an edge may round either way
+    assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000

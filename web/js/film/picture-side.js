@@ -20,6 +20,7 @@ const SETTLE_MS = 300;
  * @property {string} channel
  * @property {boolean} waiting for the service to make it
  * @property {boolean} stale the film has more samples than it was made of
+ * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
  */
 
@@ -129,8 +130,9 @@ export class PictureSide {
         this.denoised = new Film(width, height, words);
         this.layer.setFilm(this.denoised);
       } else {
-        const { image, samples } = await fetchImage(this.live, { aov: channel }, signal);
+        const { image, samples, span } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();
+        this.state.update((state) => ({ ...state, span }));
         this.madeOf = samples;
         this.layer.setImage(image);
       }

@@ -1,6 +1,9 @@
 /** How the picture is shown: exposure, tone curve, channel, denoised or not. The state is a store; sliders, keys and the URL all write it. */
 
 import { CHANNELS } from "../film/channels.js";
+import { PARTS } from "../film/film-shader.js";
+import { heatBar, partFields } from "./part-fields.js";
+import { pinsFrom, pinsText } from "./pins.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
 import { fill, h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
@@ -14,6 +17,8 @@ import { Store } from "../base/store.js";
  * @property {number} exposure stops
  * @property {string} curve
  * @property {string} channel "" for the colour, or an AOV
+ * @property {string} part of the light: see film-shader.js' PARTS
+ * @property {import("./pins.js").Pin[]} pins
  * @property {"off" | "wipe" | "on"} denoise
  * @property {number} wipe how much of the width is the raw picture's, where it lies beside the denoised one
  * @property {boolean} outlines of the tiles that are being rendered
@@ -31,13 +36,15 @@ export function displayFromUrl() {
   const store = new Store({
     ...lookFromUrl(params),
     channel: CHANNELS.some(({ name }) => name === channel) ? channel : "",
+    part: PARTS.some(({ name }) => name === params.get("part")) ? (params.get("part") ?? "") : "",
+    pins: pinsFrom(params.get("pins")),
     denoise,
     wipe: wipeFrom(params.get("wipe")),
     outlines: params.get("tiles") !== "0",
   });
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  store.subscribe(({ exposure, curve, channel, denoise, wipe, outlines }) => {
+  store.subscribe(({ exposure, curve, channel, part, pins, denoise, wipe, outlines }) => {
     // Browsers throttle history changes; a dragged slider makes sixty a second.
     clearTimeout(timer);
     const { path } = here();
@@ -46,6 +53,8 @@ export function displayFromUrl() {
       setParams({
         ...lookParams({ exposure, curve }),
         aov: channel || null,
+        part: part || null,
+        pins: pinsText(pins),
         denoise: denoise === "off" ? null : denoise,
         wipe: denoise !== "wipe" || wipe === 0.5 ? null : wipe.toFixed(3),
         tiles: outlines ? null : "0",
@@ -84,7 +93,7 @@ export function clampExposure(exposure) {
 /**
  * @param {Store<Display>} display
  * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
- * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
+ * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
 export function displayPanel(display, { normalise, denoise: renew }) {
   const look = lookFields(display, normalise);
@@ -100,7 +109,8 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     type: "checkbox",
     onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
   });
-  const colourOnly = h("div", { class: "stack" }, look, denoise.element);
+  const colourOnly = h("div", { class: "stack" }, partFields(display), look, denoise.element);
+  const heat = h("div", { hidden: true });
   display.subscribe((d) => {
     channel.value = d.channel;
     const told = CHANNELS.find(({ name }) => name === d.channel)?.hint ?? "";
@@ -132,6 +142,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     "section",
     { class: "side-section stack", "aria-label": "Display" },
     channelField,
+    heat,
     colourOnly,
     h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
     legend,
@@ -147,7 +158,14 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     });
     showWorkers();
   };
-  return { element, updateDenoise: denoise.update, offerDenoise, showHands };
+  /** What the colours of the plane stand for. @param {import("../film/picture-side.js").SideState | null} state */
+  const updateHeat = (state) => {
+    const span = state?.span;
+    const name = CHANNELS.find((each) => each.name === state?.channel)?.label ?? "";
+    heat.hidden = !span;
+    if (span) fill(heat, heatBar(name, span[0], span[1]));
+  };
+  return { element, updateDenoise: denoise.update, updateHeat, offerDenoise, showHands };
 }
 
 /**

@@ -184,12 +184,17 @@ async function fetchPicture(place, format, query, signal) {
  * @param {Place} place
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
- * @returns {Promise<{image: ImageBitmap, samples: number}>}
+ * @returns {Promise<{image: ImageBitmap, samples: number, span: [number, number] | null}>} span: of a heat map
  */
 export async function fetchImage(place, query, signal) {
   const response = await fetchPicture(place, "png", query, signal);
   const options = /** @type {const} */ ({ colorSpaceConversion: "none", premultiplyAlpha: "none" });
-  return { image: await createImageBitmap(await response.blob(), options), samples: samplesOf(response) };
+  const span = response.headers.get("X-Span")?.split(",").map(Number);
+  return {
+    image: await createImageBitmap(await response.blob(), options),
+    samples: samplesOf(response),
+    span: span ? [span[0] ?? 0, span[1] ?? 0] : null,
+  };
 }
 
 /**
