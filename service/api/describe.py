@@ -142,7 +142,7 @@ def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "kind", "settings"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
             )
         },
         message=_message(job, engine.snapshot) or _holes(job, about),

@@ -23,7 +23,7 @@ from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, set_state
+from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
@@ -135,7 +135,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
-    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others.
+    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
+    rendered first, which changes no bit of how the picture ends.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
     light_again(id, farm)
@@ -155,6 +156,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
         elif change.spp is not None or change.more is not None:
             frame = session.get(Frame, (id, 0))
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
+        if "focus" in change.model_fields_set:
+            focus_on(job, change.focus)
         if change.state is not None:
             set_state(job, change.state, is_anew)
         session.flush()

@@ -69,6 +69,8 @@
  * @property {number | null} spp at most
  * @property {number | null} noise
  * @property {number | null} seconds
+ * @property {number | null} [tile_size]
+ * @property {[number, number, number, number] | null} [focus] the rectangle that is rendered first: x, y, w, h
  * @property {Record<string, any> | null} settings
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
