@@ -3,38 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from service.farm import Farm
-from service.settings import Settings
 from tests.e2e.conftest import Watched
 from tests.e2e.site import Site, call
-from tests.helpers import running_redis
-from tests.many_jobs import many_jobs
 from tests.service.conftest import Service, until
 
 pytestmark = pytest.mark.browser
-
-N = 10_000
-
-
-@pytest.fixture(scope="module")
-def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    folder = tmp_path_factory.mktemp("jobs")
-    data = folder / "data"
-    data.mkdir()
-    server = running_redis(folder)
-    with server:
-        farm = Farm(Settings(data=data, redis_url=server.url, token="token"))
-        many_jobs(farm.sessions, N)
-        farm.stop()
-        service = Service(data, server)
-        yield service
-        service.stop()
 
 
 def rows(page: Page) -> Locator:
