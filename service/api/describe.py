@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
-from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, SceneOut, SceneStatus, ShotOut, WorkerOut
+from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, MeasuredOut, SceneOut, SceneStatus, ShotOut, WorkerOut
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
@@ -118,6 +118,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         variants=info.get("variants", []),
         variant=scene.variant,
         environment=scene.environment,
+        measured=MeasuredOut(**scene.measured) if scene.measured else None,
         warnings=[*scene.notes, *info.get("warnings", [])],
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
@@ -141,7 +142,7 @@ def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "kind", "settings"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
             )
         },
         message=_message(job, engine.snapshot) or _holes(job, about),
@@ -153,9 +154,17 @@ def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
         bad_samples=sums.bad_samples,
         width=size.get("width"),
         height=size.get("height"),
+        environment=_light_of(job),
+        variant=job.request.get("variant"),
         frames=frames,
         shot=about,
     )
+
+
+def _light_of(job: Job) -> dict[str, Any] | None:
+    """What is asked for of the light from around; None where all of it is the scene's own."""
+    found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
+    return {**found, "name": job.light} if "image" in found else found or None
 
 
 @dataclass(frozen=True)
@@ -298,6 +307,8 @@ def _message(job: Job, view: Snapshot) -> str | None:
         return "Waits for its scene to be prepared."
     if why := _in_the_way(view.roster):
         return why
+    if job.lit in view.preparing:
+        return "Its scene is prepared under its light."
     if job.shot is not None and view.roster.shooting_kind() is None:
         return "Waits for a worker of this release: those that are connected prepare no frames of shots."
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Query
 from sqlalchemy import ColumnElement, Select, case, func, or_, select
-from sqlalchemy.orm import Session, defer
+from sqlalchemy.orm import Session
 
 from service.api.schemas import JobState
 from service.store.models import Job, Scene
@@ -49,7 +49,7 @@ class Chosen:
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
         """Their rows, in order."""
         ids = self.ids_in(order, session, limit, offset)  # by an index alone; sorting rows would mean to read them all
-        query = select(Job).where(Job.id.in_(ids)).options(defer(Job.request))  # which few jobs are still described by
+        query = select(Job).where(Job.id.in_(ids))
         found = {row.id: row for row in session.scalars(query)}
         return [found[id] for id in ids if id in found]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Header, Query, Response
 from pydantic import TypeAdapter
@@ -14,18 +14,16 @@ from sqlalchemy.exc import IntegrityError
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from service.api.describe import job_out, jobs_out
-from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
+from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, light_again, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
-from service.api.lookup import find_job, find_scene, no_job
+from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
-from service.intake.record import record
 from service.intake.resolve import resolve
-from service.intake.uploads import changed
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, set_state
+from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
@@ -45,10 +43,12 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
-    scene_id = _as_asked(request, farm)
+    rendered = _rendered(request, asked, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
-        scene=scene_id,
+        scene=request.scene,
+        lit=None if rendered == request.scene else rendered,
+        light=farm.lighting.name_of(asked["environment"]),
         name=request.name or "",
         state="queued",
         priority=request.priority,
@@ -63,8 +63,8 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         idempotency_key=idempotency_key or None,
     )
     try:
-        with farm.sessions.begin() as session:
-            scene = session.get(Scene, scene_id, with_for_update=True)
+        with farm.lighting.held(rendered), farm.sessions.begin() as session:
+            scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
@@ -135,9 +135,11 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
-    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others.
+    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
+    rendered first, which changes no bit of how the picture ends.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
+    light_again(id, farm)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
@@ -154,6 +156,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
         elif change.spp is not None or change.more is not None:
             frame = session.get(Frame, (id, 0))
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
+        if "focus" in change.model_fields_set:
+            focus_on(job, change.focus)
         if change.state is not None:
             set_state(job, change.state, is_anew)
         session.flush()
@@ -181,22 +185,11 @@ def _shot(request: JobIn) -> Shot:
     return Shot(request.fps, request.clip, request.turntable, order, request.every)
 
 
-def _as_asked(request: JobIn, farm: Farm) -> str:
-    """The scene to render: under another sky, or with other materials of its file, it is another one, which is made here."""
-    sky = request.environment.sky if request.environment else None
-    if sky is None and request.variant is None:
+def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
+    """The scene to render: under another light, or with other materials of its file, it is made here."""
+    if asked["environment"] is None and request.variant is None:
         return request.scene
-    stored = changed(_scene(request.scene, farm), (sky.elevation, sky.azimuth) if sky else None, request.variant)
-    with farm.garbage.pinned(ref.sha256 for ref in stored.files):
-        _scene(request.scene, farm)  # where it is deleted by now, its files may be
-        return record(stored, farm.sessions, farm.changed).id
-
-
-def _scene(id: str, farm: Farm) -> Scene:
-    try:
-        return find_scene(id, farm)
-    except NotFound:
-        raise _no_scene(id) from None  # the id is in the body
+    return farm.lighting.row(request.scene, asked["environment"], request.variant).id
 
 
 def _no_scene(id: str) -> NotFound:
@@ -205,7 +198,7 @@ def _no_scene(id: str) -> NotFound:
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
-    if scene is None:
+    if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")
