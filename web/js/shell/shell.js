@@ -13,6 +13,9 @@ import { announce } from "./tray.js";
 /** A hiccup of a second or two is nobody's business. */
 const LOST_AFTER_MS = 1500;
 
+/** Beside the modules, and so of their version. */
+const ICON = new URL("../../icon.svg", import.meta.url).href;
+
 const THEMES = /** @type {const} */ ([
   ["system", "auto", "Theme: as the system"],
   ["light", "sun", "Theme: light"],
@@ -42,7 +45,7 @@ export function buildShell() {
     h(
       "a",
       { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" },
-      h("img", { src: "icon.svg", alt: "" }),
+      h("img", { src: ICON, alt: "" }),
       h("span", null, "Rayfarm"),
     ),
     h(
