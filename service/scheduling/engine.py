@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 
@@ -89,6 +90,7 @@ class Engine:
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
             *(self._denoising, self._vectors, change, tell_tiles),
         )
+        self._asked: deque[tuple[str, str]] = deque()  # scenes to prepare for a kind of workers, beside those that jobs need
         self._has_begun = False
         self._looked_around = 0.0
         self._stop = threading.Event()
@@ -140,6 +142,11 @@ class Engine:
         """A frame's motion vectors, made by a worker. Raises Unavailable where none can."""
         return self._awaited(self._vectors.want(wish))
 
+    def prepare(self, scene: str, kind: str) -> None:
+        """A scene is to be compiled for a kind of workers too."""
+        self._asked.append((scene, kind))
+        self._results.wake()
+
     def _awaited(self, answer: Future[MadeAside]) -> Future[MadeAside]:
         if not answer.done():
             self._results.wake()
@@ -177,6 +184,8 @@ class Engine:
             self._looked_around = time.monotonic()
             self._each_second()
         self._bulkheads.carry_out(self._lifecycle.end)
+        while self._asked:
+            self._preparing.want(*self._asked.popleft())
         self._preparing.fill()
         for job in self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy()):
             self._lifecycle.record(job)
