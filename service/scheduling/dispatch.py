@@ -27,7 +27,7 @@ from worker.contract import (
     prepare_queue,
     render_queue,
 )
-from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts, view_queue
+from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
 
 __all__ = ["Dispatcher", "QueueError"]
 
@@ -103,6 +103,7 @@ class Dispatcher:
         for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*")):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)
+        self._redis.delete(VIEW_ANSWERS)
 
     def close(self) -> None:
         """Close the connections."""

@@ -9,10 +9,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
-import uuid
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import redis
@@ -23,9 +22,10 @@ from renderer.settings import Tile
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.workers import Roster
 from service.settings import Settings
+from service.viewing.costs import Costs
+from service.viewing.handed import Handed
 from service.viewing.look import Look
 from service.viewing.moments import Moments
-from service.viewing.passes import Piece
 from service.viewing.watch import Picked, Watch
 from worker.contract import FrameInfo
 from worker.sums import unpack_sums
@@ -35,31 +35,13 @@ __all__ = ["Desk"]
 
 IDLE_S = 0.2  # between two looks at watchers who wait for something
 KEY_TTL_S = 15
-LINGER_S = 10.0
+LINGER_S = 1.0  # though nobody looks: for what slots were at; and for frames that are still prepared
+LINGER_FOR_FRAMES_S = 10.0
 REVIEW_EVERY_S = 0.5
 LOST_S = 3.0  # without a sign of a message in any slot
-UNKNOWN_COST_S = 2.5e-6  # of a sample of a pixel, of a scene that was never rendered here
-SMOOTHING = 0.3
-MOST_COSTS = 256
 FAILURES_ALLOWED = 3
 
 log = logging.getLogger(__name__)
-
-
-@dataclass
-class _Out:
-    """A message that is handed out and not over yet."""
-
-    watch: Watch
-    view: int
-    kind: str
-    pieces: dict[int, Piece]  # those that are not answered
-    id: str = field(default_factory=lambda: uuid.uuid4().hex)
-    heard: float = field(default_factory=time.monotonic)
-    has_begun: bool = False
-    is_compiling: bool = False
-    is_pick: tuple[int, int] | None = None
-    is_frame: bool = False
 
 
 class Desk:
@@ -79,12 +61,12 @@ class Desk:
         self._prepare = prepare
         self._moments = Moments(let_go)
         self._watches: dict[str, Watch] = {}
-        self._out: dict[str, _Out] = {}
-        self._costs: dict[str, float] = {}  # seconds of a sample of a pixel, by scene and integrator
+        self._out: dict[str, Handed] = {}
+        self._costs = Costs()
         self._losses: Counter[str] = Counter()  # of watches, since their view began
         self._orders: deque[Callable[[], None]] = deque()
         self._frames: dict[str, tuple[str, str]] = {}  # what messages about frames are about: their name, and the scene
-        self._lingers_until = 0.0  # though nobody looks: for what is still made for those who did
+        self._lingers_until = 0.0
         self._views = 0
         self._messages = 0
         self._reviewed = 0.0
@@ -145,7 +127,7 @@ class Desk:
         def order() -> None:
             self._watches.pop(watch.id, None)
             self._withdraw(watch)
-            self._lingers_until = time.monotonic() + LINGER_S if self._frames else 0.0
+            self._lingers_until = time.monotonic() + (LINGER_FOR_FRAMES_S if self._frames else LINGER_S)
             self._losses.pop(watch.id, None)
             self._redis.delete(view_key(watch.id))
             self._moments.keep({each.look.scene for each in self._watches.values() if each.look is not None})
@@ -154,7 +136,7 @@ class Desk:
 
     @property
     def _is_awake(self) -> bool:
-        return bool(self._watches) or (bool(self._frames) and time.monotonic() < self._lingers_until)
+        return bool(self._watches) or time.monotonic() < self._lingers_until
 
     def _order(self, order: Callable[[], None]) -> None:
         self._orders.append(order)
@@ -225,7 +207,7 @@ class Desk:
                 return
             compiled = info.compiled.sha256 if info.compiled else base
         slots = self._slots(kind)
-        watch.begin(settings, compiled, kind, self._cost(watch.look, kind), slots)
+        watch.begin(settings, compiled, kind, self._costs.of(watch.look, kind, self._roster()), slots)
         self._tell(watch, None, slots)
 
     def _kind(self, look: Look) -> str | None:
@@ -262,16 +244,15 @@ class Desk:
             watch.served = self._messages
             tiles = watch.passes.levels[pieces[0].level].tiles if watch.passes is not None else []
             parts = [Part(number, tiles[piece.tile], piece.first, piece.count) for number, piece in enumerate(pieces)]
-            out = _Out(watch, watch.view, watch.kind, dict(enumerate(pieces)))
+            out = Handed(watch, watch.view, watch.kind, dict(enumerate(pieces)))
             settings = watch.settings_of(pieces[0].level)
             self._send(out, ViewParts(out.id, watch.id, watch.view, watch.compiled, settings, parts))
 
-    def _send(self, out: _Out, work: ViewParts | ViewFrame) -> None:
+    def _send(self, out: Handed, work: ViewParts | ViewFrame) -> None:
         try:
             self._dispatcher.send_view(work, out.kind)
         except QueueError:
-            if out.watch.passes is not None and out.pieces:
-                out.watch.passes.lose(list(out.pieces.values()))
+            out.lose()
             raise
         self._out[out.id] = out
 
@@ -282,7 +263,7 @@ class Desk:
             or any(out.is_frame and out.watch is watch for out in self._out.values())
         ):
             return
-        out = _Out(watch, watch.view, kind, {}, is_frame=True)
+        out = Handed(watch, watch.view, kind, is_frame=True)
         base = watch.look.compiled[kind]
         work = watch.look.moment.work(watch.look.scene, base, watch.id, out.id)
         self._frames[out.id] = watch.look.moment.name(watch.look.scene, base), watch.look.scene
@@ -296,7 +277,7 @@ class Desk:
         if not (0 <= x < watch.settings.width and 0 <= y < watch.settings.height):
             return
         sharp = replace(watch.settings, view=replace(watch.settings.view, aperture=0.0))
-        out = _Out(watch, watch.view, watch.kind, {}, is_pick=(x, y))
+        out = Handed(watch, watch.view, watch.kind, pick=(x, y))
         part = Part(0, Tile(x, y, 1, 1), 0, 1)
         self._send(out, ViewParts(out.id, watch.id, watch.view, watch.compiled, sharp, [part], True))
 
@@ -305,8 +286,7 @@ class Desk:
         gone = [out for out in self._out.values() if out.watch is watch]
         for out in gone:
             del self._out[out.id]
-            if watch.passes is not None and out.view == watch.view:
-                watch.passes.lose(list(out.pieces.values()))
+            out.lose()
         for kind in {out.kind for out in gone}:
             self._dispatcher.take_back(view_queue(kind), {out.id for out in gone})
 
@@ -337,10 +317,8 @@ class Desk:
             case "begun":
                 self._tell(watch, None, self._slots(out.kind))
             case "compiling":
-                out.is_compiling = True
                 self._tell(watch, "The kernel for this scene is made ready: a minute or two, once.")
             case "part":
-                out.is_compiling = False
                 self._hear_part(out, answer)
             case "over":
                 self._end(out)
@@ -351,10 +329,10 @@ class Desk:
                 log.info("%s", answer.more.get("error"))
                 self._lost(out, str(answer.more.get("error", ""))[:2000])
 
-    def _hear_part(self, out: _Out, answer: ViewAnswer) -> None:
+    def _hear_part(self, out: Handed, answer: ViewAnswer) -> None:
         watch = out.watch
-        if out.is_pick is not None:
-            watch.picked.append(_picked(*out.is_pick, answer, watch.settings.film_exponent if watch.settings else 24))
+        if out.pick is not None:
+            watch.picked.append(_picked(*out.pick, answer, watch.settings.film_exponent if watch.settings else 24))
             watch.wake()
             return
         piece = out.pieces.pop(int(answer.more["number"]), None)
@@ -362,7 +340,7 @@ class Desk:
             return
         tile = watch.passes.levels[piece.level].tiles[piece.tile]
         watch.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
-        self._learn(watch.look, float(answer.more["seconds"]) / (tile.w * tile.h * piece.count))
+        self._costs.learn(watch.look, float(answer.more["seconds"]) / (tile.w * tile.h * piece.count))
         if watch.message is not None:
             self._tell(watch, None, self._slots(out.kind))
         if watch.is_due():
@@ -377,13 +355,12 @@ class Desk:
         else:
             self._moments.let_go(info)
 
-    def _end(self, out: _Out) -> None:
+    def _end(self, out: Handed) -> None:
         """A message is over; pieces of it that were not answered are asked for again."""
         self._out.pop(out.id, None)
-        if out.pieces and out.watch.passes is not None and out.view == out.watch.view:
-            out.watch.passes.lose(list(out.pieces.values()))
+        out.lose()
 
-    def _lost(self, out: _Out, error: str = "") -> None:
+    def _lost(self, out: Handed, error: str = "") -> None:
         self._end(out)
         self._losses[out.watch.id] += bool(error)
         if self._losses[out.watch.id] >= FAILURES_ALLOWED:
@@ -431,24 +408,6 @@ class Desk:
     def _tell_all(self, message: str) -> None:
         for watch in self._watches.values():
             self._tell(watch, message)
-
-    def _cost(self, look: Look, kind: str) -> float:
-        known = self._costs.get(_cost_name(look))
-        if known is not None:
-            return known
-        speeds = [report.samples_per_s for report in self._roster().ready() if report.kind == kind and report.samples_per_s > 0]
-        return max(UNKNOWN_COST_S, len(speeds) / sum(speeds)) if speeds else UNKNOWN_COST_S
-
-    def _learn(self, look: Look, cost_s: float) -> None:
-        name = _cost_name(look)
-        before = self._costs.pop(name, cost_s)
-        self._costs[name] = max(1e-9, before + (cost_s - before) * SMOOTHING)
-        if len(self._costs) > MOST_COSTS:
-            del self._costs[next(iter(self._costs))]
-
-
-def _cost_name(look: Look) -> str:
-    return f"{look.scene} {look.settings.integrator} {look.settings.max_depth}"
 
 
 def _picked(x: int, y: int, answer: ViewAnswer, film_exponent: int) -> Picked:

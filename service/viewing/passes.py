@@ -16,7 +16,7 @@ from renderer.settings import Tile, tiles_of
 
 __all__ = ["FIRST_S", "Level", "Passes", "Piece", "levels_of"]
 
-FIRST_S = 0.05
+FIRST_S = 0.035
 PIECE_S = 0.03
 MESSAGE_S = 0.1
 SMALLEST = 32 * 32  # pixels

@@ -2,9 +2,9 @@
 
     python3 farm.py bench view [--scene spheres] [--slots 2] [--views 60] [--size 960x540] [--busy]
 
-A farm with so many slots, one watcher. First each camera is sent when the last picture rests: the time until its first picture is
-here. Then cameras come 30 a second, as from a moving hand: the age of the camera that each picture shows. At last the time to 1, 4,
-16 and 64 samples a pixel. --busy: while a job renders, whose batches the views have to wait for. Target: a new view within 150 ms.
+A farm with so many slots, one watcher. First each camera is sent when the last picture rests: the time until its first picture
+is here. Then cameras come 30 a second, as from a moving hand: the age of the camera that each picture shows. At last the time to
+1, 4, 16 and 64 samples a pixel. --busy: while a job renders, for whose batches the views wait. Target: a new view within 150 ms.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Viewer:
 
     def send(self, angle: float) -> int:
         """Another camera: the scene's own, turned."""
-        (ex, ey, ez), (tx, ty, tz) = self.view["eye"], self.view["target"]
+        (ex, ey, ez), (tx, _, tz) = self.view["eye"], self.view["target"]
         x, z = ex - tx, ez - tz
         c, s = math.cos(angle), math.sin(angle)
         view = {**self.view, "eye": [tx + c * x - s * z, ey, tz + s * x + c * z]}
