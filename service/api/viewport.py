@@ -163,8 +163,7 @@ class _Viewer:
 
     def _is_unprepared(self) -> bool:
         """Whether the scene may have been compiled meanwhile for the workers that are here."""
-        look = self.watch.look
-        return look is not None and self.watch.settings is None and self.watch.message is not None
+        return self.watch.look is not None and self.watch.message is not None
 
     async def send(self) -> None:
         """Speak until the service ends."""

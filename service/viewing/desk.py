@@ -98,7 +98,10 @@ class Desk:
         def order() -> None:
             if not watch.is_closed:
                 self._watches[watch.id] = watch
-                watch.wanted = look
+                if watch.look is not None and (look.id, look.request) == (watch.look.id, watch.look.request):
+                    watch.look = look  # it may be compiled for other workers by now
+                else:
+                    watch.wanted = look
 
         self._order(order)
 
