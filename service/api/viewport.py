@@ -26,7 +26,6 @@ import contextlib
 import json
 import time
 from collections import deque
-from dataclasses import asdict
 from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
@@ -171,7 +170,7 @@ class _Viewer:
             while self._errors:
                 await self._socket.send_text(json.dumps(self._errors.popleft()))
             while self.watch.picked:
-                await self._socket.send_text(json.dumps({"type": "picked", **asdict(self.watch.picked.pop(0))}))
+                await self._socket.send_text(json.dumps({"type": "picked", **self.watch.picked.pop(0)}))
             picture = None
             if len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.watch.is_due():
                 picture = await run_in_threadpool(self.watch.take, self._seq + 1)

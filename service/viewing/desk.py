@@ -11,14 +11,12 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import redis
 
 from renderer.errors import SettingsError
-from renderer.film import CHANNELS, DEPTH, POSITION, SAMPLES, mean
-from renderer.settings import Tile
+from renderer.film import SAMPLES
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.workers import Roster
 from service.settings import Settings
@@ -26,7 +24,8 @@ from service.viewing.costs import Costs
 from service.viewing.handed import Handed
 from service.viewing.look import Look
 from service.viewing.moments import Moments
-from service.viewing.watch import Picked, Watch
+from service.viewing.picking import picked, picking
+from service.viewing.watch import Watch
 from worker.contract import FrameInfo
 from worker.sums import unpack_sums
 from worker.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
@@ -279,10 +278,8 @@ class Desk:
         watch.pick = None
         if not (0 <= x < watch.settings.width and 0 <= y < watch.settings.height):
             return
-        sharp = replace(watch.settings, view=replace(watch.settings.view, aperture=0.0))
         out = Handed(watch, watch.view, watch.kind, pick=(x, y))
-        part = Part(0, Tile(x, y, 1, 1), 0, 1)
-        self._send(out, ViewParts(out.id, watch.id, watch.view, watch.compiled, sharp, [part], True))
+        self._send(out, picking(watch, out.id, x, y))
 
     def _withdraw(self, watch: Watch) -> None:
         """Take back what is handed out for a watcher; what a slot is at comes to nothing."""
@@ -335,7 +332,7 @@ class Desk:
     def _hear_part(self, out: Handed, answer: ViewAnswer) -> None:
         watch = out.watch
         if out.pick is not None:
-            watch.picked.append(_picked(*out.pick, answer, watch.settings.film_exponent if watch.settings else 24))
+            watch.picked.append(picked(*out.pick, answer))
             watch.wake()
             return
         piece = out.pieces.pop(int(answer.more["number"]), None)
@@ -411,13 +408,3 @@ class Desk:
     def _tell_all(self, message: str) -> None:
         for watch in self._watches.values():
             self._tell(watch, message)
-
-
-def _picked(x: int, y: int, answer: ViewAnswer, film_exponent: int) -> Picked:
-    sums = unpack_sums(answer.sums, Tile(x, y, 1, 1))
-    assert sums.shape[0] == CHANNELS
-    depth = float(mean(sums, film_exponent, DEPTH)[0, 0])
-    if depth <= 0.0:
-        return Picked(x, y, None, None)
-    px, py, pz = (float(value) for value in mean(sums, film_exponent, POSITION)[0, 0])
-    return Picked(x, y, depth, (px, py, pz))

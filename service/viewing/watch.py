@@ -9,7 +9,8 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 from renderer.film import Sums
 from renderer.settings import RenderSettings
@@ -18,20 +19,10 @@ from service.viewing.look import Look
 from service.viewing.passes import Passes, Piece, levels_of
 from service.viewing.view_packet import packet
 
-__all__ = ["Picked", "Watch"]
+__all__ = ["Watch"]
 
 SHOW_EVERY_S = 0.25  # while a picture is not complete at its number of samples
 HOLD_S = 0.5  # that a view which has no picture yet goes on though a newer one is wanted: else a moving hand would see none
-
-
-@dataclass(frozen=True)
-class Picked:
-    """What lies under a pixel: its distance from the eye and its place in the world; None where nothing is."""
-
-    x: int
-    y: int
-    depth: float | None
-    position: tuple[float, float, float] | None
 
 
 class Watch:
@@ -52,7 +43,7 @@ class Watch:
         self.message: str | None = None  # why there is nothing new
         self.error: str | None = None
         self.slots = 0
-        self.picked: list[Picked] = []
+        self.picked: list[dict[str, Any]] = []  # for the page
         self.pick: tuple[int, int] | None = None
         self.passes: Passes | None = None
         self.begun = 0.0

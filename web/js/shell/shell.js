@@ -4,7 +4,6 @@ import { fill, h, setText } from "../base/dom.js";
 import { jobs, lost, workers } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
-import { isPassing } from "../news/passing.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 
@@ -74,7 +73,7 @@ export function buildShell() {
     found.tally.title = label;
   };
   jobs.subscribe((all) => {
-    const running = (all ?? []).filter((job) => ["running", "queued"].includes(job.state) && !isPassing(job)).length;
+    const running = (all ?? []).filter((job) => ["running", "queued"].includes(job.state)).length;
     setTally("jobs", running, `${running} under way`);
   });
   workers.subscribe((all) =>

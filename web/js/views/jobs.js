@@ -3,7 +3,6 @@
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { hidden, jobs, workers } from "../news/farm.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
-import { isPassing } from "../news/passing.js";
 import { here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
 import { jobRow } from "./job-row.js";
@@ -47,7 +46,7 @@ export function jobsView() {
 
   const refresh = () => {
     if (!jobs.value) return;
-    const seen = jobs.value.filter((job) => !hidden.value.has(job.id) && !isPassing(job));
+    const seen = jobs.value.filter((job) => !hidden.value.has(job.id));
     for (const { key, button, tally } of tabs) {
       const matches = FILTERS.find(([name]) => name === key)?.[2] ?? (() => true);
       button.setAttribute("aria-pressed", String(key === filter));
