@@ -161,7 +161,8 @@ class Desk:
             try:
                 self._step()
             except (redis.RedisError, QueueError) as error:
-                self._tell_all(f"Redis does not answer ({error}).")
+                for watch in self._watches.values():
+                    self._tell(watch, f"Redis does not answer ({error}).")
                 self._stop.wait(IDLE_S)
             except Exception:
                 log.exception("a fault at the desk of views")
