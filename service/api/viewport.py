@@ -47,6 +47,7 @@ MAX_UNACKNOWLEDGED = 2
 STATE_EVERY_S = 0.2
 SPEAK_EVERY_S = 5.0
 WAIT_S = 0.25
+PREPARING_S = 0.1
 AGAIN_S = 1.0  # after which a view that cannot be rendered yet is looked at again
 MOST_BYTES = 1 << 16  # of a message
 NOT_FOUND = 4404
@@ -82,6 +83,7 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
         for task in tasks:
             with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
                 await task
+        viewer.release()
 
 
 class _Viewer:
@@ -97,6 +99,9 @@ class _Viewer:
         self._seq = 0
         self._told: dict[str, Any] = {}
         self._told_at = 0.0
+        self._notice: str | None = None  # why the view that was asked for is not looked at yet
+        self._rests_s = AGAIN_S
+        self._held: str | None = None  # the scene's row
         loop = asyncio.get_running_loop()
 
         def wake() -> None:
@@ -147,22 +152,43 @@ class _Viewer:
         """Find out what the newest view that was asked for means, and have it rendered."""
         while True:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._asked.wait(), AGAIN_S)
+                await asyncio.wait_for(self._asked.wait(), self._rests_s)
             is_new = self._asked.is_set()
             self._asked.clear()
             ask = self._ask
             if ask is None or not (is_new or self._is_unprepared()):
                 continue
+            self._notice, self._rests_s = None, AGAIN_S
             try:
-                look = await run_in_threadpool(_look, self._farm, self._scene, ask)
+                look = await run_in_threadpool(self._look, ask)
             except FarmError as error:
                 self._refuse(str(error), ask.id)
+                continue
+            if look is None:
+                self._notice, self._rests_s = "The scene is prepared for this light.", PREPARING_S
             else:
                 self._farm.desk.show(self.watch, look)
 
     def _is_unprepared(self) -> bool:
         """Whether the scene may have been compiled meanwhile for the workers that are here."""
-        return self.watch.look is not None and self.watch.message is not None
+        return self._notice is not None or (self.watch.look is not None and self.watch.message is not None)
+
+    def _look(self, ask: ViewIn) -> Look | None:
+        """What is to be rendered; None while the scene is prepared for it. Raises FarmError."""
+        request = ask.model_dump(mode="json", exclude={"id"})
+        lighting = self._farm.lighting
+        row = lighting.row(self._scene, request["environment"], request["variant"])
+        if row.id != self._held:
+            lighting.hold(row.id)
+            self.release()
+            self._held = row.id
+        return None if row.status == "preparing" else look_at(ask.id, request, row, ask.is_shot, ask.numbers()[0])
+
+    def release(self) -> None:
+        """What is looked at need not be kept any longer."""
+        if self._held is not None:
+            self._farm.lighting.release(self._held)
+            self._held = None
 
     async def send(self) -> None:
         """Speak until the service ends."""
@@ -189,10 +215,10 @@ class _Viewer:
         watch, now = self.watch, time.monotonic()
         state: dict[str, Any]
         if watch.look is None:
-            state = {"id": None, "samples": 0, "bound": 0, "slots": 0, "message": None}
+            state = {"id": None, "samples": 0, "bound": 0, "slots": 0, "message": self._notice}
         else:
             about = {"id": watch.look.id, "samples": watch.samples, "bound": watch.bound}
-            state = {**about, "slots": watch.slots, "message": watch.message}
+            state = {**about, "slots": watch.slots, "message": self._notice or watch.message}
             if watch.error is not None and self._told.get("error") != (watch.look.id, watch.error):
                 self._told["error"] = (watch.look.id, watch.error)
                 await self._socket.send_text(json.dumps({"type": "error", "id": watch.look.id, "detail": watch.error}))
@@ -201,8 +227,3 @@ class _Viewer:
         if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
             self._told["state"], self._told_at = state, now
             await self._socket.send_text(json.dumps({"type": "state", **state}))
-
-
-def _look(farm: Farm, scene: str, ask: ViewIn) -> Look:
-    request = ask.model_dump(mode="json", exclude={"id"})
-    return look_at(ask.id, request, find_scene(scene, farm), ask.is_shot, ask.numbers()[0])

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from renderer.settings import MAX_SPP, RenderSettings
+from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.plan import Range
@@ -45,7 +45,7 @@ class ActiveJob:
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
-        self.scene = row.scene
+        self.scene = row.stage
         self.created = row.created
         self.request = row.request
         self.film = film
@@ -62,6 +62,7 @@ class ActiveJob:
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frames = {frame.number: self._frame(frame) for frame in frames}
+        self.focus_on(row.focus)
         self._totals = Totals(self.frames)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
@@ -71,6 +72,7 @@ class ActiveJob:
         self.rests_until = 0.0
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
+        self.rendered, self.rendered_s = 0, 0.0  # samples in this life of the service, and seconds that slots took for them
         self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
         self._tile_cost: dict[int, float] = {}
         self._clock = time.monotonic()
@@ -273,6 +275,11 @@ class ActiveJob:
             frame.ask(spp, noise)
             frame.plan  # noqa: B018
 
+    def focus_on(self, focus: Sequence[int] | None) -> None:
+        """Let a rectangle (x, y, w, h) of every frame be rendered first; None: no more."""
+        for frame in self.frames.values():
+            frame.focus_on(None if focus is None else Tile(*focus))
+
     def tick(self, rendering: bool) -> None:
         """Let the wall clock run, where the job is being rendered, and renew its speed about once a second."""
         now = time.monotonic()
@@ -289,5 +296,7 @@ class ActiveJob:
         rect = self.film.tiles[batch.tile]
         cost = seconds / (rect.w * rect.h * batch.count)
         if cost > 0.0:
+            self.rendered += rect.w * rect.h * batch.count
+            self.rendered_s += seconds
             self._tile_cost[batch.tile] = cost
             self._pixel_cost += (cost - self._pixel_cost) * (SMOOTHING if self._pixel_cost else 1.0)

@@ -37,4 +37,4 @@ class Costs:
 
 
 def _name(look: Look) -> str:
-    return f"{look.scene} {look.settings.integrator} {look.settings.max_depth}"
+    return f"{look.upload} {look.settings.integrator} {look.settings.max_depth}"

@@ -22,6 +22,7 @@ from service.scheduling.workers import Roster
 from service.settings import Settings
 from service.viewing.costs import Costs
 from service.viewing.handed import Handed
+from service.viewing.hands import Hands
 from service.viewing.look import Look
 from service.viewing.moments import Moments
 from service.viewing.picking import picked, picking
@@ -57,7 +58,7 @@ class Desk:
         self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
         self._dispatcher = Dispatcher(settings.redis_url, self._redis)
         self._roster = roster
-        self._prepare = prepare
+        self._hands = Hands(roster, prepare)
         self._moments = Moments(let_go)
         self._watches: dict[str, Watch] = {}
         self._out: dict[str, Handed] = {}
@@ -192,9 +193,9 @@ class Desk:
             self._redis.set(view_key(watch.id), watch.view, ex=KEY_TTL_S)
         if watch.look is None or watch.settings is not None or watch.error is not None:
             return
-        kind = self._kind(watch.look)
+        kind = self._hands.kind(watch.look)
         if kind is None:
-            self._tell(watch, self._nobody(watch.look))
+            self._tell(watch, self._hands.nobody(watch.look))
             return
         moment, base = watch.look.moment, watch.look.compiled[kind]
         settings, compiled = watch.look.settings, base
@@ -209,26 +210,9 @@ class Desk:
                 self._fail(watch, f"{error}.")
                 return
             compiled = info.compiled.sha256 if info.compiled else base
-        slots = self._slots(kind)
+        slots = self._hands.slots(kind)
         watch.begin(settings, compiled, kind, self._costs.of(watch.look, kind, self._roster()), slots)
         self._tell(watch, None, slots)
-
-    def _kind(self, look: Look) -> str | None:
-        """Of the kinds that the scene is compiled for, the one with most slots."""
-        kinds = [kind for kind in look.compiled if self._slots(kind)]
-        return max(sorted(kinds), key=self._slots, default=None)
-
-    def _slots(self, kind: str) -> int:
-        return sum(report.slots for report in self._roster().ready() if report.kind == kind and report.views)
-
-    def _nobody(self, look: Look) -> str:
-        ready = [report for report in self._roster().ready() if report.views]
-        if ready:
-            self._prepare(look.scene, ready[0].kind)
-            return "The scene is prepared for the workers that are here."
-        if self._roster().ready():
-            return "The workers are of an older release, which shows no views."
-        return "Waits for a worker."
 
     def _fill(self) -> None:
         """Hand out what is to be rendered, so that every slot has something in hand and something to go on with."""
@@ -238,7 +222,7 @@ class Desk:
         hungry = {watch.id: watch for watch in self._watches.values() if watch.passes is not None and not watch.is_paused}
         while hungry:
             watch = min(hungry.values(), key=lambda each: each.served)
-            room = 2 * self._slots(watch.kind) - sum(out.kind == watch.kind for out in self._out.values())
+            room = 2 * self._hands.slots(watch.kind) - sum(out.kind == watch.kind for out in self._out.values())
             pieces = watch.passes.next() if room > 0 and watch.passes is not None else []
             if not pieces:
                 del hungry[watch.id]
@@ -316,7 +300,7 @@ class Desk:
         out.heard, out.has_begun = time.monotonic(), True
         match answer.type:
             case "begun":
-                self._tell(watch, None, self._slots(out.kind))
+                self._tell(watch, None, self._hands.slots(out.kind))
             case "compiling":
                 self._tell(watch, "The kernel for this scene is made ready: a minute or two, once.")
             case "part":
@@ -343,7 +327,7 @@ class Desk:
         watch.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
         self._costs.learn(watch.look, float(answer.more["seconds"]) / (tile.w * tile.h * piece.count))
         if watch.message is not None:
-            self._tell(watch, None, self._slots(out.kind))
+            self._tell(watch, None, self._hands.slots(out.kind))
         if watch.is_due():
             watch.wake()
 
@@ -380,20 +364,20 @@ class Desk:
             keys.execute()
         waiting = {kind: bool(self._redis.llen(view_queue(kind))) for kind in {out.kind for out in self._out.values()}}
         for out in list(self._out.values()):
-            if out.id in in_hand or (not out.has_begun and waiting[out.kind] and self._slots(out.kind)):
+            if out.id in in_hand or (not out.has_begun and waiting[out.kind] and self._hands.slots(out.kind)):
                 out.heard = now
             elif now - out.heard > LOST_S:
                 self._lost(out)
         for watch in self._watches.values():
-            if watch.look is not None and watch.settings is not None and not self._slots(watch.kind):
-                if self._kind(watch.look) is not None:
+            if watch.look is not None and watch.settings is not None and not self._hands.slots(watch.kind):
+                if self._hands.kind(watch.look) is not None:
                     self._withdraw(watch)
                     watch.begin_again()
                     continue
-                self._tell(watch, self._nobody(watch.look))
+                self._tell(watch, self._hands.nobody(watch.look))
             own = [out for out in self._out.values() if out.watch is watch]
             if own and not watch.has_picture and now - watch.begun > 1.0 and not any(out.has_begun for out in own):
-                self._tell(watch, "Waits for a free slot.", self._slots(watch.kind))
+                self._tell(watch, "Waits for a free slot.", self._hands.slots(watch.kind))
 
     def _fail(self, watch: Watch, error: str) -> None:
         self._withdraw(watch)

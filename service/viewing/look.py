@@ -51,7 +51,8 @@ class Look:
     """A view, settled."""
 
     id: int  # as the page named it
-    scene: str
+    upload: str  # the scene's id for people
+    scene: str  # that of what is rendered: the same under another light is another
     settings: RenderSettings
     samples: int
     compiled: dict[str, str]  # kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning
@@ -64,12 +65,12 @@ class Look:
 
 
 def look_at(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame: float) -> Look:
-    """What a request means for a scene. request: a job's (service.api.schemas.JobIn), as JSON; is_shot: whether it is more than a
-    still of the scene's beginning. Raises Conflict and Invalid."""
+    """What a request means for a scene that is ready, and lit as the request wants it. Raises Conflict and Invalid.
+
+    request: a job's (service.api.schemas.JobIn), as JSON. is_shot: whether it is more than a still of the scene's beginning.
+    """
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")
-    if scene.status != "ready":
-        raise Conflict("The scene is being prepared.")
     job = Job(request=request, spp=1, noise=None, seconds=None, tile_size=64, shot=None)
     try:
         resolve(job, scene, MOST_PIXELS)
@@ -87,4 +88,4 @@ def look_at(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame
         )
     samples = min(request.get("spp") or MOST_SAMPLES, MOST_SAMPLES)
     compiled = {kind: str(ref["sha256"]) for kind, ref in scene.compiled.items()}
-    return Look(id, scene.id, settings, samples, compiled, request, moment)
+    return Look(id, scene.of or scene.id, scene.id, settings, samples, compiled, request, moment)

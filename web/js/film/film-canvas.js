@@ -4,13 +4,13 @@
  */
 
 import { FilmLayer } from "./film-layer.js";
-import { FRAGMENT, VERTEX, curveIndex } from "./film-shader.js";
+import { FRAGMENT, VERTEX, curveIndex, partIndex } from "./film-shader.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
-/** @typedef {{exposure: number, curve: string}} Look */
+/** @typedef {{exposure: number, curve: string, part?: string}} Look */
 
-const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "raw"]);
+const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "raw", "part"]);
 
 /** The browser cannot show a film: the message says why, for a person. */
 export class CannotShow extends Error {}
@@ -144,6 +144,7 @@ export class FilmCanvas {
   drawLayer(layer, left, width) {
     const { gl, canvas, viewport, look, uniforms } = this;
     if (!layer.texture || !layer.size || width <= 0) return;
+    if (layer.film?.isBlank && !layer.image) return; // what lies under the canvas is seen
     gl.scissor(left, 0, width, canvas.height);
     gl.bindTexture(gl.TEXTURE_2D, layer.texture);
     gl.uniform1i(uniforms?.film ?? null, 0);
@@ -152,6 +153,7 @@ export class FilmCanvas {
     gl.uniform1f(uniforms?.scale ?? null, (viewport.scale * viewport.picture.width) / layer.size.width);
     gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
     gl.uniform1i(uniforms?.curve ?? null, curveIndex(look.curve));
+    gl.uniform1i(uniforms?.part ?? null, partIndex(look.part ?? ""));
     gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }

@@ -7,6 +7,7 @@ import { h } from "../base/dom.js";
 import { FilmCanvas } from "./film-canvas.js";
 import { panAndZoom } from "./pan-zoom.js";
 import { PixelOverlay } from "./pixel-overlay.js";
+import { Poster } from "./poster.js";
 import { Viewport } from "./viewport.js";
 
 /** @typedef {import("./film-canvas.js").Look} Look */
@@ -34,8 +35,11 @@ export class FilmView {
     this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
     this.canvas.setPicture(width, height);
     this.layers = this.canvas.layers;
+    /** @type {Poster | null} */
+    this.poster = null;
     this.canvas.afterDraw = () => {
       this.over.draw();
+      this.placePoster();
       // Where the picture lies, for whoever compares screenshots with films.
       const { scale, x, y } = this.viewport;
       this.element.dataset.view = `${scale} ${x} ${y}`;
@@ -70,6 +74,25 @@ export class FilmView {
   filmAt(cx) {
     const layer = this.layers[cx < this.canvas.wipe * this.viewport.canvas.width ? 0 : 1];
     return layer.image ? null : layer.film;
+  }
+
+  /** What is shown until the first film has something. @param {string | null} url of an image; null: black */
+  setPoster(url) {
+    this.poster?.element.remove();
+    this.poster = new Poster(url);
+    this.element.prepend(this.poster.element);
+    this.placePoster();
+  }
+
+  placePoster() {
+    if (!this.poster) return;
+    if (this.layers[0].film?.isBlank !== false) {
+      this.poster.place(this.viewport, this.canvas.canvas);
+      return;
+    }
+    this.poster.element.remove();
+    this.poster = null;
+    this.element.dataset.film = "here";
   }
 
   /** @param {Look} look */

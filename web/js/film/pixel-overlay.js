@@ -7,7 +7,8 @@ import { radiance } from "../base/format.js";
 
 /** @typedef {import("./film.js").Film} Film */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
-/** @typedef {{x: number, y: number, w: number, h: number, label: string}} Outline */
+/** @typedef {{x: number, y: number, w: number, h: number, label: string, short: string, worker: string, colour: string}} Outline */
+/** Something else that lies over the picture. @typedef {(over: PixelOverlay, ratio: number) => void} Mark */
 
 /** CSS pixels that a picture pixel must measure before its three values fit into it. */
 const VALUES_FROM = 44;
@@ -31,7 +32,17 @@ export class PixelOverlay {
     this.cursor = null;
     /** @type {Outline[]} */
     this.outlines = [];
+    /** By the name of what put them there. @type {Map<string, Mark>} */
+    this.marks = new Map();
     this.exposure = 0;
+  }
+
+  /** @param {string} name @param {Mark | null} mark null: takes it away */
+  setMark(name, mark) {
+    if (!mark && !this.marks.has(name)) return;
+    if (mark) this.marks.set(name, mark);
+    else this.marks.delete(name);
+    this.draw();
   }
 
   draw() {
@@ -43,26 +54,23 @@ export class PixelOverlay {
     const values = viewport.scale >= VALUES_FROM * ratio;
     const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
     // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
-    canvas.hidden = !values && !cursor && this.outlines.length === 0;
+    canvas.hidden = !values && !cursor && this.outlines.length === 0 && this.marks.size === 0;
     for (const outline of this.outlines) this.drawOutline(outline);
     if (values) this.drawValues(ratio);
+    for (const mark of this.marks.values()) mark(this, ratio);
     if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
   }
 
   /** @param {Outline} outline */
-  drawOutline({ x, y, w, h, label }) {
-    this.strokeTwice(x, y, w, h, true);
+  drawOutline({ x, y, w, h, label, short, colour }) {
+    this.strokeTwice(x, y, w, h, { corners: true, colour });
     const { context, viewport } = this;
     const ratio = devicePixelRatio;
     context.font = `600 ${10 * ratio}px system-ui, sans-serif`;
-    if (w * viewport.scale < context.measureText(label).width + 8 * ratio || h * viewport.scale < 18 * ratio) return;
-    this.text(
-      label,
-      viewport.x + x * viewport.scale + 4 * ratio,
-      viewport.y + y * viewport.scale + 12 * ratio,
-      "#fff",
-      ratio,
-    );
+    const room = w * viewport.scale - 8 * ratio;
+    const fits = [label, short].find((text) => context.measureText(text).width < room);
+    if (!fits || h * viewport.scale < 18 * ratio) return;
+    this.text(fits, viewport.x + x * viewport.scale + 4 * ratio, viewport.y + y * viewport.scale + 12 * ratio, colour, ratio);
   }
 
   /**
@@ -72,9 +80,9 @@ export class PixelOverlay {
    * @param {number} y
    * @param {number} w
    * @param {number} h
-   * @param {boolean} [corners] only the corners, as render buckets are shown
+   * @param {{corners?: boolean, colour?: string, dash?: boolean}} [look] only the corners, as render buckets are shown
    */
-  strokeTwice(x, y, w, h, corners = false) {
+  strokeTwice(x, y, w, h, { corners = false, colour = "#fff", dash = false } = {}) {
     const { context, viewport } = this;
     const left = Math.round(viewport.x + x * viewport.scale);
     const top = Math.round(viewport.y + y * viewport.scale);
@@ -84,10 +92,11 @@ export class PixelOverlay {
     const arm = corners ? Math.min(10 * ratio, (right - left) / 3, (bottom - top) / 3) : 0;
     for (const [style, line] of /** @type {const} */ ([
       ["rgb(0 0 0 / 0.75)", 3 * ratio],
-      [corners ? "#ffb648" : "#fff", 1.25 * ratio],
+      [colour, 1.25 * ratio],
     ])) {
       context.strokeStyle = style;
       context.lineWidth = line;
+      context.setLineDash(dash && style === colour ? [6 * ratio, 4 * ratio] : []);
       context.beginPath();
       if (corners) {
         for (const [cx, sx] of /** @type {const} */ ([
@@ -108,6 +117,7 @@ export class PixelOverlay {
       }
       context.stroke();
     }
+    context.setLineDash([]);
   }
 
   /** @param {number} ratio */

@@ -40,7 +40,7 @@ export function homeView() {
   const showJobs = keyedList(
     jobList,
     (job) => job.id,
-    (job) => jobRow(job, life),
+    (job) => jobRow(job),
   );
 
   const refresh = () => {

@@ -5,10 +5,16 @@ import { canDenoise } from "../job/denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
+import { lightWords } from "../base/light-words.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
+import { focusTool } from "../job/focus-tool.js";
+import { histogramPanel } from "../job/histogram-panel.js";
+import { pinsPanel } from "../job/pins.js";
+import { pictureTools } from "../job/picture-tools.js";
+import { asItLooks } from "../job/save-panel.js";
 import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { savePanel } from "../job/save-panel.js";
@@ -79,12 +85,19 @@ function open(page, job, life) {
   };
   const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
   const asked = isShot(job) ? askedFrame(job) : undefined;
-  const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right), asked);
+  const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
+  picture.onHands(look.showHands);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
-  const save = savePanel(job, display, () => picture.live);
+  const save = savePanel(display, () => picture.live);
   const actions = actionsPanel();
   const progress = progressPanel();
+  const pins = pinsPanel(picture, display, life);
+  const focus = focusTool(job, picture, life);
+  const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button]);
+  const histogram = histogramPanel(picture.live, display, life);
+  picture.tools.append(tools.element);
+  life.add(addShortcuts([...focus.keys, ...pins.keys, ...tools.keys]));
   const chip = stateChip(job.state);
   const line = progressBar("Progress");
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
@@ -136,7 +149,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, shot?.panel, look.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, shot?.panel, pins.element, look.element, histogram, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
@@ -145,7 +158,7 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress, shot]) part?.update(next);
+    for (const part of [picture, actions, progress, focus, shot]) part?.update(next);
   };
 }
 
@@ -155,6 +168,7 @@ function details(job, life) {
   const rows = [
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
     ...shotRows(job, life),
+    ["Light", lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || "The scene's own"],
     ["Size", `${job.width}×${job.height}`],
     ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
@@ -210,7 +224,7 @@ function shotRows(job, life) {
 function told(settings) {
   if (!settings) return [];
   return known()
-    .settings.filter(({ name }) => name !== "width" && name !== "height")
+    .settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment")
     .filter((setting) => isRead(setting, settings.integrator))
     .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name]) !== String(usual))
     .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);

@@ -13,7 +13,7 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
-import { choose } from "../shell/uploads.js";
+import { addFiles, choose } from "../shell/uploads.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { renderStrip } from "../scene/render-strip.js";
@@ -127,6 +127,7 @@ function failed(page, scene) {
         icon("folder"),
         "Upload a folder",
       ),
+      addButton(scene, scene.error),
     ),
   );
   return () => {};
@@ -154,6 +155,7 @@ function ready(page, scene, life) {
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like, here().params.has("shot"));
+  life.add(form.dispose);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => form.update()));
   life.add(
@@ -235,8 +237,25 @@ function viewOf(scene, form, life) {
   return live.element;
 }
 
+/**
+ * Where a sentence says that a file is missing: just that one need be sent.
+ *
+ * @param {Scene} scene
+ * @param {string | null} sentences
+ */
+function addButton(scene, sentences) {
+  if (!sentences?.includes("; add it")) return null;
+  return h(
+    "button",
+    { class: "button", type: "button", onclick: () => addFiles(scene) },
+    icon("plus"),
+    "Add files",
+  );
+}
+
 /** @param {Scene} scene */
-function warnings({ warnings: sentences }) {
+function warnings(scene) {
+  const sentences = scene.warnings;
   if (!sentences.length) return null;
   return h(
     "div",
@@ -247,6 +266,7 @@ function warnings({ warnings: sentences }) {
       { "aria-label": "Warnings" },
       sentences.map((sentence) => h("li", null, sentence)),
     ),
+    addButton(scene, sentences.join(" ")),
   );
 }
 
