@@ -10,7 +10,7 @@ import functools
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
-__all__ = ["BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker", "read", "read_list"]
+__all__ = ["BadSample", "Camera", "Environment", "Frame", "Job", "Scene", "Shot", "Worker", "read", "read_list"]
 
 T = TypeVar("T")
 
@@ -48,6 +48,16 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
     defaults: dict[str, Any] = field(default_factory=dict)  # settings that the scene file asks for
     thumbnail: str | None = None
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Light from all around: a preset, or an image that was uploaded."""
+
+    id: str
+    name: str
+    kind: str  # preset or image
+    environment: dict[str, Any]  # what a job's request asks for it by
 
 
 @dataclass(frozen=True)

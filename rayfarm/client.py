@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 
 import httpx
 
-from rayfarm.answers import Frame, Job, Scene, Worker, read, read_list
+from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_list
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
@@ -101,6 +101,20 @@ class Client:
                 raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
             timeout = httpx.Timeout(3600.0, connect=5.0)
             return self._read(Scene, self._send("POST", "/api/scenes", data=fields, files=parts, timeout=timeout))
+
+    def upload_environment(self, image: Path) -> Environment:
+        """Upload an equirectangular image that lights scenes.
+
+        farm.submit(scene.id, environment={"image": farm.upload_environment(here / "studio.exr").id})
+        """
+        try:
+            with image.open("rb") as file:
+                sent = self._send(
+                    "POST", "/api/environments", files=[("file", (image.name, file))], timeout=httpx.Timeout(3600.0)
+                )
+        except OSError as error:
+            raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
+        return self._read(Environment, sent)
 
     def scene(self, scene: str) -> Scene:
         """A scene as it is now.

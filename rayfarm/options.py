@@ -13,6 +13,7 @@ from renderer.aovs import MOTION, NAMES
 from renderer.cameras import camera_number
 from renderer.described import sentences
 from renderer.errors import SettingsError
+from renderer.presets import PRESETS
 from renderer.settings import Tile, Vec3
 from renderer.work import SHOT
 
@@ -158,11 +159,13 @@ def parse_pixel(text: str) -> tuple[int, int]:
 
 
 class Env(NamedTuple):
-    """Light from all around: an image file, a linear colour, or a sky's sun (elevation and azimuth); at most one of them."""
+    """Light from all around: an image file, a linear colour, a sky's sun (elevation and azimuth), or a preset's name
+    (renderer/presets.py); at most one of them."""
 
     image: Path | None = None
     color: Vec3 | None = None
     sky: tuple[float, float] | None = None
+    preset: str | None = None
 
 
 def environment_of(text: str | None) -> Env:
@@ -174,13 +177,16 @@ def environment_of(text: str | None) -> Env:
     path = Path(text).expanduser()
     if path.is_file():
         return Env(image=path)
+    if text in PRESETS:
+        return Env(preset=text)
     if text.count(",") == 2:
         color = parse_vec3(text, "--env")
         if min(color) < 0:
             raise CommandError(f"--env is {text!r}; light cannot be negative")
         return Env(color=color)
     raise CommandError(
-        f"--env is {text!r}; there is no such file, a colour is three numbers as --env 1,1,1, a sky --env sky:30,120"
+        f"--env is {text!r}; there is no such file, a colour is three numbers as --env 1,1,1, a sky --env sky:30,120, "
+        f"and by name there are {', '.join(PRESETS)}"
     )
 
 

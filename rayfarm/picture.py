@@ -15,6 +15,7 @@ from rayfarm.declared_options import parameter, typed
 from rayfarm.errors import CommandError
 from renderer.declared import Declared
 from renderer.errors import SettingsError
+from renderer.presets import PRESETS
 from renderer.scene.animation.shutter import SHUTTER
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, WORK
@@ -41,10 +42,10 @@ def _parameters() -> list[inspect.Parameter]:
         *map(parameter, VIEW.values()),
         _own(
             "env",
-            "An equirectangular .exr or .hdr, a linear colour, or a clear sky with the sun at ELEVATION[,AZIMUTH] degrees. "
-            "Replaces the scene's.",
+            "An equirectangular .exr or .hdr, a linear colour, a clear sky with the sun at ELEVATION[,AZIMUTH] degrees, or by "
+            f"name: {', '.join(PRESETS)}. Replaces the scene's.",
             "Environment",
-            "FILE|R,G,B|sky:E,A",
+            "FILE|R,G,B|sky:E,A|NAME",
         ),
         *map(parameter, LIGHT.values()),
         *map(parameter, ASKED.values()),
@@ -139,6 +140,7 @@ class Picture:
         environment = {"color": self.environment().color, **self._light()}
         if (sky := self.environment().sky) is not None:
             environment["sky"] = {"elevation": sky[0], "azimuth": sky[1]}
+        environment["preset"] = self.environment().preset
         asked: dict[str, Any] = {**self.asked(), **typed(ENDS, self.given), "width": width, "height": height}
         asked["environment"] = {name: value for name, value in environment.items() if value is not None}
         if self.has_view():

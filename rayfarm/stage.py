@@ -143,4 +143,5 @@ def open_stage(
     with opened(scene, environment.image) as (folder, main, inside):
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
+        inside = environment.preset or inside
         yield Stage(Shot(folder, main, inside, variant), camera, brute, threads, shutter)

@@ -30,6 +30,7 @@ class Shown:
     off: what `Setting.off` is called.
     option: the command's, where it is not called as the setting.
     phrase: names a picture by the value, in place of {}.
+    usual: the range that people use, over which a slider goes; none where a slider helps nobody.
     """
 
     label: str
@@ -42,6 +43,7 @@ class Shown:
     off: str = ""
     option: str = ""
     phrase: str = ""
+    usual: tuple[float, float] | None = None
 
 
 class Choices(tuple[str, ...]):

@@ -72,6 +72,7 @@ def _described(each: Declared) -> dict[str, Any]:
         "projections": list(shown.projections) or None,
         "digest": setting.digest,
         "option": f"--{each.option}",
+        "usual": None if shown.usual is None else [whole(bound) for bound in shown.usual],
         "phrase": shown.phrase or ("{}" if choices else f"{shown.label.lower()} {{}}"),
     }
 

@@ -7,7 +7,17 @@ from typing import NamedTuple
 
 from renderer.errors import SceneError
 
-__all__ = ["ARCHIVE_SUFFIXES", "FORMATS", "MESH_FORMATS", "NAMING_SUFFIXES", "SCENE_SUFFIXES", "Format", "is_junk", "pick_main"]
+__all__ = [
+    "ARCHIVE_SUFFIXES",
+    "FOREIGN",
+    "FORMATS",
+    "MESH_FORMATS",
+    "NAMING_SUFFIXES",
+    "SCENE_SUFFIXES",
+    "Format",
+    "is_junk",
+    "pick_main",
+]
 
 
 class Format(NamedTuple):
@@ -38,6 +48,29 @@ SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
 NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl")
 
+# What other programs keep their scenes in, and how to get out of each what can be read.
+_FROM_BLENDER = 'In Blender, open it and choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked'
+_BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
+FOREIGN = {
+    ".blend": _FROM_BLENDER,
+    ".fbx": f"Export glTF (.glb) from the program it comes from. {_BY_BLENDER}",
+    **dict.fromkeys(
+        (".usd", ".usda", ".usdc", ".usdz"),
+        "Export glTF (.glb) from the program it comes from. " + _BY_BLENDER.replace("for it", "> Universal Scene Description"),
+    ),
+    ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
+    ".c4d": "In Cinema 4D, choose File > Export > glTF",
+    **dict.fromkeys((".ma", ".mb"), f"In Maya, export FBX (File > Export All). {_BY_BLENDER}"),
+    ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
+    **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
+    ".3ds": _BY_BLENDER.replace("for it", "> 3D Studio"),
+    ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
+    ".3mf": "Export STL or OBJ from the program it comes from",
+    ".xml": "Scenes of Mitsuba are not read yet: export glTF or OBJ from the program it was made in",
+    ".pbrt": "Scenes of pbrt are not read yet: export glTF or OBJ from the program it was made in",
+    **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
+}
+
 # What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
 _AUXILIARY = ("control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly")
 
@@ -62,6 +95,9 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
             auxiliary = any(word in path.stem.lower() for word in _AUXILIARY)
             found.append((rank[path.suffix.lower()], len(path.parts), auxiliary, len(name), name))
     if not found:
+        for name in sorted(names):
+            if advice := FOREIGN.get(PurePosixPath(name).suffix.lower()):
+                raise SceneError(f"{name[:200]} cannot be read here. {advice}; give what that writes.")
         listed = ", ".join(sorted(names)[:5]) or "nothing"
         raise SceneError(
             f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."

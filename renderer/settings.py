@@ -145,6 +145,7 @@ class RenderSettings:
             "Path segments, the camera's included: 1 shows only what emits.",
             integrators=("path", "whitted"),
             phrase="depth {}",
+            usual=(1, 64),
         ),
     ] = 8
     sampling: Annotated[
@@ -176,6 +177,7 @@ class RenderSettings:
             "Light samples",
             "Shadow rays where the camera looks; of whitted, 1 is a sharp shadow.",
             integrators=_lit,
+            usual=(1, 16),
         ),
     ] = 1
     roulette: Annotated[
@@ -184,6 +186,7 @@ class RenderSettings:
         Shown(
             "Roulette",
             "The chance with which a path goes on at each bounce; else as much as it still carries.",
+            group="lab",
             integrators=_estimating,
             off="by throughput",
         ),
@@ -194,8 +197,10 @@ class RenderSettings:
         Shown(
             "Least chance",
             "With which a path goes on, where it is by what it carries.",
+            group="lab",
             integrators=("path",),
             off="none",
+            usual=(0.0, MAX_FLOOR),
             phrase="floor {}",
         ),
     ] = 0.0
@@ -266,6 +271,7 @@ class RenderSettings:
             section="Samples",
             off="no motion blur",
             phrase="shutter {}",
+            usual=(0.0, 1.0),
         ),
     ] = 0.0
     shutter_at: Annotated[
@@ -303,6 +309,7 @@ class RenderSettings:
             section="Environment",
             option="env-strength",
             phrase="light around × {}",
+            usual=(0.0, 4.0),
         ),
     ] = 1.0
     environment_rotation: Annotated[
@@ -315,6 +322,7 @@ class RenderSettings:
             section="Environment",
             option="env-rotation",
             phrase="turned {}°",
+            usual=(-180.0, 180.0),
         ),
     ] = 0.0
     film_exponent: Annotated[int, Setting(0, MAX_FILM_EXPONENT, of=""), Shown("Film exponent", "Of the film's quantum.")] = 24

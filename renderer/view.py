@@ -58,6 +58,7 @@ class View:
             section="View",
             projections=_lens,
             phrase="{}°",
+            usual=(10.0, 120.0),
         ),
     ] = 40.0
     projection: Annotated[

@@ -30,6 +30,7 @@ class Work:
             group="basic",
             section="Size and quality",
             phrase="{} spp",
+            usual=(1, 4096),
         ),
     ] = None
     noise: Annotated[

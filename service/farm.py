@@ -19,6 +19,7 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import CannotStart, Conflict, FarmError
+from service.intake.lighting import Lighting
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.settings import Settings
@@ -65,6 +66,7 @@ class Farm:
         self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
+        self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
             *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)

@@ -27,9 +27,9 @@ from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
 from worker.errors import RefusedError, WorkerError
+from worker.files import memory_budget
 from worker.joining import Joining
 from worker.link import Link, check_redis_url
-from worker.prepare import memory_budget
 from worker.ready import get_ready
 from worker.status import SlotBoard
 

@@ -10,7 +10,7 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 
 from worker import context, tasks
-from worker.contract import celery_config
+from worker.broker import celery_config
 from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import die_with_parent

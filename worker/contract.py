@@ -1,11 +1,11 @@
 """What the service and a worker say to each other. Ids and numbers go through Celery; sums and news come back on a stream.
 
     service --- Celery task PREPARE ------> worker     {scene}
-    service --- Celery task RENDER_BATCH -> worker     RenderBatch
-    service --- Celery task RENDER_BATCHES > worker    some of them, to be rendered in turn
+    service --- Celery task RENDER_BATCH -> worker     RenderBatch; RENDER_BATCHES: some of them, to be rendered in turn
     service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     service --- Celery task VECTORS ------> worker     FrameVectors
+    service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
     service --- key order_key(name) ------> worker     why it is to take no more tasks; no key: it takes them
@@ -26,6 +26,7 @@ from renderer.settings import RenderSettings, Tile
 
 __all__ = [
     "DENOISE",
+    "ENVIRONMENT",
     "HEARTBEAT_EVERY_S",
     "HEARTBEAT_TTL_S",
     "PREPARE",
@@ -46,8 +47,8 @@ __all__ = [
     "RenderBatch",
     "Result",
     "SceneInfo",
+    "ShowEnvironment",
     "WorkerReport",
-    "celery_config",
     "denoise_queue",
     "order_key",
     "prepare_queue",
@@ -61,6 +62,7 @@ RENDER_BATCH = "rayfarm.render_batch"
 RENDER_BATCHES = "rayfarm.render_batches"
 DENOISE = "rayfarm.denoise"
 VECTORS = "rayfarm.vectors"
+ENVIRONMENT = "rayfarm.environment"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S = 1.0
@@ -105,31 +107,6 @@ def order_key(name: str) -> str:
     return f"rayfarm:order:{name}"
 
 
-def celery_config(redis_url: str) -> dict[str, Any]:
-    """The Celery settings of both ends.
-
-    acks_late + reject_on_worker_lost: a killed child's batch goes back to the queue. No result backend: results travel on
-    the stream. The visibility timeout lies above the hard time limit, so that a running task is never handed out twice
-    by the broker; the service's own deadlines are shorter and make duplicates harmless.
-    """
-    return {
-        "broker_url": redis_url,
-        "result_backend": None,
-        "task_ignore_result": True,
-        "task_serializer": "json",
-        "accept_content": ["json"],
-        "task_acks_late": True,
-        "task_reject_on_worker_lost": True,
-        "worker_prefetch_multiplier": 1,
-        "task_time_limit": 900,
-        "broker_transport_options": {"visibility_timeout": 1200},
-        "broker_connection_retry_on_startup": True,
-        "worker_send_task_events": False,
-        "worker_enable_remote_control": False,
-        "task_create_missing_queues": True,
-    }
-
-
 @dataclass(frozen=True)
 class BlobRef:
     """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size.
@@ -154,13 +131,15 @@ class BlobRef:
 @dataclass(frozen=True)
 class Manifest:
     """A scene as uploaded: its files, which of them is the scene, what lights it in place of its own environment (an image
-    among them, or a sky: renderer.scene.sky.parse_sky), and the variant of a glTF file's materials that it shows."""
+    among them, or a name: renderer.scene.presets.is_named), and the variant of a glTF file's materials that it shows.
+    base: a SceneInfo as a dict, of the scene that differs from this one by light from around alone, where that is prepared."""
 
     scene: str
     main: str
     files: list[BlobRef]
     environment: str | None = None
     variant: str | None = None
+    base: dict[str, Any] | None = None
 
     @classmethod
     def from_json(cls, data: Any) -> Manifest:
@@ -189,6 +168,7 @@ class SceneInfo:
     fps: float = 24.0  # the file's own frames a second
     clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
+    lights_power: float | None = None  # what its own lights send out: renderer.scene.lit needs it
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:
@@ -319,6 +299,25 @@ class FrameVectors:
 
 
 @dataclass(frozen=True)
+class ShowEnvironment:
+    """Ask for an image that lights scenes to be looked at: the worker stores a small picture of it as a blob, a JPEG."""
+
+    work: str  # unique for every time it is handed out
+    job: str  # no job but the environment's id: which one waits for it
+    path: str  # what the image is called
+    sha256: str
+    size: int
+    width: int  # of the picture, which is half as high
+    height: int = 0
+    frame: int = 0
+
+    @classmethod
+    def from_json(cls, data: Any) -> ShowEnvironment:
+        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        return cls(**_fields(cls, data))
+
+
+@dataclass(frozen=True)
 class WorkerReport:
     """A worker of itself, every HEARTBEAT_EVERY_S."""
 
@@ -373,7 +372,7 @@ class Result:
         batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)
-        vectors-made     work, worker, sha256 (of the blob); vectors-failed as denoise-failed
+        vectors-made, environment-shown: work, worker, sha256 (of the blob); vectors-failed, environment-failed as denoise-failed
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo

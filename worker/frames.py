@@ -31,8 +31,8 @@ from worker.bounded import Bounds, Send
 from worker.context import WorkerContext
 from worker.contract import FrameInfo, Manifest, PrepareFrames
 from worker.errors import MachineError, WorkError, is_of_machine
+from worker.files import memory_budget, place_files
 from worker.patience import patiently
-from worker.prepare import memory_budget, place_files
 from worker.render import mapped_scene
 from worker.scenes import store_scene
 from worker.standing import Standing

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path, PurePosixPath
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from renderer.errors import SceneError
 from renderer.film import mean
 from renderer.image import encode
 from renderer.render import edition_for, render_frame, warm_up
-from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
@@ -27,9 +25,11 @@ from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, Manifest, SceneInfo
 from worker.errors import MachineError, WorkError, is_of_machine
+from worker.files import memory_budget, place_files
+from worker.relight import relight
 from worker.scenes import store, store_scene
 
-__all__ = ["memory_budget", "place_files", "prepare_scene"]
+__all__ = ["prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
@@ -46,6 +46,8 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
     """
     begun = time.monotonic()
     try:
+        if (info := relight(worker, manifest)) is not None:
+            return replace(info, seconds=time.monotonic() - begun)
         with tempfile.TemporaryDirectory(prefix="rayfarm-prepare-") as name:
             try:
                 summary, compiled, thumbnail = _prepared(worker, manifest, Path(name) / "first", progress)
@@ -72,6 +74,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         seconds=time.monotonic() - begun,
         fps=summary.get("fps", 24.0),
         clips=summary.get("clips", []),
+        lights_power=summary.get("lights_power"),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )
 
@@ -101,12 +104,6 @@ def _prepared(
     return summary, compiled, thumbnail
 
 
-def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
-    """Lay the files of a scene into a folder. Raises as `prepare_scene`."""
-    for file in manifest.files:
-        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
-
-
 def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, Any]:
     """In the bounded child: read, compile, save, and take a small picture."""
 
@@ -119,11 +116,9 @@ def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, 
     kept = Kept()
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
     summary = summarise(description, compiled)
-    if description.moves and kept.cuts is not None:  # other moments will share most of it
-        summary["compiled"] = Saver(out).save(compiled, kept.cuts).name
-    else:
-        summary["compiled"] = "compiled.safetensors"
-        compiled_file.save(compiled, out / summary["compiled"])
+    summary["lights_power"] = kept.lights_power
+    assert kept.cuts is not None
+    summary["compiled"] = Saver(out).save(compiled, kept.cuts).name  # other moments, and other lights, share most of it
     progress("thumbnail", 0.85)
     _thumbnail(compiled, summary, out / "thumbnail.png")
     return summary
@@ -139,39 +134,3 @@ def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> 
     warm_up(settings, edition_for(settings, compiled))  # where slots want the same kernel now, one compiles it
     sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
     encode.write(path, mean(sums, settings.film_exponent))
-
-
-def _place(blob: Path, folder: Path, name: str) -> None:
-    """Put a blob under its uploaded name: linked where the file system allows it, else copied."""
-    parts = PurePosixPath(name).parts
-    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
-        raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
-    target = folder.joinpath(*parts)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            os.link(blob, target)
-        except OSError:
-            shutil.copyfile(blob, target)
-    except OSError as error:
-        if is_of_machine(error):
-            raise
-        if not blob.is_file():
-            raise MachineError("the scene's files do not stay in the cache while they are needed; give it more room") from error
-        raise WorkError(f"{name!r} cannot be the name of a file here ({error.strerror}); rename it.") from error
-
-
-def memory_budget() -> int:
-    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now.
-
-    Raises ValueError where the variable is no number.
-    """
-    if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):
-        return int(named) << 20
-    try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return max(int(line.split()[1]) * 1024 * 3 // 4, 1 << 30)
-    except OSError:
-        pass
-    return 8 << 30

@@ -15,6 +15,7 @@ from renderer.errors import RayfarmError
 from worker import context
 from worker.contract import (
     DENOISE,
+    ENVIRONMENT,
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
@@ -25,8 +26,10 @@ from worker.contract import (
     PrepareFrames,
     RenderBatch,
     Result,
+    ShowEnvironment,
 )
 from worker.denoise import denoise_failure, denoise_frame
+from worker.environments import show_environment, show_failure
 from worker.errors import RefusedError, Trouble, WorkError
 from worker.frames import prepare_frames
 from worker.patience import patiently
@@ -51,6 +54,7 @@ def register(app: Celery) -> None:
     app.task(_render_batches, name=RENDER_BATCHES, bind=True)
     app.task(_denoise, name=DENOISE, bind=True)
     app.task(_vectors, name=VECTORS, bind=True)
+    app.task(_environment, name=ENVIRONMENT, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -199,6 +203,28 @@ def _vectors(task: Any, vectors: dict[str, Any]) -> None:
     except Exception as error:
         log.exception("motion vectors of %s failed", work.scene)
         event = vectors_failure(worker, work.work, f"{worker.name} could not make them ({type(error).__name__}: {error})")
+    finally:
+        worker.board.write(_slot(), {})
+    worker.results.send(Result(event))
+
+
+def _environment(task: Any, environment: dict[str, Any]) -> None:
+    """Look at an image that lights scenes (ShowEnvironment as a dict), and say where a small picture of it is."""
+    worker = context.current()
+    try:
+        work = ShowEnvironment.from_json(environment)
+    except ValueError as error:
+        worker.results.send(Result(show_failure(worker, str(environment.get("work")), str(error))))
+        return
+    worker.board.write(_slot(), {"environment": work.job, "frame": work.frame})
+    try:
+        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+            event = show_failure(worker, work.work, f"the worker process died {DEATHS_ALLOWED} times while it read the image")
+        else:
+            event = show_environment(worker, work)
+    except Exception as error:
+        log.exception("showing the environment %s failed", work.job)
+        event = show_failure(worker, work.work, f"{worker.name} could not read it ({type(error).__name__}: {error})")
     finally:
         worker.board.write(_slot(), {})
     worker.results.send(Result(event))

@@ -22,8 +22,8 @@ from worker.bounded import run_bounded
 from worker.context import WorkerContext
 from worker.contract import FrameVectors, Manifest
 from worker.errors import WorkerError, WorkError
+from worker.files import memory_budget, place_files
 from worker.patience import patiently
-from worker.prepare import memory_budget, place_files
 
 __all__ = ["frame_vectors", "vectors_failure"]
 

@@ -112,24 +112,14 @@ def submit(
     if is_numbered(scene) and frames is None:
         raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
     environment = picture.environment().image
-    files: dict[str, Path] = belonging(scene)
-    inside = None
-    if environment is not None:
-        inside = f"rayfarm-environment{environment.suffix.lower()}"
-        files[inside] = environment
-
-    named = is_numbered(scene) or (inside is not None and scene.is_file())
     with Client(server_url(server)) as farm:
-        uploaded = farm.upload(
-            files,
-            main=scene.name if named else None,
-            environment=inside,
-            name=scene.name,
-        )
+        uploaded = farm.upload(belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name)
         ready = _prepared(farm, uploaded)
         for warning in options.told(ready.warnings, picture.environment()):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
+        if environment is not None:
+            asked["environment"]["image"] = farm.upload_environment(environment).id
         if variant is not None:
             asked["variant"] = variant
         if shot is not None:

@@ -140,6 +140,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_punctual=over_the_shutter.punctual_keys(description.lights),
         key_texture=packed.key_texture,
     )
+    kept.lights_power = lights.power
     kept.cuts = _cuts(stood, laid, (environment, search))
     scene = seal(arrays, _to_check(stood, laid, arrays, kept))
     say("done", 1.0)

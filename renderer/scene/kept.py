@@ -46,6 +46,7 @@ class Kept:
         self._heads: dict[str, tuple[object, ...]] = {}
         self._used: set[Hashable] = set()
         self.cuts: Cuts | None = None  # of the moment that was compiled last
+        self.lights_power = 0.0  # and what its lights send out together, the environment left out
 
     def begin(self) -> None:
         """A moment is compiled: what the last one had no use for is forgotten."""

@@ -12,17 +12,17 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.formats import MESH_FORMATS
-from renderer.scene import sky
 from renderer.scene.animation import BETWEEN, SHUTTER, Moment, Shutter
 from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.moving import between_files, while_open
+from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.settings import chosen
 
-__all__ = ["Shot", "read"]
+__all__ = ["Shot", "light_with", "read"]
 
 _START = Moment()
 
@@ -53,7 +53,7 @@ class Shot:
             for mesh in description.meshes:
                 mesh.deforms = True
         if environment is not None:
-            _light_with(self._files, environment, description)
+            light_with(self._files, environment, description)
         self._check_positions(main, description)
         _check(main, description)
         if description.environment is None and not _emits(description):
@@ -109,8 +109,9 @@ def read(
 ) -> SceneDescription:
     """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
-    environment: what lights the scene in place of its own environment: an HDR image of the folder, or a sky's
-    "sky:ELEVATION[,AZIMUTH]" (renderer/scene/sky.py). variant: of a glTF file's materials, by name or number from 0.
+    environment: what lights the scene in place of its own environment: an HDR image of the folder, a sky's
+    "sky:ELEVATION[,AZIMUTH]" (renderer/scene/sky.py), or a preset's name (renderer/presets.py). variant: of a glTF file's
+    materials, by name or number from 0.
     moment: which one is shown of a scene that moves; its beginning unless told.
 
     A scene without any light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights
@@ -120,9 +121,10 @@ def read(
     return Shot(folder, main, environment, variant).at(moment)
 
 
-def _light_with(files: SceneFiles, name: str, description: SceneDescription) -> None:
-    if name.startswith(sky.PREFIX):
-        description.environment = sky.parse_sky(name)
+def light_with(files: SceneFiles, name: str, description: SceneDescription) -> None:
+    """Puts light from all around in place of a scene's own. name: as `read` has it. Raises SceneError."""
+    if is_named(name):
+        light_by_name(name, description)
         return
     shelf = TextureShelf(description, files)
     found = files.find(name, ".")

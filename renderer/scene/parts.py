@@ -13,7 +13,7 @@ import hashlib
 import json
 import mmap
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHIL
 from renderer.errors import SceneError
 from renderer.scene.kept import Cuts
 
-__all__ = ["MANIFEST_STARTS", "Find", "Part", "Saver", "load_parts", "parts_of"]
+__all__ = ["MANIFEST_STARTS", "Find", "Part", "Saver", "load_parts", "parts_of", "save_changed"]
 
 Array = npt.NDArray[Any]
 Find = Callable[[str, int], Path]  # where the part of a hash and size lies
@@ -77,7 +77,7 @@ class Saver:
             if heads is not None and known is not None and _are(known[0], heads):
                 part = known[1]
             else:
-                part = self._written(slices, folder)
+                part = _written(slices, folder)
             if heads is not None:
                 self._known[name] = heads, part
             at = 0
@@ -85,28 +85,57 @@ class Saver:
                 pieces[array].append((len(parts), at, rows.nbytes))
                 at += _paged(rows.nbytes)
             parts.append(part)
-        manifest = {
-            "format": _FORMAT,
-            "parts": [list(part) for part in parts],
-            "arrays": {n: {"shape": list(arrays[n].shape), "pieces": pieces[n]} for n in LAYOUT},
-        }
-        data = json.dumps(manifest, separators=(",", ":")).encode()
-        path = folder / hashlib.sha256(data).hexdigest()
-        path.write_bytes(data)
-        return path
+        return _manifest(arrays, parts, pieces, folder)
 
-    def _written(self, slices: dict[str, Array], folder: Path) -> Part:
-        digest, size = hashlib.sha256(), 0
-        temporary = folder / ".part"
-        with temporary.open("wb") as file:
-            for rows in slices.values():
-                fill = bytes(_paged(size) - size)
-                for piece in (fill, np.ascontiguousarray(rows).data.cast("B")):
-                    digest.update(piece)
-                    file.write(piece)
-                    size += len(piece)
-        temporary.replace(folder / digest.hexdigest())
-        return Part(digest.hexdigest(), size)
+
+def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], folder: Path) -> Path:
+    """Writes the manifest of a scene that differs from another's (data) in these arrays alone, and the parts that they are in:
+    the same bytes as a Saver would write. Gives the manifest. Raises SceneError where the other's is damaged."""
+    parts, known = _read(data)
+    arrays = flat(scene)
+    pieces = {name: list(pieces) for name, (_, pieces) in known.items()}
+    changed = sorted({part for name in names for part, *_ in pieces[name]})
+    if any(not pieces[name] or len(pieces[name]) > 1 for name in names):
+        raise SceneError("what changes of it is in no part, or in several")
+    for number in changed:
+        inside = sorted((at, name, i) for name in pieces for i, (part, at, _) in enumerate(pieces[name]) if part == number)
+        slices: dict[str, Array] = {}
+        end = 0
+        for _, name, i in inside:
+            begin = sum(length for *_, length in pieces[name][:i])
+            whole = np.ascontiguousarray(arrays[name]).reshape(-1).view(np.uint8)
+            rows = whole if name in names else whole[begin : begin + pieces[name][i][2]]
+            slices[name] = rows
+            pieces[name][i] = (number, end, rows.nbytes)
+            end += _paged(rows.nbytes)
+        parts[number] = _written(slices, folder)
+    return _manifest(arrays, parts, pieces, folder)
+
+
+def _manifest(arrays: dict[str, Array], parts: list[Part], pieces: dict[str, list[tuple[int, int, int]]], folder: Path) -> Path:
+    manifest = {
+        "format": _FORMAT,
+        "parts": [list(part) for part in parts],
+        "arrays": {n: {"shape": list(arrays[n].shape), "pieces": pieces[n]} for n in LAYOUT},
+    }
+    data = json.dumps(manifest, separators=(",", ":")).encode()
+    path = folder / hashlib.sha256(data).hexdigest()
+    path.write_bytes(data)
+    return path
+
+
+def _written(slices: dict[str, Array], folder: Path) -> Part:
+    digest, size = hashlib.sha256(), 0
+    temporary = folder / ".part"
+    with temporary.open("wb") as file:
+        for rows in slices.values():
+            fill = bytes(_paged(size) - size)
+            for piece in (fill, np.ascontiguousarray(rows).data.cast("B")):
+                digest.update(piece)
+                file.write(piece)
+                size += len(piece)
+    temporary.replace(folder / digest.hexdigest())
+    return Part(digest.hexdigest(), size)
 
 
 def _paged(size: int) -> int:

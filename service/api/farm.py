@@ -45,11 +45,15 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
     """The files of a scene, by hash."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
+        base = session.get(Scene, scene.of) if scene is not None and scene.of else None
     if scene is None:
         raise NotFound("There is no such scene; it may have been deleted.")
     if not scene.files:
         raise Conflict(UNREADABLE.format(what="scene"))
-    return asdict(Manifest(id, scene.main, [BlobRef(**ref) for ref in scene.files], scene.environment, scene.variant))
+    files = [BlobRef(**ref) for ref in scene.files]
+    is_alike = base is not None and base.variant == scene.variant and base.main == scene.main
+    known = base.info if base is not None and is_alike else None
+    return asdict(Manifest(id, scene.main, files, scene.environment, scene.variant, known))
 
 
 @router.get("/blobs/{sha256}", response_class=StreamingResponse)

@@ -9,7 +9,7 @@ from fastapi import APIRouter
 from renderer import __version__
 from renderer.aovs import NAMES
 from renderer.described import described
-from renderer.formats import ARCHIVE_SUFFIXES, SCENE_SUFFIXES
+from renderer.formats import ARCHIVE_SUFFIXES, FOREIGN, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
 from service.farm import FarmDependency
 
@@ -34,5 +34,6 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         "curves": list(CURVES),
         "aovs": list(NAMES),
         "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,
+        "foreign": FOREIGN,
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }

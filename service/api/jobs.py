@@ -4,32 +4,33 @@ from __future__ import annotations
 
 import time
 import uuid
-from typing import Annotated, Literal
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Header, Query, Response
-from sqlalchemy import func, select
+from pydantic import TypeAdapter
+from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
-from service.api.describe import job_out
-from service.api.lookup import find_job, find_scene, no_job
+from service.api.describe import job_out, jobs_out
+from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, light_again, may_begin_anew
+from service.api.job_list import MOST_JOBS, Choice, Order
+from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
-from service.api.schemas import JobIn, JobOut, JobPatch
+from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
-from service.intake.record import record
 from service.intake.resolve import resolve
-from service.intake.uploads import changed
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, begins_anew, focus_on, set_state
+from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
 __all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+_JOBS = TypeAdapter(list[JobOut])
 
 Key = Annotated[
     str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
@@ -42,10 +43,12 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
-    scene_id = _as_asked(request, farm)
+    rendered = _rendered(request, asked, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
-        scene=scene_id,
+        scene=request.scene,
+        lit=None if rendered == request.scene else rendered,
+        light=farm.lighting.name_of(asked["environment"]),
         name=request.name or "",
         state="queued",
         priority=request.priority,
@@ -60,8 +63,8 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         idempotency_key=idempotency_key or None,
     )
     try:
-        with farm.sessions.begin() as session:
-            scene = session.get(Scene, scene_id, with_for_update=True)
+        with farm.lighting.held(rendered), farm.sessions.begin() as session:
+            scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
@@ -80,23 +83,44 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
 
 @router.get("", response_model=list[JobOut])
 def list_jobs(
+    chosen: Choice,
     farm: FarmDependency,
-    response: Response,
-    state: Literal["queued", "running", "paused", "finished", "failed", "cancelled"] | None = None,
-    scene: str | None = Query(None, max_length=100),
-    limit: int = Query(100, ge=1, le=1000),
+    sort: Order = "newest",
+    limit: int = Query(100, ge=1, le=MOST_JOBS),
     offset: int = Query(0, ge=0, le=1 << 31),
-) -> list[JobOut]:
-    """All jobs, the newest first. The header X-Total-Count has their number."""
-    query = select(Job)
-    if state is not None:
-        query = query.where(Job.state == state)
-    if scene is not None:
-        query = query.where(Job.scene == scene)
+) -> Response:
+    """The jobs, or those that are chosen, a page of them. The header X-Total-Count has their number."""
     with farm.sessions() as session:
-        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(query.subquery())))
-        rows = session.scalars(query.order_by(Job.created.desc(), Job.id).limit(limit).offset(offset))
-        return [job_out(row, session, farm.engine) for row in rows]
+        rows = chosen.rows(sort, session, limit, offset)
+        total = chosen.count(session)
+        body = _JOBS.dump_json(jobs_out(rows, session, farm.engine))
+    return Response(body, media_type="application/json", headers={"X-Total-Count": str(total)})
+
+
+@router.get("/ids")
+def list_ids(
+    chosen: Choice, farm: FarmDependency, sort: Order = "newest", limit: int = Query(50_000, ge=1, le=50_000)
+) -> list[str]:
+    """As the list of jobs, but nothing except their ids, and of all of them at once."""
+    with farm.sessions() as session:
+        return chosen.ids_in(sort, session, limit)
+
+
+@router.get("/tallies")
+def tally_jobs(chosen: Choice, farm: FarmDependency) -> dict[JobState, int]:
+    """How many jobs are in each state; `state` itself makes no difference to it."""
+    with farm.sessions() as session:
+        found = chosen.tallies(session)
+    return {state: found.get(state, 0) for state in get_args(JobState)}
+
+
+@router.post("/changes", response_model=ChangesOut)
+def change_jobs(changes: ChangesIn, farm: FarmDependency) -> ChangesOut:
+    """Pause, go on, cancel, change the priority of many jobs, or delete them. What cannot be done to one is done to the others.
+
+    The answer has how those that changed were before, so that it can be taken back.
+    """
+    return change_many(changes, farm)
 
 
 @router.get("/{id}", response_model=JobOut)
@@ -114,8 +138,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
     rendered first, which changes no bit of how the picture ends.
     """
-    may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
-    is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
+    is_anew = change.state == "running" and may_begin_anew(id, farm)
+    light_again(id, farm)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
@@ -146,20 +170,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
 
-    def forget(session: Session) -> set[str]:
-        job = session.get(Job, id)
-        if job is None:
-            raise no_job(id)
-        own: set[str] = set()
-        for frame in session.scalars(select(Frame).where(Frame.job == id)):
-            own |= frame.blobs
-            session.delete(frame)
-        session.flush()
-        session.delete(job)
-        return own
-
-    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
-    farm.changed("job", id)  # which removes the film, once it is out of its hands
+    if not delete_many([id], farm):
+        raise no_job(id)
 
 
 def _keys(request: JobIn) -> list[int]:
@@ -173,22 +185,11 @@ def _shot(request: JobIn) -> Shot:
     return Shot(request.fps, request.clip, request.turntable, order, request.every)
 
 
-def _as_asked(request: JobIn, farm: Farm) -> str:
-    """The scene to render: under another sky, or with other materials of its file, it is another one, which is made here."""
-    sky = request.environment.sky if request.environment else None
-    if sky is None and request.variant is None:
+def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
+    """The scene to render: under another light, or with other materials of its file, it is made here."""
+    if asked["environment"] is None and request.variant is None:
         return request.scene
-    stored = changed(_scene(request.scene, farm), (sky.elevation, sky.azimuth) if sky else None, request.variant)
-    with farm.garbage.pinned(ref.sha256 for ref in stored.files):
-        _scene(request.scene, farm)  # where it is deleted by now, its files may be
-        return record(stored, farm.sessions, farm.changed).id
-
-
-def _scene(id: str, farm: Farm) -> Scene:
-    try:
-        return find_scene(id, farm)
-    except NotFound:
-        raise _no_scene(id) from None  # the id is in the body
+    return farm.lighting.row(request.scene, asked["environment"], request.variant).id
 
 
 def _no_scene(id: str) -> NotFound:
@@ -197,7 +198,7 @@ def _no_scene(id: str) -> NotFound:
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
-    if scene is None:
+    if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import Path
+from sqlalchemy.orm import Session
 
 from renderer.frames import MAX_FRAME, frame_key, frame_text
 from service.errors import Conflict, NotFound
@@ -12,7 +13,7 @@ from service.farm import Farm
 from service.store.films import Film
 from service.store.models import Job, Scene
 
-__all__ = ["Number", "find_film", "find_job", "find_scene", "no_frame", "no_job", "no_scene"]
+__all__ = ["Number", "find_film", "find_job", "find_scene", "is_lit", "no_frame", "no_job", "no_scene"]
 
 Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 
@@ -30,9 +31,15 @@ def find_scene(id: str, farm: Farm) -> Scene:
     """The scene's row. Raises NotFound."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
-    if scene is None:
+    if scene is None or scene.of is not None:
         raise no_scene(id)
     return scene
+
+
+def is_lit(id: str, session: Session) -> bool:
+    """Whether a scene is no upload: it was made of one for some request's light."""
+    scene = session.get(Scene, id)
+    return scene is not None and scene.of is not None
 
 
 def find_film(id: str, n: float, farm: Farm) -> Film:

@@ -2,10 +2,24 @@
 
 from fastapi import APIRouter
 
-from service.api import events, examples, farm, frames, health, info, jobs, kernels, live, scenes, shot_files, workers
+from service.api import (
+    environments,
+    events,
+    examples,
+    farm,
+    frames,
+    health,
+    info,
+    jobs,
+    kernels,
+    live,
+    scenes,
+    shot_files,
+    workers,
+)
 
 __all__ = ["router"]
 
 router = APIRouter()
-for module in (scenes, jobs, frames, shot_files, live, workers, events, examples, info, farm, kernels, health):
+for module in (scenes, environments, jobs, frames, shot_files, live, workers, events, examples, info, farm, kernels, health):
     router.include_router(module.router)

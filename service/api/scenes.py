@@ -6,7 +6,7 @@ from functools import partial
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from sqlalchemy import func, select
+from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
 from service.api.describe import scene_out
@@ -40,6 +40,10 @@ UPLOAD_FORM = {
                             "description": "an image among the files that lights the scene, or a sky as sky:ELEVATION,AZIMUTH",
                         },
                         "name": {"type": "string"},
+                        "base": {
+                            "type": "string",
+                            "description": "the id of a scene whose files are taken over: only what it lacks is sent",
+                        },
                     },
                 }
             }
@@ -63,6 +67,7 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
         farm.garbage,
         farm.settings,
         partial(record, sessions=farm.sessions, changed=farm.changed),
+        partial(find_scene, farm=farm),
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)
@@ -74,8 +79,9 @@ def list_scenes(
 ) -> list[SceneOut]:
     """All scenes, the newest first. The header X-Total-Count has their number."""
     with farm.sessions() as session:
-        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(Scene)))
-        rows = session.scalars(select(Scene).order_by(Scene.created.desc(), Scene.id).limit(limit).offset(offset))
+        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(Scene).where(Scene.of.is_(None))))
+        uploads = select(Scene).where(Scene.of.is_(None))
+        rows = session.scalars(uploads.order_by(Scene.created.desc(), Scene.id).limit(limit).offset(offset))
         return [scene_out(row, farm.engine) for row in rows]
 
 
@@ -103,13 +109,22 @@ def delete_scene(id: str, farm: FarmDependency) -> None:
 
     def forget(session: Session) -> set[str]:
         scene = session.get(Scene, id, with_for_update=True)
-        if scene is None:
+        if scene is None or scene.of is not None:
             raise no_scene(id)
-        needed = session.scalar(select(func.count()).where(Job.scene == id, Job.state.in_(ACTIVE)))
+        is_needed = or_(Job.scene == id, Job.lit == id)
+        needed = session.scalar(select(func.count()).select_from(Job).where(is_needed, Job.state.in_(ACTIVE)))
         if needed:
             raise Conflict(f"{needed} unfinished job(s) need this scene. Cancel them first.")
+        blobs = scene.blobs
+        for lit in session.scalars(select(Scene).where(Scene.of == id)):
+            blobs |= lit.blobs
+            gone.append(lit.id)
+            session.delete(lit)
         session.delete(scene)
-        return scene.blobs
+        return blobs
 
+    gone: list[str] = []
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+    for lit in gone:
+        farm.changed("scene", lit)
     farm.changed("scene", id)

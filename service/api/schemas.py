@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, parse_frames
+from renderer.presets import PRESETS
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
 from renderer.work import ORDERS, SHOT, WORK
 from service.api.declared_fields import with_fields
@@ -23,6 +24,7 @@ __all__ = [
     "JobIn",
     "JobOut",
     "JobPatch",
+    "MeasuredOut",
     "SceneOut",
     "SceneStatus",
     "ShotOut",
@@ -88,15 +90,26 @@ class SkyIn(Strict):
 
 @with_fields(ENVIRONMENT)
 class EnvironmentIn(Strict):
-    """Light from all around in place of the scene's: a linear RGB radiance, or a sky; a factor, and a further turn."""
+    """Light from all around in place of the scene's: a linear RGB radiance, a sky, an image or a preset; a factor, and a further
+    turn."""
 
     color: Vec3 | None = None
-    sky: SkyIn | None = Field(None, description="prepares the scene anew under that sky: the job's `scene` is then that one")
+    sky: SkyIn | None = None
+    image: str | None = Field(None, max_length=100, description="an uploaded environment's id: see /api/environments")
+    preset: str | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="light by name")
+
+    @field_validator("preset")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        if value is not None and value not in PRESETS:
+            raise ValueError(f"there is no preset {value[:60]!r}; known are {', '.join(PRESETS)}")
+        return value
 
     @model_validator(mode="after")
     def _one(self) -> EnvironmentIn:
-        if self.color is not None and self.sky is not None:
-            raise ValueError("give either color or sky, not both")
+        given = [name for name in ("color", "sky", "image", "preset") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"give either {' or '.join(given)}, not both")
         return self
 
 
@@ -130,8 +143,7 @@ class JobIn(Strict):
     variant: str | None = Field(
         None,
         max_length=200,
-        description="of the scene's materials, by name or number; empty: the file's own. Prepares the scene anew: the job's "
-        "`scene` is then that one",
+        description="of the scene's materials, by name or number; empty: the file's own",
     )
 
     @field_validator("camera", mode="before")
@@ -229,6 +241,15 @@ class CameraOut(BaseModel):
     view: ViewModel
 
 
+class MeasuredOut(BaseModel):
+    """What the latest job of a scene that was rendered to its end has measured."""
+
+    sample_s: float = Field(description="seconds that one slot takes for one sample of one pixel")
+    noise: float | None = Field(
+        description="relative standard error of a pixel at one sample; it falls with the square root of the samples"
+    )
+
+
 class SceneOut(BaseModel):
     """An uploaded scene."""
 
@@ -251,6 +272,7 @@ class SceneOut(BaseModel):
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
+    measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None
@@ -325,6 +347,8 @@ class JobOut(BaseModel):
     focus: list[int] | None = Field(description="the rectangle that is rendered first: x, y, w, h")
     kind: str | None
     settings: dict[str, Any] | None
+    environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
+    variant: str | None = Field(description="as it was asked for")
     frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
     shot: ShotOut | None = Field(description="null: a still")
 

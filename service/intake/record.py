@@ -15,20 +15,20 @@ from service.store.models import Scene
 __all__ = ["record"]
 
 
-def record(stored: Upload, sessions: Sessions, changed: Callable[[str, str], None]) -> Scene:
+def record(stored: Upload, sessions: Sessions, changed: Callable[[str, str], None], of: str | None = None) -> Scene:
     """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is.
 
-    changed: is told of "scene" and its id.
+    changed: is told of "scene" and its id. of: the upload that it is made of, where it is none itself.
     """
     try:
-        scene = _write(stored, sessions)
+        scene = _write(stored, sessions, of)
     except IntegrityError:  # another wrote the same scene down in the same moment
-        scene = _write(stored, sessions)
+        scene = _write(stored, sessions, of)
     changed("scene", scene.id)
     return scene
 
 
-def _write(stored: Upload, sessions: Sessions) -> Scene:
+def _write(stored: Upload, sessions: Sessions, of: str | None) -> Scene:
     with sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
@@ -40,6 +40,7 @@ def _write(stored: Upload, sessions: Sessions) -> Scene:
                 main=stored.main,
                 environment=stored.environment,
                 variant=stored.variant,
+                of=of,
                 files=[asdict(ref) for ref in stored.files],
                 bytes=stored.size,
                 notes=stored.notes,
@@ -48,4 +49,6 @@ def _write(stored: Upload, sessions: Sessions) -> Scene:
             session.add(scene)
         elif scene.status == "failed":
             scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
+        if of is None:
+            scene.of, scene.name = None, stored.name if scene.of else scene.name  # uploaded by itself, it is a scene of its own
         return scene

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import AsyncIterator, Callable, Iterable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import PurePosixPath
 from typing import TypeVar
 
@@ -14,7 +15,8 @@ from starlette.concurrency import run_in_threadpool
 from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
-from service.errors import Invalid
+from renderer.presets import PRESETS
+from service.errors import Invalid, TooLarge
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
@@ -26,7 +28,7 @@ from service.store.room import disk_checker, full_disk
 from service.store.staging import BlobWriter
 from worker.contract import BlobRef
 
-__all__ = ["Upload", "changed", "gathered", "keep", "receive"]
+__all__ = ["Upload", "changed", "gathered", "keep", "light_text", "receive", "sky_text"]
 
 PIECE = 1 << 20
 SKY = "sky:"
@@ -75,14 +77,18 @@ async def receive(
     garbage: Garbage,
     settings: Settings,
     record: Callable[[Upload], T],
+    find: Callable[[str], Scene] | None = None,
 ) -> T:
-    """Read, expand, check and store an upload, and write it down. Raises FarmError; then nothing of it is left."""
+    """Read, expand, check and store an upload, and write it down. find: a scene by its id, to which files may be added.
+
+    Raises FarmError; then nothing of it is left.
+    """
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
     with full_disk():
         form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
         try:
-            return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record)
+            return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record, find)
         finally:
             form.discard()  # a service that ends may cancel this before a thread has begun
 
@@ -94,6 +100,7 @@ def keep(
     settings: Settings,
     check_disk: Callable[[int], None],
     record: Callable[[Upload], T],
+    find: Callable[[str], Scene] | None = None,
 ) -> T:
     """Expand, check and store what was sent, and write it down by `record`, before which nobody can delete its blobs.
 
@@ -110,9 +117,11 @@ def keep(
                 raise Invalid(f"The file {name} is there twice. Send it once.")
             files[name] = writer
         _refuse_files_as_folders(files)
+        if find is not None and "base" in form.fields:
+            return _added(partial(find, form.fields["base"].strip()), files, store, garbage, settings, record)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
-        if environment is not None and not environment.startswith(SKY):
+        if environment is not None and environment in files:
             environment = chosen.strip(environment)
         name = title[:200] or PurePosixPath(chosen.main).stem
         with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
@@ -124,14 +133,43 @@ def keep(
             writer.discard()
 
 
-def changed(scene: Scene, sky: tuple[float, float] | None = None, variant: str | None = None) -> Upload:
-    """The scene's files under a clear sky with the sun there (elevation and azimuth, degrees), or with other materials of the
-    file: another scene, without another upload. None leaves what the scene has; an empty variant is the file's own materials.
+def _added(
+    find: Callable[[], Scene],
+    files: dict[str, BlobWriter],
+    store: BlobStore,
+    garbage: Garbage,
+    settings: Settings,
+    record: Callable[[Upload], T],
+) -> T:
+    """A scene with more files, or others of the same names: what was missing need not be sent with all the rest."""
+    if not files or all(writer.size == 0 for writer in files.values()):
+        raise Invalid("The upload is empty. Choose the files that are to be added.")
+    scene = find()
+    kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
+    if len(kept) + len(files) > settings.max_upload_files:
+        raise TooLarge(f"With these the scene has more than {settings.max_upload_files} files.")
+    if sum(ref.size for ref in kept) + sum(writer.size for writer in files.values()) > settings.max_upload_bytes:
+        raise TooLarge(f"With these the scene is larger than the {settings.max_upload_bytes} bytes that are taken.")
+    _refuse_files_as_folders([*files, *(ref.path for ref in kept)])
+    hashes = [writer.sha256 for writer in files.values()]
+    with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
+        find()  # where it is deleted by now, its files may be
+        sent = [BlobRef(path, writer.commit(), writer.size) for path, writer in files.items()]
+        refs = sorted((*kept, *sent), key=lambda ref: ref.path)
+        id = _id(refs, scene.main, scene.environment, scene.variant)
+        return record(Upload(id, scene.name, scene.main, scene.environment, refs, scene.notes, scene.variant))
+
+
+def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:
+    """The scene's files under another light from around (a preset's name, a sky, or an image by the path that it is to have among
+    them), or with other materials of the file. None leaves what the scene has; an empty variant is the file's own materials.
 
     Raises Invalid where there is none such.
     """
     files = [BlobRef(**ref) for ref in scene.files]
-    environment = scene.environment if sky is None else sky_text(*sky)
+    environment = light.path if isinstance(light, BlobRef) else light or scene.environment
+    if isinstance(light, BlobRef):
+        files = sorted([*(file for file in files if file.path != light.path), light], key=lambda file: file.path)
     variant = scene.variant if variant is None else _variant_of(scene, variant)
     id = _id(files, scene.main, environment, variant)
     return Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
@@ -157,6 +195,12 @@ def sky_text(elevation: float, azimuth: float) -> str:
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
         raise Invalid("environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
+
+
+def light_text(preset: str) -> str:
+    """A preset as renderer.scene.presets knows it; one that is a sky is the same as that sky."""
+    sky = PRESETS[preset].sky
+    return preset if sky is None else sky_text(*sky)
 
 
 def _sky_of(text: str) -> str:
@@ -229,6 +273,8 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
         environment = _sky_of(environment)
+    elif environment in PRESETS and environment not in files:
+        environment = light_text(environment)
     elif environment is not None:
         environment = safe_name(environment)
         if environment not in files:

@@ -45,7 +45,7 @@ class ActiveJob:
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
-        self.scene = row.scene
+        self.scene = row.stage
         self.created = row.created
         self.request = row.request
         self.film = film
@@ -72,6 +72,7 @@ class ActiveJob:
         self.rests_until = 0.0
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
+        self.rendered, self.rendered_s = 0, 0.0  # samples in this life of the service, and seconds that slots took for them
         self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
         self._tile_cost: dict[int, float] = {}
         self._clock = time.monotonic()
@@ -295,5 +296,7 @@ class ActiveJob:
         rect = self.film.tiles[batch.tile]
         cost = seconds / (rect.w * rect.h * batch.count)
         if cost > 0.0:
+            self.rendered += rect.w * rect.h * batch.count
+            self.rendered_s += seconds
             self._tile_cost[batch.tile] = cost
             self._pixel_cost += (cost - self._pixel_cost) * (SMOOTHING if self._pixel_cost else 1.0)

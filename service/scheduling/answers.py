@@ -15,6 +15,7 @@ from functools import partial
 from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.denoising import Denoising
+from service.scheduling.environments import Environments
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.merging import batch_of, merge
 from service.scheduling.messages import (
@@ -23,6 +24,8 @@ from service.scheduling.messages import (
     BatchReturned,
     DenoiseDone,
     DenoiseFailed,
+    EnvironmentFailed,
+    EnvironmentShown,
     FrameFailed,
     FramePrepared,
     FramesReturned,
@@ -74,6 +77,7 @@ class Answers:
         moments: Moments,
         denoising: Denoising,
         vectors: Vectors,
+        environments: Environments,
         tell: Tell,
         tell_tiles: TellTiles,
     ) -> None:
@@ -85,6 +89,7 @@ class Answers:
         self._moments = moments
         self._denoising = denoising
         self._vectors = vectors
+        self._environments = environments
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
@@ -188,6 +193,10 @@ class Answers:
                 self._vectors.heard(message.work, MadeAside(message.sha256))
             case VectorsFailed():
                 self._vectors.heard(message.work, None, message.error)
+            case EnvironmentShown():
+                self._environments.heard(message.work, MadeAside(message.sha256))
+            case EnvironmentFailed():
+                self._environments.heard(message.work, None, message.error)
             case PrepareStarted():
                 self._preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
                 self._tell("scene", message.scene)

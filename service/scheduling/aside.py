@@ -19,7 +19,7 @@ from service.scheduling.dispatch import QueueError
 from service.scheduling.leases import Lease
 from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
-from worker.contract import DenoiseFrame, FrameVectors
+from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
 
 __all__ = ["Aside", "MadeAside"]
 
@@ -29,7 +29,7 @@ SENT_AT_MOST = 3
 Key = tuple[str, int]  # job, frame
 
 
-Wish = TypeVar("Wish", DenoiseFrame, FrameVectors)
+Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class Aside(ABC, Generic[Wish]):
         with contextlib.suppress(RuntimeError):  # the service ends
             self._aside.submit(function, *arguments)
 
-    def _failed(self, why: str) -> Failed:
+    def _failed(self, why: str) -> FarmError:
         return Failed(f"The {self._name} could not be made: {(why or 'the file is missing').rstrip('.')}.")
 
     def _is_there(self, sha256: str) -> bool:

@@ -11,8 +11,10 @@ import redis
 from celery import Celery
 from kombu.exceptions import OperationalError
 
+from worker.broker import celery_config
 from worker.contract import (
     DENOISE,
+    ENVIRONMENT,
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
@@ -22,7 +24,7 @@ from worker.contract import (
     FrameVectors,
     PrepareFrames,
     RenderBatch,
-    celery_config,
+    ShowEnvironment,
     denoise_queue,
     prepare_queue,
     render_queue,
@@ -72,6 +74,10 @@ class Dispatcher:
     def send_vectors(self, work: FrameVectors, kind: str) -> None:
         """Ask for a frame's motion vectors. Raises QueueError."""
         self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work)
+
+    def send_environment(self, work: ShowEnvironment, kind: str) -> None:
+        """Ask for an image that lights scenes to be looked at. Raises QueueError."""
+        self._send(ENVIRONMENT, {"environment": asdict(work)}, prepare_queue(kind), work.work)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
         """What waits in a queue and no worker has taken yet: id -> message. Raises redis.RedisError."""

@@ -8,6 +8,7 @@ is left for `_run` to catch is Redis, and faults of this code.
 from __future__ import annotations
 
 import logging
+import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -23,6 +24,7 @@ from service.scheduling.bulkhead import Bulkheads
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
+from service.scheduling.environments import Environments
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
@@ -36,7 +38,7 @@ from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.film_store import FilmStore
 from service.store.films import Film
-from worker.contract import DenoiseFrame, FrameVectors
+from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
 
 __all__ = ["Engine"]
 
@@ -80,6 +82,7 @@ class Engine:
         self._moments = Moments(self._dispatcher, self._workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self._denoising = Denoising(self._dispatcher, self._workers, blobs)
         self._vectors = Vectors(self._dispatcher, self._workers, blobs)
+        self._environments = Environments(self._dispatcher, self._workers, blobs)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
@@ -87,8 +90,9 @@ class Engine:
         )
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
-            *(self._denoising, self._vectors, change, tell_tiles),
+            *(self._denoising, self._vectors, self._environments, change, tell_tiles),
         )
+        self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
         self._has_begun = False
         self._looked_around = 0.0
         self._stop = threading.Event()
@@ -106,6 +110,7 @@ class Engine:
             self._thread.join(10)
         self._denoising.close()
         self._vectors.close()
+        self._environments.close()
         self._dispatcher.close()
         self._redis.close()
 
@@ -124,6 +129,11 @@ class Engine:
         self._changes.note(what, id)
         self._results.wake()
 
+    def prepare(self, scene: str, kind: str) -> None:
+        """A scene is wanted for a kind of workers, though no job needs it."""
+        self._asked.put((scene, kind))
+        self._results.wake()
+
     def order(self, worker: str, why: str | None) -> None:
         """Pause a worker, for a reason; or let it go on (None). Raises redis.RedisError."""
         if why is None:
@@ -139,6 +149,10 @@ class Engine:
     def vectors(self, wish: FrameVectors) -> Future[MadeAside]:
         """A frame's motion vectors, made by a worker. Raises Unavailable where none can."""
         return self._awaited(self._vectors.want(wish))
+
+    def show_environment(self, wish: ShowEnvironment) -> Future[MadeAside]:
+        """A small picture of an image that lights scenes. Its future has Invalid where it does not. Raises Unavailable."""
+        return self._awaited(self._environments.want(wish))
 
     def _awaited(self, answer: Future[MadeAside]) -> Future[MadeAside]:
         if not answer.done():
@@ -177,11 +191,14 @@ class Engine:
             self._looked_around = time.monotonic()
             self._each_second()
         self._bulkheads.carry_out(self._lifecycle.end)
+        while not self._asked.empty():
+            self._preparing.want(*self._asked.get())
         self._preparing.fill()
         for job in self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy()):
             self._lifecycle.record(job)
         self._denoising.fill()
         self._vectors.fill()
+        self._environments.fill()
         self._scheduler.fill(self._lifecycle.start)
         self._answers.take_in(BLOCK_MS)
 
@@ -211,6 +228,7 @@ class Engine:
         self._answers.review()
         self._denoising.review()
         self._vectors.review()
+        self._environments.review()
         self._scheduler.review(self._results)
         for scene, kind in self._preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)

@@ -20,6 +20,7 @@ from service.scheduling.active_job import ActiveJob
 from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
+from service.scheduling.measured import measured
 from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
@@ -118,7 +119,7 @@ class Lifecycle:
 
     def _take_up(self, row: Job) -> None:
         """Begin or go on with a job, as soon as its scene is ready."""
-        scene = self._records.scene(row.scene)
+        scene = self._records.scene(row.stage)
         if scene is None:
             self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
         elif scene.status == "failed":
@@ -137,7 +138,7 @@ class Lifecycle:
         frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
-        asked = {"env": scene.environment, "variant": scene.variant}
+        asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         self._scheduler.jobs[row.id] = job
         if job.shot is not None:
@@ -174,7 +175,8 @@ class Lifecycle:
         self._records.progress(job)
         if gone:
             self._let_go(gone)
-        if is_over and self._records.finished(job):
+        if is_over and self._records.finished(job, measured(job)):
+            self._tell("scene", job.scene)
             self._drop(job)
             self._give_back(job)
             self._bulkheads.forget(job.id)
@@ -234,6 +236,8 @@ class Lifecycle:
         self._preparing.forget_kind(scene, info.kind)
         if not self._records.prepared(scene, info):
             return
+        for id in self._records.waiting_for(scene):
+            self._changes.note("scene", id)
         for id in self._records.jobs_of(scene):
             if id in self._scheduler.jobs:
                 job = self._scheduler.jobs[id]
@@ -251,6 +255,8 @@ class Lifecycle:
         row = self._records.scene(scene)
         if row is None:
             return
+        for id in self._records.waiting_for(scene) if row.status == "failed" else ():
+            self.prepare_failed(id, None, error)
         for id in self._records.jobs_of(scene):
             job = self._scheduler.jobs.get(id)
             if job is None and row.status == "failed":
@@ -270,7 +276,9 @@ class Lifecycle:
         if scene is None:
             self._preparing.forget(id)
         elif scene.status == "preparing":
-            self._preparing.want(id, None)
+            base = self._records.scene(scene.of) if scene.of else None
+            if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
+                self._preparing.want(id, None)
         self._tell("scene", id)
 
     def _drop(self, job: ActiveJob) -> None:

@@ -18,6 +18,8 @@ __all__ = [
     "BatchReturned",
     "DenoiseDone",
     "DenoiseFailed",
+    "EnvironmentFailed",
+    "EnvironmentShown",
     "FrameFailed",
     "FramePrepared",
     "FramesReturned",
@@ -122,6 +124,20 @@ class VectorsFailed(_Vectors):
     """They could not be made."""
 
     type: Literal["vectors-failed"]
+    error: Sentence
+
+
+class EnvironmentShown(_Denoise):
+    """A small picture of an uploaded environment is made."""
+
+    type: Literal["environment-shown"]
+    sha256: Id
+
+
+class EnvironmentFailed(_Denoise):
+    """It lights nothing."""
+
+    type: Literal["environment-failed"]
     error: Sentence
 
 
@@ -248,6 +264,8 @@ Message = (
     | FramePrepared
     | FrameFailed
     | FramesReturned
+    | EnvironmentShown
+    | EnvironmentFailed
     | VectorsMade
     | VectorsFailed
     | Wake

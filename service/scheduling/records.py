@@ -6,14 +6,14 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, replace
 
-from sqlalchemy import select, update
+from sqlalchemy import func, select, update
 
 from renderer.errors import SettingsError
 from service.intake.resolve import resolve
 from service.scheduling.active_job import ActiveJob
 from service.shot import Shot
 from service.store.database import Sessions
-from service.store.models import ACTIVE, Frame, Job, Scene
+from service.store.models import ACTIVE, Environment, Frame, Job, Scene
 from worker.contract import SceneInfo
 
 __all__ = ["Records"]
@@ -39,9 +39,15 @@ class Records:
             return set(session.scalars(select(Job.id)))
 
     def jobs_of(self, scene: str) -> list[str]:
-        """The jobs of a scene that are not over."""
+        """The jobs that render a scene and are not over."""
         with self._sessions() as session:
-            return list(session.scalars(select(Job.id).where(Job.scene == scene, Job.state.in_(ACTIVE))))
+            stage = func.coalesce(Job.lit, Job.scene)
+            return list(session.scalars(select(Job.id).where(stage == scene, Job.state.in_(ACTIVE))))
+
+    def waiting_for(self, scene: str) -> list[str]:
+        """The scenes that are to be made of this one, and are not prepared yet."""
+        with self._sessions() as session:
+            return list(session.scalars(select(Scene.id).where(Scene.of == scene, Scene.status == "preparing")))
 
     def preparing_scenes(self) -> list[str]:
         """The scenes that nobody has prepared yet."""
@@ -51,7 +57,8 @@ class Records:
     def blobs(self) -> set[str]:
         """The hashes of all blobs that scenes and frames refer to."""
         with self._sessions() as session:
-            owners = [*session.scalars(select(Scene)), *session.scalars(select(Frame).where(Frame.compiled.is_not(None)))]
+            frames = session.scalars(select(Frame).where(Frame.compiled.is_not(None)))
+            owners = [*session.scalars(select(Scene)), *session.scalars(select(Environment)), *frames]
             return {sha256 for owner in owners for sha256 in owner.blobs}
 
     def job(self, id: str) -> Job | None:
@@ -142,8 +149,9 @@ class Records:
             for key, goal in job.agenda.new_goals.items():
                 session.execute(update(Frame).where(Frame.job == job.id, Frame.number == key).values(spp=goal))
 
-    def finished(self, job: ActiveJob) -> bool:
+    def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
+        measured: what it says of its scene (service/scheduling/measured.py).
         False where it was over already, or something else was asked for in the meantime."""
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
@@ -152,6 +160,8 @@ class Records:
             shot = Shot.of(row.shot)
             if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
                 return False
+            if measured is not None:
+                session.execute(update(Scene).where(Scene.id == row.scene).values(measured=measured))
             row.state, row.finished, row.active_s = "finished", time.time(), job.active_s
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))

@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, Integer, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["ACTIVE", "FINAL", "Base", "Frame", "Job", "Scene", "blobs_of"]
+__all__ = ["ACTIVE", "FINAL", "Base", "Environment", "Frame", "Job", "Scene", "blobs_of"]
 
 ACTIVE = ("queued", "running", "paused")
 FINAL = ("finished", "failed", "cancelled")
@@ -29,7 +29,10 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 
 
 class Scene(Base):
-    """An upload. Its id is a hash of its content, so the same files are the same scene."""
+    """An upload, or one under another light or with other materials of its files, which some job's request made of it.
+
+    The id is a hash of the content, so the same files are the same scene.
+    """
 
     __tablename__ = "scenes"
 
@@ -41,11 +44,13 @@ class Scene(Base):
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
     variant: Mapped[str | None] = mapped_column(Text)
+    of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is made of; None: it is one
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # worker.contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
     notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself
     info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # worker.contract.SceneInfo of the first kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
+    measured: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # by its latest job: scheduling/measured.py
 
     @property
     def blobs(self) -> set[str]:
@@ -64,13 +69,20 @@ class Job(Base):
     """A request for pictures of a scene, and how far it is."""
 
     __tablename__ = "jobs"
+    # Lists and tallies are made of these alone: a row is thousands of bytes long, mostly its settings.
+    __table_args__ = (
+        Index("jobs_listed", "created", "id", "state", "scene", "name"),
+        Index("jobs_by_state", "state", "created", "id", "scene", "name"),
+    )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    scene: Mapped[str] = mapped_column(String(40), index=True)
+    scene: Mapped[str] = mapped_column(String(40), index=True)  # the upload
+    lit: Mapped[str | None] = mapped_column(String(40), index=True)  # what is rendered, where that is another scene's row
+    light: Mapped[str | None] = mapped_column(Text)  # what the uploaded image is called that lights it
     name: Mapped[str] = mapped_column(String(255))
-    state: Mapped[str] = mapped_column(String(16), index=True)
+    state: Mapped[str] = mapped_column(String(16))
     priority: Mapped[int] = mapped_column(Integer, default=0)
-    created: Mapped[float] = mapped_column(Float, index=True)
+    created: Mapped[float] = mapped_column(Float)
     started: Mapped[float | None] = mapped_column(Float)
     finished: Mapped[float | None] = mapped_column(Float)
     active_s: Mapped[float] = mapped_column(Float, default=0.0)  # wall time spent rendering, pauses left out
@@ -86,6 +98,28 @@ class Job(Base):
     shot: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # see service/shot.py; None: a still at frame 0
     focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h that is rendered first
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
+
+    @property
+    def stage(self) -> str:
+        """The scene whose compiled form is rendered."""
+        return self.lit or self.scene
+
+
+class Environment(Base):
+    """An uploaded image that lights scenes. Its id is a hash of its content."""
+
+    __tablename__ = "environments"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    name: Mapped[str] = mapped_column(String(255))
+    created: Mapped[float] = mapped_column(Float, index=True)
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef
+    thumbnail: Mapped[str] = mapped_column(String(64))  # the SHA-256 of a small picture, a JPEG
+
+    @property
+    def blobs(self) -> set[str]:
+        """The hashes of the blobs that it refers to."""
+        return {self.thumbnail, *blobs_of([self.file] if isinstance(self.file, dict) else [])}
 
 
 class Frame(Base):

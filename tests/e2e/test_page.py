@@ -135,6 +135,11 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     alert.get_by_role("button", name="Dismiss").click()
     expect(alert).to_have_count(0)
 
+    drop(page, "house.blend", b"BLENDER")
+    expect(alert).to_contain_text("house.blend cannot be read here")
+    expect(alert).to_contain_text("File > Export > glTF 2.0")
+    alert.get_by_role("button", name="Dismiss").click()
+
     drop(page, "broken.glb", b"glTF, but not really")
     problem = page.get_by_role("alert")
     expect(problem).to_contain_text("broken.glb")
@@ -158,4 +163,33 @@ def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Far
     expect(page.locator(".job-head")).to_contain_text("Rendering")
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".job-head")).to_contain_text("Cancelled")
+    assert watched.errors == []
+
+
+def test_what_is_missing_is_added_and_of_several_models_one_is_chosen(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    triangle = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    named = {
+        "table.obj": b"mtllib wood.mtl\nusemtl wood\n" + triangle,
+        "chair.obj": triangle,
+        "wood.mtl": b"newmtl wood\nmap_Kd oak.png\n",
+    }
+    plain = [{"name": name, "mimeType": "text/plain", "buffer": content} for name, content in named.items()]
+    chooser.value.set_files(plain)
+    asked = page.get_by_role("dialog", name="2 models: which is the scene?")
+    asked.get_by_role("button", name="table.obj").click()
+    expect(page.get_by_role("heading", name="table")).to_be_visible()
+    warning = page.get_by_text("its texture oak.png is not among the files")
+    expect(warning).to_be_visible()
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Add files").click()
+    oak = io.BytesIO()
+    Image.new("RGB", (4, 4), (120, 80, 40)).save(oak, "PNG")
+    chooser.value.set_files([{"name": "oak.png", "mimeType": "image/png", "buffer": oak.getvalue()}])
+    expect(warning).to_have_count(0)
+    expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible()
+    expect(page.get_by_role("button", name="Add files")).to_have_count(0)
     assert watched.errors == []

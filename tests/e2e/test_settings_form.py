@@ -77,6 +77,40 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
     assert "sparkle" not in submitted(page)
 
 
+def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
+    """By what the scene's latest picture measured: a slot's microsecond a sample of a pixel, and a noise of 0.4 with one."""
+    call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
+    open_form(page, scene={**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}})
+    choices = page.get_by_role("radiogroup", name="Quality").locator("label").all()
+    assert [[part.text_content() for part in choice.locator("span").all()] for choice in choices] == [
+        ["Draft", "16 samples", "≈ 9 s · 10 % noise"],
+        ["Good", "128 samples", "≈ 65 s · 4 % noise"],
+        ["Final", "512 samples", "≈ 4 min · 2 % noise"],
+        ["Finest", "2048 samples", "≈ 17 min · 0.9 % noise"],
+        ["Custom", "", ""],
+    ]
+    expect(page.get_by_text("128 M samples, about 65 s on 2 slots, 4 % noise")).to_be_visible()
+    page.get_by_text("Finest").click()
+    assert submitted(page)["spp"] == 2048
+
+
+def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
+    open_form(page)
+    depth = page.get_by_label("Max depth")
+    back = page.get_by_role("button", name="Back to 5")
+    expect(back).to_be_hidden()
+    depth.locator("xpath=..").locator("input[type=range]").fill("400")  # its end
+    expect(depth).to_have_value("64")
+    assert submitted(page)["max_depth"] == 64
+    back.click()
+    expect(depth).to_have_value("5")
+    expect(back).to_be_hidden()
+    assert "max_depth" not in submitted(page)
+    page.get_by_label("Filter").select_option("box")
+    page.get_by_role("button", name="Back to Blackman-Harris").click()
+    assert "filter" not in submitted(page)
+
+
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     """The value that switches something off, a choice, a noise level and a camera among them; the sides are named by phrases."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
@@ -84,15 +118,15 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
     left = {**a, "settings": {**common, "integrator": "path", "sparkle": 0.0, "seed": 0}}
     right = {**a, "noise": 0.025, "settings": {**left["settings"], "integrator": "ao", "sparkle": 1.23456, "seed": 7}}
-    right["settings"]["environment"] = [1, 0.5, 0.25]
+    right["environment"] = {"color": [1, 0.5, 0.25], "rotation": 30, "strength": 2}
     right["settings"]["view"] = {**view, "focus": 2.0, "eye": [0.1, 0, 5]}
     jobs = {"left": left, "right": right, "table": described(table(Sparkling))}
     rows = call(page, "compare/job-differences", TOLD + "return m.differences(a.left, a.right);", jobs)
     assert [(row["label"], row["a"], row["b"]) for row in rows] == [
+        ("Light from around", "The scene's own", "One colour, #ffbc89, turned by 30°, strength 2"),
         ("Integrator", "Path tracing", "Ambient occlusion"),
         ("Sparkle", "dull", "1.235"),
         ("Seed", "0", "7"),
-        ("Environment", "the scene's own", "1, 0.5, 0.25"),
         ("Samples per pixel", "64 spp", "noise 2.5 %"),
         ("Eye", "0, 0, 5", "0.1, 0, 5"),
         ("Focus distance", "the target's", "2"),
@@ -103,11 +137,14 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
         const side = (job) => ({ job, channel: "" });
         return m.sideNames(side(a.left), side(a.right));"""
     )
-    assert call(page, "compare/job-differences", body, jobs) == ["Path tracing, glitter dull", "Ambient occlusion, glitter 1.235"]
+    assert call(page, "compare/job-differences", body, jobs) == [
+        "its own light, Path tracing",
+        "One colour, #ffbc89, turned by 30°, strength 2, Ambient occlusion",
+    ]
 
 
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
-    """They are scenes of their own, of the same files and the same name."""
+    """Of an older release they are scenes of their own, of the same files and the same name; else the job says it."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     job = {"name": "shoe", "width": 8, "height": 8, "spp": 64, "settings": {"integrator": "path", "view": view}}
     own = {"id": "a", "variants": ["beach", "night", "night"], "variant": None, "environment": None}
@@ -120,13 +157,19 @@ def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) 
     )
     arguments = {"scenes": [own, *others], "job": job, "table": described()}
     told = [call(page, "compare/job-differences", body, {**arguments, "other": other}) for other in ("a", "b", "c")]
+    asked = body.replace("scene: a.other", 'scene: "a", variant: "2", environment: { sky: { elevation: 35, azimuth: -90 } }')
+    told.append(call(page, "compare/job-differences", asked, arguments))
     assert told == [
         [],
         [
             {"label": "Materials", "a": "as saved", "b": "night (2)"},
-            {"label": "Light from around", "a": "the scene's own", "b": "sun at 35°"},
+            {"label": "Light from around", "a": "The scene's own", "b": "Clear sky, sun at 35° height, 0°"},
         ],
         [{"label": "Materials", "a": "as saved", "b": "beach"}],
+        [
+            {"label": "Materials", "a": "as saved", "b": "night (2)"},
+            {"label": "Light from around", "a": "The scene's own", "b": "Clear sky, sun at 35° height, 270°"},
+        ],
     ]
 
 
@@ -187,7 +230,10 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     page.get_by_label("Sampler").select_option("independent")
     page.get_by_label("Light samples").fill("4")
     page.get_by_label("Roulette").fill("0.5")
-    page.get_by_label("Light from around").select_option("sky")
+    page.get_by_role("radio", name="Clear sky").check(force=True)
+    dial = page.get_by_role("slider", name="Where the sun stands")
+    dial.press("ArrowUp")
+    dial.press("Shift+ArrowLeft")
     asked = submitted(page)
     # The exact numbers of the scene's camera stay, though the fields show six digits of them.
     assert asked["view"]["eye"] == SCENE["cameras"][0]["view"]["eye"]  # type: ignore[index]
@@ -195,7 +241,7 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     assert asked["view"]["focus"] is None
     assert "camera" not in asked
     assert (asked["sampling"], asked["sampler"], asked["light_samples"], asked["roulette"]) == ("light", "independent", 4, 0.5)
-    assert asked["environment"] == {"sky": {"elevation": 35, "azimuth": 0}}
+    assert asked["environment"] == {"sky": {"elevation": 36, "azimuth": 110}}
     settings.View.from_json(asked["view"])
 
 

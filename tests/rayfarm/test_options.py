@@ -40,6 +40,7 @@ def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
     assert options.environment_of("1,0.5,0") == options.Env(color=(1.0, 0.5, 0.0))
     assert options.environment_of("sky:30") == options.Env(sky=(30.0, 0.0))
     assert options.environment_of("sky:-5,120") == options.Env(sky=(-5.0, 120.0))
+    assert options.environment_of("studio") == options.Env(preset="studio")
     assert options.environment_of(None) == options.Env()
     for wrong in ("sky:", "sky:high", "sky:91", "sky:1,2,3", "sky:nan"):
         with pytest.raises(CommandError, match="as --env sky:30,120"):

@@ -105,6 +105,10 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
         clean = pixels(tmp_path / "farm-denoised.exr")
         assert clean.shape == (16, 24, 3)
         assert not np.array_equal(clean, pixels(tmp_path / "farm.exr"))
+    studio = [tmp_path / "ball.yaml", "--env=studio", *arguments[1:-1]]
+    assert here("submit", *studio, "--server", farm.url, "-o", tmp_path / "farm.exr")[0] == 0
+    assert here("render", *studio, "-o", tmp_path / "alone.exr")[0] == 0
+    assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
 
 
 def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> None:

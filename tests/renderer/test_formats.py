@@ -19,6 +19,13 @@ def test_the_kind_that_says_most_wins_then_the_shallowest():
     assert pick_main(["mesh.ply", "scene.yaml", "model.glb"])[0] == "scene.yaml"
 
 
+def test_another_programs_file_is_answered_by_the_export_that_helps():
+    for name, says in (("a.blend", "File > Export > glTF 2.0"), ("deep/A.FBX", "glTF"), ("a.usdz", "glTF"), ("a.7z", "Unpack")):
+        with pytest.raises(SceneError, match=f"{name} cannot be read here.*{says}"):
+            pick_main(["readme.txt", name])
+    assert pick_main(["a.blend", "a.glb"])[0] == "a.glb"
+
+
 def test_a_mac_zip_gives_the_model_and_names_its_rivals():
     names = ["spot/spot_control_mesh.obj", "spot/spot_quadrangulated.obj", "spot/spot_triangulated.obj"]
     main, warnings = pick_main([*names, "__MACOSX/spot/._spot_triangulated.obj", "spot/spot_texture.png"])

@@ -26,7 +26,7 @@ SHA256 = hashlib.sha256(SCENE).hexdigest()
 MANIFEST = Manifest("scene", "scene.obj", [BlobRef("scene.obj", SHA256, len(SCENE))])
 SUMMARY: dict[str, Any] = {
     "cameras": [], "counts": {}, "bounds": [], "animations": [], "variants": [], "warnings": [], "defaults": {},
-    "compiled": "compiled.safetensors",
+    "compiled": "compiled.safetensors", "lights_power": 0.0,
 }  # fmt: skip
 
 

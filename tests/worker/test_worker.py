@@ -32,6 +32,7 @@ from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
 from tests.worker.bench import Bench, FakeService
+from worker.broker import celery_config
 from worker.contract import (
     DENOISE,
     RENDER_BATCHES,
@@ -40,7 +41,6 @@ from worker.contract import (
     PrepareFrames,
     RenderBatch,
     SceneInfo,
-    celery_config,
     denoise_queue,
     order_key,
     render_queue,

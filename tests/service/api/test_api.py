@@ -18,9 +18,8 @@ from renderer.aovs import AOVS
 from renderer.image import rgbe9995
 from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
-from service.store.models import Scene
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service, until
+from tests.service.conftest import Service, until
 from tests.service.peer_worker import expected_sums
 
 
@@ -99,6 +98,8 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"seed": -1}, "seed", "greater"),
         ({"environment": {"sky": {"elevation": 91}}}, "environment.sky.elevation", "less"),
         ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "either color or sky"),
+        ({"environment": {"preset": "candle"}}, "environment.preset", "known are studio"),
+        ({"environment": {"image": "x", "preset": "studio"}}, "environment", "either image or preset"),
         ({"environment": {"rotation": 361}}, "environment.rotation", "less"),
         ({"environment": {"color": [1, 2]}}, "environment.color[2]", "required"),
         ({"priority": 1000}, "priority", "less"),
@@ -121,26 +122,6 @@ def test_what_is_wrong_in_a_request_is_named(service: Service, scene: str, chang
     found = problem(service.http.post("/api/jobs", content=body, headers={"content-type": "application/json"}), 422)
     assert field in [error["field"] for error in found["errors"]]
     assert says in found["detail"]
-
-
-def test_a_sky_makes_the_scene_another_one(service: Service, scene: str) -> None:
-    def submit(**sky: float) -> dict[str, Any]:
-        job = service.job(service.submit(scene, environment={"sky": sky, "strength": 2}))
-        service.wait_for(job["id"], "finished")
-        return service.job(job["id"])
-
-    job = submit(elevation=30, azimuth=-240)
-    assert job["scene"] != scene
-    assert job["settings"]["environment_strength"] == 2
-    assert submit(elevation=30.0, azimuth=120)["scene"] == job["scene"], "the same sky is the same scene"
-    assert submit(elevation=31)["scene"] not in (scene, job["scene"])
-    with service.farm.sessions() as session:
-        assert session.get(Scene, job["scene"]).environment == "sky:30,120"
-    files = {"files": ("scene.obj", OBJ)}
-    uploaded = service.http.post("/api/scenes", files=files, data={"environment": "sky:30,120"}).json()
-    assert uploaded["id"] == job["scene"]
-    problem(service.http.post("/api/scenes", files=files, data={"environment": "sky:high"}), 422)
-    problem(service.http.post("/api/jobs", json={"scene": "none", "environment": {"sky": {"elevation": 3}}}), 404)
 
 
 def test_every_setting_of_the_renderer_can_be_asked_for(service: Service, scene: str) -> None:

@@ -1,4 +1,4 @@
-"""A job under a variant of a glTF file's materials: another compiled scene of the same files."""
+"""A job under a variant of a glTF file's materials: compiled anew of the same files."""
 
 from __future__ import annotations
 
@@ -24,31 +24,29 @@ def refused(answer: Any, status: int) -> str:
     return str(answer.json()["detail"])
 
 
-def test_a_variant_makes_the_scene_another_one(service: Service) -> None:
-    """By its name or its number, from the scene itself or from another of its variants; and under a sky as well."""
+def test_a_variant_is_of_the_request_and_makes_no_other_scene(service: Service) -> None:
+    """By its name or its number; and under a sky as well."""
     scene = service.upload(OBJ + b"# variants\n")
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
     assert (service.scene(scene)["variants"], service.scene(scene)["variant"]) == (["beach", "night", "night"], None)
 
-    def scene_of(of: str, variant: str, **more: Any) -> str:
-        return str(service.job(service.submit(of, variant=variant, **more))["scene"])
+    def lit(variant: str | None, **more: Any) -> str | None:
+        job = service.job(service.submit(scene, variant=variant, **more))
+        assert (job["scene"], job["variant"]) == (scene, variant)
+        row = service.farm.records.job(job["id"])
+        assert row is not None
+        return row.lit
 
     shown = {"Authorization": f"Bearer {TOKEN}"}
-    night = scene_of(scene, "night")
-    assert night != scene
-    assert service.scene(night)["variant"] == "night"
-    assert service.scene(night)["files"] == service.scene(scene)["files"]
+    night = lit("night")
     assert service.http.get(f"/api/farm/scenes/{night}/manifest", headers=shown).json()["variant"] == "night"
-    until(lambda: service.scene(night)["status"] == "ready", "the variant is prepared")
-    assert scene_of(scene, "1") == scene_of(night, "night") == night, "the same variant is the same scene"
-    assert service.scene(scene_of(scene, "2"))["variant"] == "2", "names may be alike"
-    assert scene_of(night, "") == scene, "and back to the file's own materials"
-    assert service.job(service.submit(night))["scene"] == night
-    both = service.scene(scene_of(night, "0", environment={"sky": {"elevation": 30}}))
-    assert both["variant"] == "beach"
-    lit = service.job(service.submit(night, environment={"sky": {"elevation": 30}}))["scene"]
-    assert service.scene(lit)["variant"] == "night", "a sky leaves the materials as they are"
-    assert [service.scene(id)["environment"] for id in (both["id"], lit, night)] == ["sky:30,0", "sky:30,0", None]
+    assert night == lit("1"), "the same variant is the same"
+    assert lit("2") not in (night, None), "names may be alike"
+    assert lit("") is None, "the file's own materials"
+    both = lit("0", environment={"sky": {"elevation": 30}})
+    found = service.http.get(f"/api/farm/scenes/{both}/manifest", headers=shown).json()
+    assert (found["variant"], found["environment"], found["base"]) == ("beach", "sky:30,0", None)
+    assert [each["id"] for each in service.http.get("/api/scenes").json()] == [scene]
 
 
 def test_an_unknown_variant_is_told_which_there_are(service: Service) -> None:

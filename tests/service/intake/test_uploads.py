@@ -304,3 +304,21 @@ def test_deleting_a_scene_deletes_what_only_it_has(service: Service) -> None:
     assert service.farm.blobs.exists(hashes["shared.png"])
     assert service.http.get(f"/api/scenes/{one['id']}").status_code == 404
     assert two["id"] in json.dumps(service.http.get("/api/scenes").json())
+
+
+def test_what_a_scene_lacks_is_added_without_the_rest(service: Service) -> None:
+    mtl = b"newmtl wood\nmap_Kd textures/wood.png\n"
+    base = post(service, [("models/a.obj", b"mtllib a.mtl\n" + OBJ), ("models/a.mtl", mtl)], name="Chair").json()
+    added = post(service, [("wood.png", b"a picture")], base=base["id"]).raise_for_status().json()
+    assert added["id"] != base["id"]
+    assert (added["name"], added["main"]) == ("Chair", "a.obj")
+    assert {file["path"] for file in added["files"]} == {"a.obj", "a.mtl", "wood.png"}
+    again = post(service, [("wood.png", b"another")], base=added["id"]).raise_for_status().json()
+    assert again["bytes"] == added["bytes"] - 2, "in place of the one of this name"
+    assert service.scene(base["id"])["id"] == base["id"], "which stays as it is"
+    assert "There is no scene 'nowhere'" in refused(service, 404, [("wood.png", b"a picture")], base="nowhere")
+    assert "empty" in refused(service, 422, [("wood.png", b"")], base=base["id"])
+    assert "as a file, and also as the folder" in refused(service, 422, [("a.obj/wood.png", b"a picture")], base=base["id"])
+    assert "larger than" in refused(service, 413, [("wood.png", b"x" * (LIMIT - 20))], base=added["id"])
+    many = [(f"{n}.png", b"%d" % n) for n in range(18)]
+    assert "more than 20 files" in refused(service, 413, many, base=added["id"])

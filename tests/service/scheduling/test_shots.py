@@ -184,6 +184,15 @@ def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) 
     assert begun(worker.batches).index(33) < 20
 
 
+def blobs(data: Path) -> dict[str, bytes]:
+    """What is stored, by name. The service goes on meanwhile: what it lets go of while this looks is left out."""
+    found = {}
+    for path in (data / "blobs").glob("??/*"):
+        with contextlib.suppress(FileNotFoundError):
+            found[path.name] = path.read_bytes()
+    return found
+
+
 def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(20) and None
@@ -193,10 +202,9 @@ def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Servi
     gate.set()
     service.wait_for(job, "finished", 60)
     assert [digest(service, job, n) for n in (0, 50, 99)] == [expected(n, 1) for n in (0, 50, 99)]
-    folder = service.options["data"] / "blobs"
 
     def left() -> int:
-        return sum(b"frame" in path.read_bytes() for path in folder.glob("??/*"))
+        return sum(b"frame" in content for content in blobs(service.options["data"]).values())
 
     until(lambda: left() == 0, "what was compiled for frames is gone", say=left)
 
@@ -292,15 +300,6 @@ def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service
     assert "lost three times" in frames_of(service, job)[1]["error"]
 
 
-def blobs(data: Path) -> dict[str, int]:
-    """Names and bytes of what is stored. The service goes on meanwhile: what it lets go of while this looks is left out."""
-    sizes = {}
-    for path in (data / "blobs").glob("??/*"):
-        with contextlib.suppress(FileNotFoundError):
-            sizes[path.name] = path.stat().st_size
-    return sizes
-
-
 def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
     try:
@@ -309,7 +308,7 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
 
             def look(batch: RenderBatch) -> None:
                 nonlocal most
-                compiled = [name for name, size in blobs(tmp_path / "data").items() if size == 1006]
+                compiled = [name for name, content in blobs(tmp_path / "data").items() if len(content) == 1006]
                 most = max(most, len(compiled))
                 assert batch.compiled in compiled, "what is rendered is there"
 
@@ -334,7 +333,7 @@ def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_p
     part = tmp_path / "data" / "blobs" / hashlib.sha256(shared).hexdigest()[:2] / hashlib.sha256(shared).hexdigest()
 
     def left() -> int:
-        return sum(size in (106, len(shared)) for size in blobs(tmp_path / "data").values())
+        return sum(len(content) in (106, len(shared)) for content in blobs(tmp_path / "data").values())
 
     def look(batch: RenderBatch) -> None:
         assert part.is_file()

@@ -84,6 +84,9 @@ export function roughly(seconds) {
   return `about ${plural(Math.round(seconds / 86400), "day")}`;
 }
 
+/** A relative noise: "0.8 %". @param {number} noise */
+export const noiseText = (noise) => `${Number((noise * 100).toPrecision(noise < 0.1 ? 1 : 2))} %`;
+
 /**
  * A moment in the past: "just now", "3 min ago".
  *

@@ -34,12 +34,15 @@
  * @property {string | null} [environment] in place of its own: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {Clip[]} [clips] of its animations
  * @property {number | null} [fps] the file's own, else 24
+ * @property {{sample_s: number, noise: number | null} | null} [measured] by its latest picture: seconds of a slot for a sample
+ *     of a pixel, and the relative noise at one sample
  * @property {string[]} warnings
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
  * @typedef {{name: string, start: number, end: number}} Clip from when to when it moves, in seconds
  *
- * @typedef {SettingsTable & {formats: string[]}} Info what this farm takes; formats: suffixes of what may be uploaded
+ * @typedef {SettingsTable & {formats: string[], foreign: Record<string, string>}} Info what this farm takes; formats: suffixes
+ *     of what may be uploaded; foreign: of what may not, and how to get out of it what may
  *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *
@@ -59,6 +62,7 @@
  * @property {number} bad_samples that were NaN or infinite, and left out
  * @property {Frame[]} [frames] the only one of a still, the first of a shot
  * @property {Shot | null} [shot] null: a still
+ * @property {number} priority -100 to 100
  * @property {number} created unix seconds
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height
@@ -68,6 +72,8 @@
  * @property {number | null} [tile_size]
  * @property {[number, number, number, number] | null} [focus] the rectangle that is rendered first: x, y, w, h
  * @property {Record<string, any> | null} settings
+ * @property {EnvironmentRequest | null} [environment] as it was asked for
+ * @property {string | null} [variant] as it was asked for
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *
@@ -99,7 +105,18 @@
  * @property {number} [strength]
  * @property {number} [rotation] degrees
  * @property {Vec3} [color] linear Rec.709
- * @property {{elevation: number, azimuth: number}} [sky] degrees
+ * @property {{elevation: number, azimuth?: number}} [sky] degrees
+ * @property {string} [preset] by name
+ * @property {string} [image] an uploaded one's id
+ * @property {string | null} [name] what that is called
+ *
+ * @typedef {object} Environment light that can be chosen
+ * @property {string} id
+ * @property {string} name
+ * @property {string} help
+ * @property {"preset" | "image"} kind
+ * @property {EnvironmentRequest} environment what to ask for it by
+ * @property {string} thumbnail its address
  *
  * @typedef {Record<string, any> & Asked} JobRequest and whichever of the settings: the scene file's own where one is left out
  *
@@ -146,6 +163,7 @@
  * @property {"job" | "environment"} of what of a request it belongs to
  * @property {string[] | null} integrators that look at it; null: all
  * @property {string[] | null} projections that look at it; null: all
+ * @property {[number, number] | null} [usual] the range that people use, for a slider
  * @property {string} phrase names a picture by the value, in place of {}
  *
  * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[]}} SettingsTable

@@ -2,7 +2,8 @@
 
 import { DENOISED, channelOf } from "../film/channels.js";
 import { scenes } from "../news/farm.js";
-import { lightOf, variantOf } from "../base/scene-version.js";
+import { lightWords } from "../base/light-words.js";
+import { variantOf } from "../base/scene-version.js";
 import { endOf, known, labelOf, phraseOf, settingOf, valueText } from "../news/settings-table.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -36,15 +37,15 @@ function rows() {
   };
   /** @param {string} label @param {(job: Job) => string} value @returns {Row} */
   const plain = (label, value) => ({ label, value, phrase: value });
-  const ofJob = settings.filter(({ name }) => name !== "width" && name !== "height");
+  const ofJob = settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment");
   const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
     plain("Scene", ({ name }) => name),
-    plain("Materials", (job) => variantOf(sceneOf(job)) || "as saved"),
+    plain("Materials", (job) => materialsOf(job) || "as saved"),
     {
       label: "Light from around",
-      value: (job) => lightOf(sceneOf(job)) || "the scene's own",
-      phrase: (job) => lightOf(sceneOf(job)) || "its own light",
+      value: (job) => lightWords(job.environment, sceneOf(job)) || "The scene's own",
+      phrase: (job) => lightWords(job.environment, sceneOf(job)) || "its own light",
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, endOf),
@@ -55,6 +56,12 @@ function rows() {
 
 /** @param {Job} job */
 const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);
+
+/** @param {Job} job @returns {string} empty: the file's own */
+function materialsOf(job) {
+  const scene = sceneOf(job);
+  return variantOf(job.variant == null ? scene : { variants: scene?.variants ?? [], variant: job.variant });
+}
 
 /** @param {Job} a @param {Job} b */
 const differing = (a, b) => rows().filter(({ value }) => value(a) !== value(b));

@@ -57,6 +57,7 @@ export class LiveFilm {
       have: () => (this.isFetched ? (this.side ? this.film.tileSamples(this.side) : []) : null),
       refused: (sentence) =>
         showError("The live picture ended", sentence, {
+          ofPage: true,
           action: { label: "Reload the page", run: () => location.reload() },
         }),
     });

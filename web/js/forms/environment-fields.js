@@ -1,52 +1,145 @@
-/** Light from all around: the scene's own, one colour, or a clear sky with its sun. */
+/** Light from all around: the scene's own, one colour, a preset, a clear sky with its sun, or an image of one's own. */
 
 import { hexOf, linearOf } from "../base/colour.js";
-import { h } from "../base/dom.js";
-import { choiceField, field, numberInput, setShown } from "./fields.js";
-import { settingField } from "./setting-field.js";
+import { fill, h, setText } from "../base/dom.js";
+import { bytes } from "../base/format.js";
+import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
+import { LIGHT_FILES, takeLights } from "../shell/light-drop.js";
+import { Card, announce, showError } from "../shell/tray.js";
+import { field, numberInput, numberOf, setShown } from "./fields.js";
+import { lightChoices } from "./light-choices.js";
+import { withSlider } from "./light-sliders.js";
+import { settingField } from "./setting-field.js";
+import { sunDial } from "./sun-dial.js";
 
 /** @typedef {import("../base/types.js").EnvironmentRequest} EnvironmentRequest */
+/** @typedef {import("../base/types.js").Environment} Environment */
+/** @typedef {import("./light-choices.js").Light} Light */
 
-const CHOICES = [
-  { name: "own", label: "The scene's own", help: "As its file says." },
-  { name: "color", label: "One colour", help: "The same light from every direction." },
-  { name: "sky", label: "Clear sky and sun", help: "A clear day, with the sun where you put it." },
+/** @type {Light[]} */
+const ALWAYS = [
+  { id: "own", label: "The scene's own", help: "As its file says." },
+  { id: "color", label: "One colour", help: "The same light from every direction." },
 ];
+/** @type {Light} */
+const SKY = { id: "sky", label: "Clear sky", help: "A clear day, with the sun where you put it." };
+const NOON = "noon";
 
 /**
- * @param {Record<string, any>} first what the fields show first, where that is not each setting's default
- * @returns {{elements: HTMLElement[], get: () => EnvironmentRequest}} what differs from the scene's own
+ * @param {Record<string, any>} first what the fields show first, where that is not each setting's default; `light`: a request's
+ * @returns {{element: HTMLElement, get: () => EnvironmentRequest, dispose: () => void}} what differs from the scene's own
  */
 export function environmentFields(first) {
   const { environment = null } = first;
+  /** @type {EnvironmentRequest} */
+  const before = first.light ?? {};
   const shown = environment ? hexOf(environment) : "#ffffff";
   const colour = h("input", { type: "color", value: shown });
-  const elevation = numberInput({ value: 35, min: 0, max: 90, step: "any" });
-  const azimuth = numberInput({ value: 0, min: -360, max: 360, step: "any" });
+  const sun = { elevation: before.sky?.elevation ?? 35, azimuth: before.sky?.azimuth ?? 120 };
+  const elevation = numberInput({ value: sun.elevation, min: 0, max: 90, step: "any" });
+  const azimuth = numberInput({ value: sun.azimuth, min: -360, max: 360, step: "any" });
   const numbers = known()
     .settings.filter(({ of, type }) => of === "environment" && type === "number")
     .map((setting) => settingField(setting, first[setting.name] ?? setting.default));
-  /** The fields of each choice. @type {Record<string, HTMLElement[]>} */
-  const of = {
-    color: [field("Colour", colour)],
-    sky: [
-      field("Sun's height, °", elevation, "Above the horizon: low is warm, high is white."),
-      field("Sun's direction, °", azimuth, "Turns the sun about the vertical."),
-    ],
+  const dial = sunDial((next, isDone) => {
+    elevation.value = String(next.elevation);
+    azimuth.value = String(next.azimuth);
+    if (environmentOf(kind)?.sky) pick("sky"); // no longer the preset's sun
+    tell(isDone);
+  });
+  dial.set(sun);
+  for (const input of [elevation, azimuth])
+    input.addEventListener("input", () => {
+      dial.set({ elevation: numberOf(elevation, 0), azimuth: numberOf(azimuth, 0) });
+      if (environmentOf(kind)?.sky) pick("sky");
+    });
+
+  let kind = kindOf(before, environment !== null);
+  const hint = h("p", { class: "hint" });
+  const remove = h("button", { class: "text-button", type: "button", onclick: () => void forget() }, "Remove this image");
+  const colourField = field("Colour", colour);
+  const sky = h(
+    "div",
+    { class: "sun-fields" },
+    dial.element,
+    h("div", { class: "stack" }, field("Sun's height, °", elevation), field("Sun's direction, °", azimuth)),
+  );
+  const choices = lightChoices(
+    (id) => {
+      const preset = environmentOf(id)?.sky;
+      if (preset) {
+        elevation.value = String(preset.elevation);
+        azimuth.value = String(preset.azimuth ?? 0);
+        dial.set({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
+      }
+      pick(id);
+      tell(true);
+    },
+    () => ask((file) => void add(file)),
+  );
+  const element = h(
+    "fieldset",
+    { class: "light-panel" },
+    h("legend", null, "Light"),
+    choices.element,
+    h("div", { class: "row spread" }, hint, remove),
+    colourField,
+    sky,
+    h("div", { class: "light-sliders" }, numbers.map(withSlider)),
+  );
+
+  /** @param {string} id @returns {EnvironmentRequest | undefined} */
+  function environmentOf(id) {
+    return environments.value?.find((each) => each.id === id)?.environment;
+  }
+  const lights = () => {
+    const known = environments.value ?? [];
+    /** @param {Environment} light @returns {Light} */
+    const shownAs = ({ id, name, help, thumbnail }) => ({ id, label: name, help, picture: thumbnail.replace(/^\//, "") });
+    const presets = known.filter((each) => each.kind === "preset");
+    const noon = presets.find(({ id }) => id === NOON);
+    const clear = { ...SKY, ...(noon && { picture: shownAs(noon).picture }) };
+    return [...ALWAYS, ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
   };
-  const show = () => {
-    for (const [name, elements] of Object.entries(of))
-      for (const element of elements) setShown(element, name === kind.get());
-  };
-  const kind = choiceField("Light from around", CHOICES, environment ? "color" : "own", show);
-  show();
+  /** @param {string} id */
+  function pick(id) {
+    kind = id;
+    choices.select(id);
+    const light = lights().find((each) => each.id === id);
+    setText(hint, light?.help || light?.label || "");
+    remove.hidden = environments.value?.find((each) => each.id === id)?.kind !== "image";
+    setShown(colourField, id === "color");
+    setShown(sky, id === "sky" || Boolean(environmentOf(id)?.sky));
+  }
+  /** The form's other parts follow its events. @param {boolean} isDone */
+  function tell(isDone) {
+    element.dispatchEvent(new Event("input", { bubbles: true }));
+    if (isDone) element.dispatchEvent(new Event("change", { bubbles: true }));
+  }
+  /** @param {File} file */
+  async function add(file) {
+    const added = await sent(file);
+    if (!added) return;
+    pick(added.id);
+    announce(`Lit by ${added.name}`);
+    tell(true);
+  }
+  async function forget() {
+    const gone = kind;
+    pick("own");
+    tell(true);
+    await dropEnvironment(gone).catch((error) => showError("The image was not removed", error));
+  }
+  const listen = environments.subscribe(() => {
+    choices.show(lights());
+    pick(kind);
+  });
+  if (!environments.value) loadEnvironments().catch((error) => setText(hint, error.message));
+  const drops = takeLights((file) => void add(file));
   return {
-    elements: [
-      kind.element,
-      ...Object.values(of).flat(),
-      ...numbers.map(({ element }) => element),
-    ],
+    element,
+    dispose: () => (listen(), drops()),
     get: () => ({
       ...Object.fromEntries(
         numbers
@@ -54,10 +147,56 @@ export function environmentFields(first) {
           .filter(({ setting, value }) => value !== setting.default)
           .map(({ setting, value }) => [setting.name.replace("environment_", ""), value]),
       ),
-      ...(kind.get() === "color" && {
-        color: environment && colour.value === shown ? environment : linearOf(colour.value),
-      }),
-      ...(kind.get() === "sky" && { sky: { elevation: elevation.valueAsNumber, azimuth: azimuth.valueAsNumber } }),
+      ...chosen(),
     }),
   };
+
+  /** @returns {EnvironmentRequest} */
+  function chosen() {
+    if (kind === "own") return {};
+    if (kind === "color") return { color: environment && colour.value === shown ? environment : linearOf(colour.value) };
+    const asked = environmentOf(kind);
+    if (kind === "sky" || asked?.sky) return { sky: { elevation: elevation.valueAsNumber, azimuth: azimuth.valueAsNumber } };
+    if (asked) return asked;
+    return kind === before.image ? { image: kind } : { preset: kind }; // the list is not here yet
+  }
+}
+
+/** @param {EnvironmentRequest} light @param {boolean} hasColour */
+function kindOf(light, hasColour) {
+  if (hasColour) return "color";
+  if (light.sky) return "sky";
+  return light.preset ?? light.image ?? "own";
+}
+
+/** Opens the system's file dialog. @param {(file: File) => void} take */
+function ask(take) {
+  const input = h("input", { type: "file", accept: LIGHT_FILES, hidden: true });
+  input.addEventListener("change", () => {
+    if (input.files?.[0]) take(input.files[0]);
+    input.remove();
+  });
+  input.addEventListener("cancel", () => input.remove());
+  document.body.append(input);
+  input.click();
+}
+
+/** Sends an image, with a card in the tray meanwhile. @param {File} file @returns {Promise<Environment | null>} */
+async function sent(file) {
+  const card = new Card(`Adding ${file.name}`);
+  const abort = new AbortController();
+  const line = h("p", { class: "detail number" }, `Uploading ${bytes(file.size)}`);
+  fill(card.body, line);
+  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, "Cancel"));
+  try {
+    return await addEnvironment(file, {
+      signal: abort.signal,
+      progress: (done, all) => setText(line, done < all ? `${bytes(done)} of ${bytes(all)}` : "A worker looks at it …"),
+    });
+  } catch (error) {
+    if (!abort.signal.aborted) showError(`${file.name} was not taken`, error);
+    return null;
+  } finally {
+    card.remove();
+  }
 }

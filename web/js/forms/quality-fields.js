@@ -1,44 +1,82 @@
-/** The quality of a picture: samples per pixel, by presets or any number. */
+/** The quality of a picture: samples per pixel, by choices that say what each takes and how noisy it will be, or any number. */
 
-import { setText } from "../base/dom.js";
-import { field, numberOf, segments } from "./fields.js";
-import { plural } from "../base/format.js";
+import { h, setText } from "../base/dom.js";
+import { noiseText, roughly } from "../base/format.js";
+import { field, freshId, numberOf } from "./fields.js";
 import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
+import { addSlider } from "./slider.js";
 import { settingOf } from "../news/settings-table.js";
 
 const START_SPP = 128;
 
 /**
+ * What so many samples come to: seconds on this farm and relative noise; null where that is not known.
+ *
+ * @typedef {(spp: number) => {seconds: number | null, noise: number | null}} Expect
+ */
+
+/**
  * @param {Record<string, any>} defaults what the scene file asks for
  * @param {() => void} changed
- * @returns {{elements: HTMLElement[], get: () => number}}
+ * @param {Expect} expect
+ * @returns {{elements: HTMLElement[], get: () => number, update: () => void}} update: what is expected may have changed
  */
-export function qualityFields(defaults, changed) {
+export function qualityFields(defaults, changed, expect) {
   const setting = settingOf("work", "spp");
   const spp = numberFor(setting, defaults.spp ?? START_SPP);
   spp.required = true; // the form has a number of its own where the scene has none
   const custom = field(setting.label, spp);
+  addSlider(setting, spp);
   const get = () => numberOf(spp, 0);
-  const tell = () => {
-    setText(quality.aside, `${plural(get(), "sample")} per pixel`);
-    changed();
+  const name = freshId("quality");
+  const choices = [...QUALITIES, { name: CUSTOM, label: "Custom", spp: null }].map((quality) => {
+    const costs = h("span", { class: "quality-costs number" });
+    const radio = h("input", {
+      type: "radio",
+      name,
+      value: quality.name,
+      onchange() {
+        custom.hidden = quality.spp !== null;
+        if (quality.spp !== null) spp.value = String(quality.spp);
+        else spp.focus();
+        update();
+        changed();
+      },
+    });
+    const samples = quality.spp === null ? "" : `${quality.spp} samples`;
+    const element = h(
+      "label",
+      { class: "quality" },
+      radio,
+      h("span", { class: "quality-name" }, quality.label),
+      h("span", { class: "quality-samples quiet" }, samples),
+      costs,
+    );
+    return { ...quality, radio, costs, element };
+  });
+  const update = () => {
+    for (const { spp: samples, costs } of choices) {
+      const { seconds, noise } = samples === null ? { seconds: null, noise: null } : expect(samples);
+      const takes = seconds === null ? "" : roughly(seconds).replace("about", "≈");
+      setText(costs, [takes, noise === null ? "" : `${noiseText(noise)} noise`].filter(Boolean).join(" · "));
+    }
   };
-  /** @param {string} name */
-  const choose = (name) => {
-    const preset = QUALITIES.find((candidate) => candidate.name === name);
-    custom.hidden = preset !== undefined;
-    if (preset) spp.value = String(preset.spp);
-    else spp.focus();
-    tell();
-  };
-  const choices = [...QUALITIES.map(({ name, label }) => ({ value: name, label })), { value: CUSTOM, label: "Custom" }];
-  const quality = segments("Quality", choices, choose);
-  spp.addEventListener("input", tell);
+  spp.addEventListener("input", () => changed());
 
-  const preset = QUALITIES.find((candidate) => candidate.spp === get());
-  quality.select(preset?.name ?? CUSTOM);
-  custom.hidden = preset !== undefined;
-  setText(quality.aside, `${plural(get(), "sample")} per pixel`);
-  return { elements: [quality.element, custom], get };
+  const chosen = choices.find((quality) => quality.spp === get()) ?? choices.at(-1);
+  if (chosen) chosen.radio.checked = true;
+  custom.hidden = chosen?.spp !== null;
+  const element = h(
+    "div",
+    { class: "field" },
+    h("span", { class: "label", "aria-hidden": "true" }, "Quality"),
+    h(
+      "div",
+      { class: "qualities", role: "radiogroup", "aria-label": "Quality" },
+      choices.map((choice) => choice.element),
+    ),
+  );
+  update();
+  return { elements: [element, custom], get, update };
 }

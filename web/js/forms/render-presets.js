@@ -1,7 +1,6 @@
 /** Sizes and qualities that people ask for, and what a request costs. */
 
 /** @typedef {import("../base/types.js").Worker} Worker */
-/** @typedef {import("../base/types.js").Job} Job */
 
 export const SIZES = [
   { name: "preview", label: "Preview", long: 640 },
@@ -14,6 +13,7 @@ export const QUALITIES = [
   { name: "draft", label: "Draft", spp: 16 },
   { name: "good", label: "Good", spp: 128 },
   { name: "final", label: "Final", spp: 512 },
+  { name: "finest", label: "Finest", spp: 2048 },
 ];
 
 /** The choice beside the presets. */
@@ -31,16 +31,27 @@ export function sizeOf(long, aspect) {
     : { width: Math.max(1, Math.round(long * aspect)), height: long };
 }
 
+/** Seconds from a click to the first samples, however small the picture is. */
+const BEGIN_S = 0.5;
+
 /**
- * Samples per second that the farm can be expected to reach: what the scene's own latest job measured, else what the
- * workers measured on whatever they rendered last; 0 where neither is known.
+ * What a picture takes on this farm: from what the scene's latest one measured, else from what the workers rendered last,
+ * which says nothing of its noise.
  *
+ * @param {import("../base/types.js").Scene | undefined} scene
  * @param {Worker[]} workers
- * @param {Job[]} jobs newest first
- * @param {string} scene
+ * @param {number} pixels of all frames together
+ * @param {number} spp
+ * @returns {{seconds: number | null, noise: number | null}}
  */
-export function expectedSpeed(workers, jobs, scene) {
-  const own = jobs.find((job) => job.scene === scene && job.active_s > 1);
-  if (own) return own.samples / own.active_s;
-  return workers.reduce((sum, worker) => sum + worker.slots * worker.samples_per_s, 0);
+export function expected(scene, workers, pixels, spp) {
+  const samples = pixels * spp;
+  const measured = scene?.measured;
+  const slots = workers.reduce((sum, { slots }) => sum + slots, 0);
+  const others = workers.reduce((sum, { slots, samples_per_s }) => sum + slots * samples_per_s, 0);
+  const speed = measured ? slots / measured.sample_s : others;
+  return {
+    seconds: speed > 0 ? BEGIN_S + samples / speed : null,
+    noise: measured?.noise ? measured.noise / Math.sqrt(spp) : null,
+  };
 }

@@ -1,6 +1,8 @@
 /** The field of one setting: a choice, a number, or a grey in place of a colour. */
 
 import { choiceField, field, numberInput } from "./fields.js";
+import { addReset } from "./reset.js";
+import { addSlider } from "./slider.js";
 import { labelOf } from "../news/settings-table.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
@@ -16,17 +18,21 @@ import { labelOf } from "../news/settings-table.js";
  * @param {Setting} setting
  * @param {any} start what it shows first
  * @param {() => void} [changed] by the user
+ * @param {any} [own] what it is where it is left alone: the way back leads there
  * @returns {SettingField}
  */
-export function settingField(setting, start, changed) {
+export function settingField(setting, start, changed, own = setting.default) {
   if (setting.choices) {
     const { element, get } = choiceField(setting.label, setting.choices, start, changed);
+    addReset(element, /** @type {HTMLSelectElement} */ (element.querySelector("select")), own);
     return { setting, element, get };
   }
   const isColour = Array.isArray(setting.default);
   const input = numberFor(setting, isColour ? start[0] : start);
   if (changed) input.addEventListener("input", changed);
   const element = field(labelOf(setting), input, setting.help);
+  addSlider(setting, input);
+  addReset(element, input, numberFor(setting, isColour ? own[0] : own).value);
   // A grey, unless the scene's own colour is left as it is.
   const grey = () => (input.valueAsNumber === start[0] ? start : Array(3).fill(input.valueAsNumber));
   return { setting, element, get: isColour ? grey : () => numberIn(setting, input) };

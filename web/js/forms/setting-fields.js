@@ -1,4 +1,4 @@
-/** The fields of all settings that the renderer has: among the first, in the fold of what few change, in the lab. */
+/** The fields of all settings that the renderer has: light, among the first, in the fold of what few change, in the lab. */
 
 import { h } from "../base/dom.js";
 import { environmentFields } from "./environment-fields.js";
@@ -15,15 +15,15 @@ const SIZE = ["width", "height"];
 
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
- * @param {Record<string, any>} [first] what the fields show first, where that is something else
- * @returns {{basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>}}
+ * @param {Record<string, any>} [first] what the fields show first, where that is something else; `light`: a request's
+ * @returns {{light: HTMLElement, basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>, dispose: () => void}}
  */
 export function settingFields(defaults, first = {}) {
   /** @param {Setting} setting what a request that leaves it out gets */
   const own = (setting) => defaults[setting.name] ?? setting.default;
   const fields = known()
     .settings.filter((setting) => setting.of === "job" && !SIZE.includes(setting.name))
-    .map((setting) => settingField(setting, first[setting.name] ?? own(setting), () => show()));
+    .map((setting) => settingField(setting, first[setting.name] ?? own(setting), () => show(), own(setting)));
   const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
   const environment = environmentFields(first);
   const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));
@@ -44,7 +44,9 @@ export function settingFields(defaults, first = {}) {
     ),
   );
   return {
+    light: environment.element,
     basic: elements("basic"),
+    dispose: environment.dispose,
     folds: [
       fold("Advanced", [
         group(
@@ -52,7 +54,6 @@ export function settingFields(defaults, first = {}) {
           ends.map(({ element }) => element),
         ),
         ...sections,
-        group("Environment", environment.elements),
       ]),
       fold("Lab", [
         h("p", { class: "quiet small" }, "To compare what renderers do. Left alone, each is at its best."),

@@ -10,6 +10,7 @@ import { decodeFilm } from "./tile-packet.js";
 /** @typedef {import("../base/types.js").Example} Example */
 /** @typedef {import("../base/types.js").PixelValue} PixelValue */
 /** @typedef {import("../base/types.js").Frame} Frame */
+/** @typedef {import("../base/types.js").Environment} Environment */
 
 /**
  * @typedef {object} JobChange of frames as text: 10-20 or 7,9
@@ -95,6 +96,30 @@ export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
 /** @returns {Promise<Job[]>} newest first */
 export const getJobs = () => call("GET", "/jobs");
 
+/** @param {import("./job-list.js").JobQuery} query @returns {Promise<string[]>} in order */
+export const getJobIds = (query) => call("GET", `/jobs/ids${listText(query)}`);
+
+/** @param {string[]} ids @returns {Promise<Job[]>} those that are there, in no order */
+export const getJobsOf = (ids) => call("GET", `/jobs?limit=${ids.length}&ids=${ids.join(",")}`);
+
+/** @param {import("./job-list.js").JobQuery} query @returns {Promise<import("./job-list.js").Tallies>} */
+export const getTallies = (query) => call("GET", `/jobs/tallies${listText(query)}`);
+
+/**
+ * @param {string[]} ids
+ * @param {import("./job-list.js").Change} change
+ * @returns {Promise<{changed: import("./job-list.js").Was[], refused: {id: string, why: string}[]}>}
+ */
+export const changeJobs = (ids, change) =>
+  call("POST", "/jobs/changes", { json: { jobs: ids, ...change }, keepalive: change.state === "deleted" });
+
+/** @param {import("./job-list.js").JobQuery} query */
+function listText(query) {
+  const pairs = Object.entries(query).flatMap(([name, value]) => [value ?? []].flat().map((each) => [name, each]));
+  const text = new URLSearchParams(pairs).toString();
+  return text && `?${text}`;
+}
+
 /** @param {string} id @returns {Promise<Job>} */
 export const getJob = (id) => call("GET", `/jobs/${id}`);
 
@@ -114,6 +139,12 @@ export const getFrames = (id) => call("GET", `/jobs/${id}/frames`);
 
 /** @param {string} id @returns {Promise<void>} */
 export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
+
+/** @returns {Promise<Environment[]>} presets, then what was uploaded, newest first */
+export const getEnvironments = () => call("GET", "/environments");
+
+/** @param {string} id @returns {Promise<void>} */
+export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
 
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");

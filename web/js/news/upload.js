@@ -7,15 +7,26 @@ import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
 
 /**
  * @param {NamedFile[]} files
- * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal}} options
+ * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
+ *     fields: of the form, beside the files
  * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
  */
-export function upload(files, { progress, signal }) {
+export const upload = (files, options) => sendFiles(UPLOAD_URL, "files", files, options);
+
+/**
+ * @param {string} url
+ * @param {string} field that the service takes files in
+ * @param {NamedFile[]} files
+ * @param {{progress: (sent: number, total: number) => void, signal: AbortSignal, fields?: Record<string, string>}} options
+ * @returns {Promise<any>} what the service answers. Rejects as `upload`.
+ */
+export function sendFiles(url, field, files, { progress, signal, fields = {} }) {
   const form = new FormData();
-  for (const { file, path } of files) form.append("files", file, path);
+  for (const [name, value] of Object.entries(fields)) form.append(name, value);
+  for (const { file, path } of files) form.append(field, file, path);
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
-    request.open("POST", UPLOAD_URL);
+    request.open("POST", url);
     request.upload.onprogress = ({ loaded, total }) => progress(loaded, total);
     request.onload = () => {
       if (request.status >= 200 && request.status < 300) resolve(JSON.parse(request.responseText));

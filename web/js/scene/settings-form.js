@@ -2,11 +2,11 @@
 
 import { cameraFields } from "../forms/camera-fields.js";
 import { h, setText } from "../base/dom.js";
-import { jobs, workers } from "../news/farm.js";
-import { compact, plural, roughly } from "../base/format.js";
+import { scenes, workers } from "../news/farm.js";
+import { compact, noiseText, plural, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { qualityFields } from "../forms/quality-fields.js";
-import { expectedSpeed } from "../forms/render-presets.js";
+import { expected } from "../forms/render-presets.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
@@ -23,6 +23,7 @@ import { variantField } from "../forms/variant-field.js";
  * @property {() => import("../base/types.js").View} view
  * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
  * @property {(distance: number) => void} focus
+ * @property {() => void} dispose
  */
 
 /**
@@ -35,16 +36,26 @@ import { variantField } from "../forms/variant-field.js";
 export function settingsForm(scene, submit, like = null, asShot = false) {
   const { defaults } = scene;
   /** @type {Record<string, any>} */
-  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds } : {};
+  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds, light: like.environment } : {};
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
   const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
-  update = () => setText(estimate, costOf(scene, size.get(), quality.get() * shot.count()));
+  /** The scene as it is known now: it learns from each picture. */
+  const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
+  /** @param {number} spp */
+  const expect = (spp) => {
+    const { width, height } = size.get();
+    return expected(known(), workers.value ?? [], width * height * shot.count(), spp);
+  };
+  update = () => {
+    quality.update();
+    setText(estimate, costOf(size.get(), quality.get(), shot.count(), expect(quality.get())));
+  };
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
-  const quality = qualityFields({ ...defaults, ...first }, () => update());
+  const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
   const others = settingFields(defaults, first);
-  const variant = variantField(scene);
+  const variant = variantField(scene, like?.variant ?? null);
   // Of a shot the scene's own camera may move; a view of one's own would stand still.
   if (like?.settings && !like.shot) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
@@ -74,6 +85,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const element = h(
     "form",
     { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
+    others.light,
     shot.elements,
     camera.elements,
     variant.elements,
@@ -84,7 +96,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     h("div", { class: "submit" }, estimate, render),
   );
   update();
-  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus };
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, dispose: others.dispose };
 }
 
 /**
@@ -99,21 +111,20 @@ function showFirstProblem(form) {
 }
 
 /**
- * @param {Scene} scene
  * @param {{width: number, height: number}} size
  * @param {number} spp
+ * @param {number} frames
+ * @param {{seconds: number | null, noise: number | null}} expectation
  * @returns {string} a sentence
  */
-function costOf(scene, { width, height }, spp) {
-  const samples = width * height * spp;
+function costOf({ width, height }, spp, frames, { seconds, noise }) {
   const all = workers.value ?? [];
   const slots = plural(
     all.reduce((sum, worker) => sum + worker.slots, 0),
     "slot",
   );
-  const speed = expectedSpeed(all, jobs.value ?? [], scene.id);
-  const cost = `${compact(samples)} samples`;
+  const cost = `${compact(width * height * spp * frames)} samples`;
   if (!all.length) return `${cost}. They wait for a worker.`;
-  if (!speed) return `${cost} on ${slots}. How long that takes is known once they have rendered something.`;
-  return `${cost}, ${roughly(samples / speed)} on ${slots}`;
+  if (seconds === null) return `${cost} on ${slots}. How long that takes is known once they have rendered something.`;
+  return `${cost}, ${roughly(seconds)} on ${slots}${noise === null ? "" : `, ${noiseText(noise)} noise`}`;
 }

@@ -1,16 +1,20 @@
 /** Dropping and choosing files: from the drop to the scene's page, with a card in the tray on the way. */
 
-import { ApiError, getInfo } from "../news/api.js";
+import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene } from "../news/farm.js";
 import { bytes } from "../base/format.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
+import { areImages, hasLight, offerLight } from "./light-drop.js";
+import { addEnvironment } from "../news/environments.js";
 import { go } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
+import { filesFor, rivals, whichScene } from "./which-scene.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
+/** @typedef {import("../base/types.js").Scene} Scene */
 
 /** @param {NamedFile[]} files */
 async function start(files) {
@@ -19,6 +23,54 @@ async function start(files) {
     showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${formats.join(" ")}.`);
     return;
   }
+  const sent = files.map(({ file }) => file);
+  if (areImages(sent)) {
+    if (!offerLight(sent)) explainImages(sent);
+    return;
+  }
+  const { formats, foreign } = await getInfo();
+  const paths = files.map(({ path }) => path.toLowerCase());
+  if (!paths.some((path) => formats.some((suffix) => path.endsWith(suffix)))) {
+    for (const [suffix, advice] of Object.entries(foreign)) {
+      const at = paths.findIndex((path) => path.endsWith(suffix));
+      if (at < 0) continue;
+      showError(`${files[at]?.path} cannot be read here`, `${advice}; drop what that writes.`);
+      return;
+    }
+  }
+  const mains = paths.some((path) => path.endsWith(".zip")) ? [] : rivals(files, formats);
+  if (mains.length < 2) {
+    const scene = await send(files);
+    if (scene) go("scenes", scene.id);
+    return;
+  }
+  const chosen = await whichScene(mains);
+  for (const main of chosen) {
+    const scene = await send(filesFor(files, main), { main });
+    if (scene && chosen.length === 1) go("scenes", scene.id);
+  }
+}
+
+/**
+ * Gives a scene the files that it lacks, or others in place of those of the same names.
+ *
+ * @param {Scene} base
+ */
+export function addFiles(base) {
+  pick({ folder: false }, async (files) => {
+    const scene = files.length ? await send(files, { base: base.id }) : null;
+    if (!scene || scene.id === base.id) return;
+    go("scenes", scene.id);
+    if (base.status === "failed") await deleteScene(base.id); // it could never be rendered
+  });
+}
+
+/**
+ * @param {NamedFile[]} files
+ * @param {Record<string, string>} [fields] of the form, beside the files
+ * @returns {Promise<Scene | null>} null where it was called off, or refused, which is said then
+ */
+async function send(files, fields = {}) {
   const title = titleOf(files);
   const total = files.reduce((sum, { file }) => sum + file.size, 0);
   const card = new Card(title);
@@ -48,6 +100,7 @@ async function start(files) {
   show(0);
   try {
     const scene = await upload(files, {
+      fields,
       signal: abort.signal,
       progress: (sent, all) => {
         show(sent / Math.max(1, all));
@@ -55,7 +108,7 @@ async function start(files) {
       },
     });
     adoptScene(scene);
-    go("scenes", scene.id);
+    return scene;
   } catch (error) {
     if (!abort.signal.aborted)
       showError(`${title} was not taken`, error, {
@@ -63,15 +116,36 @@ async function start(files) {
         remedy: error instanceof ApiError && error.status === 0 ? "Drop it again once the service is back." : undefined,
         action: { label: "Choose other files", run: () => choose({ folder: false }) },
       });
+    return null;
   } finally {
     card.remove();
   }
 }
 
-/** @param {() => NamedFile[] | Promise<NamedFile[]>} gather */
-async function startFrom(gather) {
+/** An image alone is no scene; what it may be is said, and one that lights scenes can be kept. @param {File[]} files */
+function explainImages(files) {
+  const name = files.length > 1 ? `${files[0]?.name} and ${files.length - 1} more` : (files[0]?.name ?? "");
+  const isLight = files.length === 1 && hasLight(files);
+  const file = /** @type {File} */ (files[0]);
+  const keep = () => {
+    const abort = new AbortController();
+    addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
+      () => announce(`${name} is among the lights of every scene now`),
+      (error) => showError(`${name} was not taken`, error),
+    );
+  };
+  showError(`${name} is no scene`, isLight ? "It can light one: open a scene, and drop it there." : "Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it.", {
+    action: isLight ? { label: "Keep it among the lights", run: keep } : undefined,
+  });
+}
+
+/**
+ * @param {() => NamedFile[] | Promise<NamedFile[]>} gather
+ * @param {(files: NamedFile[]) => Promise<void>} [take]
+ */
+async function startFrom(gather, take = start) {
   try {
-    await start(await gather());
+    await take(await gather());
   } catch (error) {
     showError("The files could not be read", error);
   }
@@ -82,9 +156,15 @@ async function startFrom(gather) {
  *
  * @param {{folder: boolean}} options
  */
-export function choose({ folder }) {
+export const choose = ({ folder }) => pick({ folder }, start);
+
+/**
+ * @param {{folder: boolean}} options
+ * @param {(files: NamedFile[]) => Promise<void>} take
+ */
+function pick({ folder }, take) {
   const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
-  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files)));
+  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files), take));
   input.addEventListener("cancel", () => input.remove());
   input.addEventListener("change", () => input.remove());
   document.body.append(input);
@@ -98,7 +178,7 @@ export function acceptDrops() {
     veil,
     icon("upload"),
     h("strong", null, "Drop to upload"),
-    h("span", { class: "quiet" }, "One scene: its file, or its folder, or a zip"),
+    h("span", { class: "quiet" }, "A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open"),
   );
   let depth = 0; // enter and leave fire for every element that is crossed
   /** @param {DragEvent} event */

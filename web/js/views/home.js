@@ -41,7 +41,7 @@ export function homeView() {
   const showJobs = keyedList(
     jobList,
     (job) => job.id,
-    (job) => jobRow(job, life),
+    (job) => jobRow(job),
   );
 
   const refresh = () => {

@@ -5,6 +5,7 @@ import { canDenoise } from "../job/denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
+import { lightWords } from "../base/light-words.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
@@ -167,6 +168,7 @@ function details(job, life) {
   const rows = [
     ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
     ...shotRows(job, life),
+    ["Light", lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || "The scene's own"],
     ["Size", `${job.width}×${job.height}`],
     ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
@@ -222,7 +224,7 @@ function shotRows(job, life) {
 function told(settings) {
   if (!settings) return [];
   return known()
-    .settings.filter(({ name }) => name !== "width" && name !== "height")
+    .settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment")
     .filter((setting) => isRead(setting, settings.integrator))
     .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name]) !== String(usual))
     .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);

@@ -14,7 +14,7 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
-import { choose } from "../shell/uploads.js";
+import { addFiles, choose } from "../shell/uploads.js";
 import { viewTurner } from "../scene/view-turner.js";
 import { jobRow } from "./job-row.js";
 import { removeScene, thumbnail } from "./scene-card.js";
@@ -127,6 +127,7 @@ function failed(page, scene) {
         icon("folder"),
         "Upload a folder",
       ),
+      addButton(scene, scene.error),
     ),
   );
   return () => {};
@@ -151,7 +152,7 @@ function ready(page, scene, life) {
   const showJobs = keyedList(
     list,
     (job) => job.id,
-    (job) => jobRow(job, life),
+    (job) => jobRow(job),
   );
   const listJobs = () => {
     const own = (jobs.value ?? []).filter(
@@ -174,6 +175,7 @@ function ready(page, scene, life) {
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like, here().params.has("shot"));
+  life.add(form.dispose);
   const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => (form.update(), listJobs())));
@@ -232,8 +234,25 @@ function turnable(picture, form, life) {
   return box;
 }
 
+/**
+ * Where a sentence says that a file is missing: just that one need be sent.
+ *
+ * @param {Scene} scene
+ * @param {string | null} sentences
+ */
+function addButton(scene, sentences) {
+  if (!sentences?.includes("; add it")) return null;
+  return h(
+    "button",
+    { class: "button", type: "button", onclick: () => addFiles(scene) },
+    icon("plus"),
+    "Add files",
+  );
+}
+
 /** @param {Scene} scene */
-function warnings({ warnings: sentences }) {
+function warnings(scene) {
+  const sentences = scene.warnings;
   if (!sentences.length) return null;
   return h(
     "div",
@@ -244,6 +263,7 @@ function warnings({ warnings: sentences }) {
       { "aria-label": "Warnings" },
       sentences.map((sentence) => h("li", null, sentence)),
     ),
+    addButton(scene, sentences.join(" ")),
   );
 }
 

@@ -1,0 +1,29 @@
+"""Light from all around by name: what a request, --env and the page offer beside images, colours and skies.
+
+The formulas are in renderer/scene/presets.py; this knows nothing of pixels, so that the service can list them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["PRESETS", "Preset"]
+
+
+class Preset(NamedTuple):
+    """An environment of a name. sky: the sun's elevation and azimuth in degrees, where it is a clear sky."""
+
+    label: str
+    help: str
+    sky: tuple[float, float] | None = None
+
+
+PRESETS = {
+    "studio": Preset("Studio", "Soft boxes left, right and above, over a floor that brightens towards the horizon."),
+    "dark-studio": Preset("Dark studio", "Two long strip lights and a rim in a black room: for metal, glass and paint."),
+    "even-white": Preset("Even white", "The same white from every direction: no shadow has an edge."),
+    "overcast": Preset("Overcast", "A cloudy day: three times brighter above than at the horizon, and no sun."),
+    "sunrise": Preset("Sunrise", "A clear sky, the sun just up: long and warm.", (3.0, 110.0)),
+    "morning": Preset("Morning", "A clear sky, the sun low on one side.", (18.0, 125.0)),
+    "noon": Preset("Noon", "A clear sky, the sun high.", (62.0, 160.0)),
+}

@@ -1,0 +1,129 @@
+"""Environments by formula, for the names in renderer/presets.py.
+
+Where a lamp stands is said as the scene's axes have it: +Z is the front, where automatic cameras stand, +Y is up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.presets import PRESETS
+from renderer.scene.description import F32, Environment, Image, SceneDescription, Sky
+from renderer.scene.sky import PREFIX, parse_sky
+
+__all__ = ["is_named", "light_by_name", "preset_image"]
+
+_HEIGHT = 256
+_Lamp = tuple[float, float, float, float, float]  # azimuth and elevation of its middle, half its width and height, radiance
+
+# A key on the left, a larger and weaker fill on the right, one overhead, and a rim from behind.
+_STUDIO: tuple[_Lamp, ...] = (
+    (-48.0, 36.0, 22.0, 17.0, 9.0),
+    (62.0, 22.0, 15.0, 26.0, 3.2),
+    (5.0, 80.0, 34.0, 15.0, 2.2),
+    (155.0, 34.0, 14.0, 12.0, 4.0),
+)
+_STRIPS: tuple[_Lamp, ...] = (
+    (-62.0, 12.0, 6.0, 46.0, 12.0),
+    (58.0, 12.0, 6.0, 46.0, 7.0),
+    (180.0, 58.0, 40.0, 5.0, 6.0),
+)
+
+
+def is_named(name: str) -> bool:
+    """Whether light of that name needs no file."""
+    return name.startswith(PREFIX) or name in PRESETS
+
+
+def light_by_name(name: str, description: SceneDescription) -> None:
+    """Lights a scene by a preset's name, or by "sky:ELEVATION[,AZIMUTH]". Raises SceneError where it is neither."""
+    if name.startswith(PREFIX):
+        description.environment = parse_sky(name)
+        return
+    if name not in PRESETS:
+        raise SceneError(f"There is no light called {name[:60]!r}; there are {', '.join(PRESETS)}")
+    sky = PRESETS[name].sky
+    if sky is not None:
+        description.environment = Environment(sky=Sky(*sky))
+    elif name == "even-white":
+        description.environment = Environment()
+    else:
+        description.images.append(Image(name, preset_image(name), srgb=False))
+        description.environment = Environment(image=len(description.images) - 1)
+
+
+def preset_image(name: str) -> F32:
+    """Equirectangular radiance of a preset that is no sky, (256, 512, 3) float32, laid out as Environment says."""
+    return np.repeat(_IMAGES[name]()[..., None], 3, axis=2).astype(np.float32)
+
+
+def _studio() -> np.ndarray:
+    _, elevation = _angles()
+    up = np.sin(elevation)
+    # A seamless backdrop: the floor brightens towards the horizon, and passes into a wall that darkens again above.
+    wall = 0.16 + 0.44 * np.exp(-np.square(up / 0.4))
+    floor = 0.16 + 0.44 * np.exp(3.2 * np.minimum(up, 0))
+    return _with_lamps(np.where(up > 0, wall, floor), _STUDIO)
+
+
+def _dark_studio() -> np.ndarray:
+    _, elevation = _angles()
+    return _with_lamps(0.02 + 0.05 * np.exp(-np.square(np.sin(elevation) / 0.25)), _STRIPS)
+
+
+def _even() -> np.ndarray:
+    return np.ones((_HEIGHT, 2 * _HEIGHT))
+
+
+def _overcast() -> np.ndarray:
+    """The CIE overcast sky (CIE S 011, type 1): (1 + 2 sin elevation) / 3 of the zenith, over ground of albedo 0.2."""
+    _, elevation = _angles()
+    up = np.sin(elevation)
+    zenith = 9 / 7  # so that the sky lights level ground as an even one of radiance 1 would
+    return np.where(up > 0, zenith * (1 + 2 * up) / 3, 0.2)
+
+
+_IMAGES: dict[str, Callable[[], np.ndarray]] = {
+    "studio": _studio,
+    "dark-studio": _dark_studio,
+    "even-white": _even,
+    "overcast": _overcast,
+}
+
+
+def _angles() -> tuple[np.ndarray, np.ndarray]:
+    """Of each texel's middle: the azimuth, 0 towards +Z and 90 degrees towards +X, and the elevation, in radians."""
+    elevation = math.pi / 2 - (np.arange(_HEIGHT) + 0.5) * math.pi / _HEIGHT
+    around = (np.arange(2 * _HEIGHT) + 0.5) * math.pi / _HEIGHT - math.pi  # 0 in the middle column, which looks along -Z
+    shape = (_HEIGHT, 2 * _HEIGHT)
+    return np.broadcast_to(math.pi - around, shape), np.broadcast_to(elevation[:, None], shape)
+
+
+def _with_lamps(background: np.ndarray, lamps: tuple[_Lamp, ...]) -> np.ndarray:
+    """Adds soft boxes: flat rectangles that face the middle, brightest there, with an edge as cloth has it."""
+    azimuth, elevation = _angles()
+    x, y, z = np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)
+    lit = background
+    for around, above, wide, high, radiance in lamps:
+        a, e = math.radians(around), math.radians(above)
+        right = (math.cos(a), 0.0, -math.sin(a))
+        towards = (math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a))
+        over = (-math.sin(e) * math.sin(a), math.cos(e), -math.sin(e) * math.cos(a))
+        depth = x * towards[0] + y * towards[1] + z * towards[2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = (x * right[0] + z * right[2]) / depth / math.tan(math.radians(wide))
+            v = (x * over[0] + y * over[1] + z * over[2]) / depth / math.tan(math.radians(high))
+        falloff = 1 - 0.35 * np.minimum(u * u + v * v, 1)
+        box = np.where(depth > 0, _edge(u) * _edge(v) * falloff, 0.0)
+        lit = lit * (1 - box) + radiance * box
+    return lit
+
+
+def _edge(place: np.ndarray) -> np.ndarray:
+    """1 inside of -1 ... 1, 0 outside, smooth between 0.9 and 1."""
+    t = np.clip((1 - np.abs(place)) / 0.1, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))

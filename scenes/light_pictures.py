@@ -1,0 +1,56 @@
+"""The small pictures of the presets that the service shows: python -m scenes.light_pictures"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from renderer.image import encode
+from renderer.presets import PRESETS
+from renderer.scene.description import Environment, SceneDescription, Sky
+from renderer.scene.presets import light_by_name
+from renderer.scene.sky import image_of_sky, sun_of_sky
+from worker.environments import small_picture
+
+FOLDER = Path(__file__).parent.parent / "service" / "light_pictures"
+WIDTH = 160
+
+
+def radiance(name: str) -> np.ndarray:
+    """What a preset looks like all around, (h, w, 3): a sky with its sun, which is drawn larger than it is."""
+    description = SceneDescription(name="light")
+    light_by_name(name, description)
+    light = description.environment or Environment()
+    if light.sky is not None:
+        return _with_sun(light.sky)
+    if light.image is not None:
+        return np.asarray(description.images[light.image].pixels)
+    return np.ones((WIDTH // 2, WIDTH, 3), np.float32)
+
+
+def _with_sun(sky: Sky) -> np.ndarray:
+    pixels = np.array(image_of_sky(sky))
+    sun = sun_of_sky(sky)
+    if sun is not None:
+        height, width = pixels.shape[:2]
+        elevation = np.pi / 2 - (np.arange(height) + 0.5) * np.pi / height
+        around = (np.arange(width) + 0.5) * 2 * np.pi / width - np.pi
+        level = np.cos(elevation)[:, None]
+        towards = np.stack(
+            np.broadcast_arrays(level * np.sin(around), np.sin(elevation)[:, None], -level * np.cos(around)), axis=-1
+        )
+        disk = towards @ sun.direction > np.cos(np.radians(3))
+        pixels[disk & (elevation > 0)[:, None]] += 20
+    return pixels
+
+
+def make() -> None:
+    """Writes them all."""
+    FOLDER.mkdir(exist_ok=True)
+    for name in PRESETS:
+        encode.write(FOLDER / f"{name}.jpg", small_picture(radiance(name), WIDTH))
+
+
+if __name__ == "__main__":
+    make()

@@ -1,0 +1,214 @@
+"""/api/environments: light from all around, to choose from: presets, and images that were uploaded."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Request, Response
+from fastapi import Path as PathParameter
+from fastapi.responses import FileResponse, StreamingResponse
+from pydantic import BaseModel, Field
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from renderer.presets import PRESETS
+from service.api.problem import Problem
+from service.api.security import is_beyond
+from service.errors import Conflict, Invalid, NotFound
+from service.farm import Farm, FarmDependency
+from service.intake.multipart import Form, read_form
+from service.intake.names import safe_name
+from service.intake.uploads import gathered
+from service.store.models import ACTIVE, Environment, Job
+from service.store.room import disk_checker, full_disk
+from worker.contract import BlobRef, ShowEnvironment
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/environments", tags=["environments"])
+
+PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets: scenes/light_pictures.py makes them
+WIDTH = 160  # of thumbnails, twice their height
+SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
+_Id = Annotated[str, PathParameter(max_length=100)]
+
+
+class EnvironmentOut(BaseModel):
+    """Light to choose. environment: what to ask for it by, in a job's request."""
+
+    id: str
+    name: str
+    help: str
+    kind: Literal["preset", "image"]
+    environment: dict[str, Any]
+    created: float | None = Field(description="null: a preset")
+    bytes: int | None
+    thumbnail: str
+
+
+UPLOAD_FORM = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            }
+        },
+    }
+}
+
+
+@router.get("", response_model=list[EnvironmentOut])
+def list_environments(farm: FarmDependency) -> list[EnvironmentOut]:
+    """The presets, then what was uploaded, the newest first."""
+    presets = [
+        EnvironmentOut(
+            id=name,
+            name=preset.label,
+            help=preset.help,
+            kind="preset",
+            environment={"preset": name}
+            if preset.sky is None
+            else {"sky": dict(zip(("elevation", "azimuth"), preset.sky, strict=True))},
+            created=None,
+            bytes=None,
+            thumbnail=_thumbnail_of(name),
+        )
+        for name, preset in PRESETS.items()
+    ]
+    with farm.sessions() as session:
+        rows = session.scalars(select(Environment).order_by(Environment.created.desc(), Environment.id))
+        return [*presets, *map(_out, rows)]
+
+
+@router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
+async def add_environment(request: Request, farm: FarmDependency, response: Response) -> EnvironmentOut:
+    """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
+    limit = farm.settings.max_upload_bytes
+    if is_beyond(request.headers.get("content-length", ""), limit):
+        sentence = f"The image is larger than the {limit} bytes that are taken. Make it smaller, or ask who runs the farm."
+        raise Problem(413, sentence, headers={"Connection": "close"})
+    check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
+    with full_disk():
+        chunks = gathered(request.stream())
+        form = await read_form(request.headers.get("content-type", ""), chunks, farm.blobs, 1, limit, check_disk)
+    try:
+        name, sha256, size = _only_file(form)
+        id = sha256[:20]
+        if (known := await run_in_threadpool(_known, id, farm)) is None:
+            with farm.garbage.pinned([sha256]):
+                with full_disk():
+                    await run_in_threadpool(form.files[0][1].commit)
+                known = await _recorded(id, name, BlobRef(name, sha256, size), farm)
+    finally:
+        form.discard()
+    response.headers["Location"] = f"/api/environments/{id}"
+    return known
+
+
+@router.get("/{id}/thumbnail.jpg", response_class=StreamingResponse)
+def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
+    """A small picture of it, twice as wide as high, tone-mapped."""
+    headers = {"Cache-Control": "max-age=86400"}
+    if id in PRESETS:
+        return FileResponse(PICTURES / f"{id}.jpg", media_type="image/jpeg", headers=headers)
+    with farm.sessions() as session:
+        found = session.get(Environment, id)
+    if found is None:
+        raise _no_environment(id)
+    blob = farm.blobs.serve(found.thumbnail)
+    return StreamingResponse(blob.chunks, media_type="image/jpeg", headers={**headers, "Content-Length": str(blob.size)})
+
+
+@router.delete("/{id}", status_code=204)
+def delete_environment(id: _Id, farm: FarmDependency) -> None:
+    """Delete an uploaded environment. Finished pictures stay; jobs that still need it are in the way."""
+    if id in PRESETS:
+        raise Conflict("This light is made by a formula and takes no room: it cannot be deleted.")
+
+    def forget(session: Session) -> set[str]:
+        found = session.get(Environment, id, with_for_update=True)
+        if found is None:
+            raise _no_environment(id)
+        active = session.scalars(select(Job).where(Job.state.in_(ACTIVE), Job.light.is_not(None)))
+        needed = sum((job.request.get("environment") or {}).get("image") == id for job in active)
+        if needed:
+            raise Conflict(f"{needed} unfinished job(s) need this environment. Cancel them first.")
+        session.delete(found)
+        return found.blobs
+
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+
+
+def _only_file(form: Form) -> tuple[str, str, int]:
+    """The name, hash and size of the image in a form. Raises Invalid."""
+    if len(form.files) != 1 or form.files[0][1].size == 0:
+        raise Invalid("The upload is empty. Send one image as `file`: curl -F file=@studio.exr URL/api/environments")
+    name, writer = form.files[0]
+    plain = PurePosixPath(safe_name(name)).name
+    if PurePosixPath(plain).suffix.lower() not in SUFFIXES:
+        raise Invalid(f"{plain} is no image that lights a scene; give one of {', '.join(SUFFIXES)}, best an .exr or .hdr.")
+    return plain[:200], writer.sha256, writer.size
+
+
+async def _recorded(id: str, name: str, file: BlobRef, farm: Farm) -> EnvironmentOut:
+    """Have a worker look at an image that is stored, and write it down."""
+    wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
+    asked = await run_in_threadpool(farm.engine.show_environment, wish)
+    made = await asyncio.shield(asyncio.wrap_future(asked))
+    row = {"id": id, "name": name, "created": time.time(), "thumbnail": made.sha256}
+    row["file"] = {"path": file.path, "sha256": file.sha256, "size": file.size, "parts": []}
+
+    def write() -> EnvironmentOut:
+        with farm.garbage.pinned([made.sha256]):
+            try:
+                with farm.sessions.begin() as session:
+                    found = session.get(Environment, id)
+                    if found is None:
+                        found = Environment(**row)
+                        session.add(found)
+                        session.flush()
+                    return _out(found)
+            except IntegrityError:  # another sent the same in the same moment
+                found_now = _known(id, farm)
+                if found_now is None:
+                    raise
+                return found_now
+
+    return await run_in_threadpool(write)
+
+
+def _known(id: str, farm: Farm) -> EnvironmentOut | None:
+    with farm.sessions() as session:
+        found = session.get(Environment, id)
+        return None if found is None else _out(found)
+
+
+def _out(row: Environment) -> EnvironmentOut:
+    return EnvironmentOut(
+        id=row.id,
+        name=row.name,
+        help="",
+        kind="image",
+        environment={"image": row.id},
+        created=row.created,
+        bytes=row.file.get("size"),
+        thumbnail=_thumbnail_of(row.id),
+    )
+
+
+def _thumbnail_of(id: str) -> str:
+    return f"/api/environments/{id}/thumbnail.jpg"
+
+
+def _no_environment(id: str) -> NotFound:
+    return NotFound(f"There is no environment {id[:60]!r}. GET /api/environments lists those that are there.")

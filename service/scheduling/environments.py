@@ -1,0 +1,36 @@
+"""Small pictures of uploaded environments: asked for while one is uploaded, made by a worker, which is how it is checked."""
+
+from __future__ import annotations
+
+from service.errors import FarmError, Invalid, Unavailable
+from service.scheduling.aside import Aside
+from service.scheduling.dispatch import Dispatcher
+from service.scheduling.workers import Workers
+from service.store.blobs import BlobStore
+from worker.contract import ShowEnvironment
+
+__all__ = ["Environments"]
+
+
+class Environments(Aside[ShowEnvironment]):
+    """As every Aside; of the image's content, by which `job` in the wish calls it."""
+
+    _name = "environment's picture"
+    _doing = "environment"
+    _patience_s = 150.0
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:
+        super().__init__(workers, blobs)
+        self._dispatcher = dispatcher
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.best_kind()
+
+    def _send(self, wish: ShowEnvironment, kind: str) -> None:
+        self._dispatcher.send_environment(wish, kind)
+
+    def _nobody(self) -> Unavailable:
+        return Unavailable("An environment is looked at by a worker, and none is connected. Start one, then upload it again.")
+
+    def _failed(self, why: str) -> FarmError:
+        return Invalid(f"{why.rstrip('.')}.") if why else super()._failed(why)

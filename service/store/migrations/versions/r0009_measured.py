@@ -1,0 +1,17 @@
+"""What the latest job of a scene has measured of it."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0009"
+down_revision = "0007"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Nothing is known of scenes of before until they are rendered again."""
+    with op.batch_alter_table("scenes") as scenes:
+        scenes.add_column(sa.Column("measured", sa.JSON()))

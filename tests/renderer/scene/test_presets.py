@@ -1,0 +1,53 @@
+"""Environments by name: how much light they give, from where, and that each can be had."""
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.presets import PRESETS
+from renderer.scene.description import SceneDescription
+from renderer.scene.environment import tabulate_environment
+from renderer.scene.presets import light_by_name, preset_image
+
+
+def tables(name):
+    description = SceneDescription(name="scene")
+    light_by_name(name, description)
+    return tabulate_environment(description)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_exposes_a_scene_about_as_white_light_would(name):
+    found = tables(name)
+    assert np.isfinite(found.radiance).all()
+    assert found.radiance.min() >= 0
+    assert 0.03 < found.mean < 2
+
+
+def onto_ground(image):
+    """The irradiance on level ground over pi."""
+    rows, columns, _ = image.shape
+    up = np.sin(np.pi / 2 - (np.arange(rows) + 0.5) * np.pi / rows)
+    weight = np.sqrt(1 - up * up) * np.pi / rows * 2 * np.pi / columns * np.maximum(up, 0)
+    return float((image[..., 0] * weight[:, None]).sum() / np.pi)
+
+
+def test_an_overcast_sky_lights_the_ground_as_an_even_one():
+    assert onto_ground(preset_image("overcast")) == pytest.approx(onto_ground(preset_image("even-white")), rel=1e-3)
+    assert onto_ground(preset_image("even-white")) == pytest.approx(1, rel=1e-3)
+    sky = preset_image("overcast")[..., 0]
+    assert sky[0, 0] / sky[127, 0] == pytest.approx(3, rel=0.02)  # the zenith over the horizon
+
+
+def test_the_studio_s_key_stands_on_the_left_of_who_looks_from_the_front():
+    image = preset_image("studio")[..., 0]
+    y, x = np.unravel_index(image.argmax(), image.shape)
+    phi, elevation = (x + 0.5) * np.pi / 256 - np.pi, np.pi / 2 - (y + 0.5) * np.pi / 256
+    assert np.sin(phi) * np.cos(elevation) < -0.3  # -X
+    assert -np.cos(phi) * np.cos(elevation) > 0.3  # +Z, the front
+    assert np.sin(elevation) > 0.3
+
+
+def test_light_that_nobody_knows_is_refused_with_what_there_is():
+    with pytest.raises(SceneError, match=r"candle.*studio"):
+        light_by_name("candle", SceneDescription(name="scene"))

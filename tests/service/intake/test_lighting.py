@@ -1,0 +1,121 @@
+"""The light is of the request: no other scene for people, one compiled scene for each light, let go when nobody needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from service.intake.lighting import KEPT
+from service.store.models import Scene
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, TOKEN, Service, until
+from tests.service.peer_worker import PeerWorker
+
+SHOWN = {"Authorization": f"Bearer {TOKEN}"}
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[tuple[Service, PeerWorker]]:
+    service = Service(tmp_path_factory.mktemp("lighting") / "data", redis_server)
+    with service.worker() as worker:
+        yield service, worker
+    service.stop()
+
+
+@pytest.fixture
+def service(both: tuple[Service, PeerWorker]) -> Service:
+    return both[0]
+
+
+def rendered(service: Service, scene: str, **environment: Any) -> tuple[dict[str, Any], str | None]:
+    """A finished job, and what it was rendered of beside its scene."""
+    id = service.submit(scene, environment=environment)
+    service.wait_for(id, "finished")
+    row = service.farm.records.job(id)
+    assert row is not None
+    return service.job(id), row.lit
+
+
+def scene_of(service: Service, more: bytes) -> str:
+    scene = service.upload(OBJ + more)
+    until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
+    return scene
+
+
+def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> None:
+    scene = scene_of(service, b"# light\n")
+    job, lit = rendered(service, scene, sky={"elevation": 30, "azimuth": -240}, strength=2)
+    assert job["scene"] == scene
+    assert job["settings"]["environment_strength"] == 2
+    assert job["environment"]["sky"] == {"elevation": 30, "azimuth": -240}
+    assert rendered(service, scene, sky={"elevation": 30.0, "azimuth": 120})[1] == lit, "the same sky is prepared once"
+    assert rendered(service, scene, sky={"elevation": 31})[1] not in (lit, None)
+    assert rendered(service, scene, color=[1, 0.5, 0.25])[1] is None, "a colour needs nothing else prepared"
+    assert service.http.get("/api/scenes").headers["X-Total-Count"] == str(len(service.http.get("/api/scenes").json()))
+    assert [each["id"] for each in service.http.get("/api/scenes").json() if each["name"] == "scene"].count(lit) == 0
+    assert service.http.get(f"/api/scenes/{lit}").status_code == 404
+    assert service.http.post("/api/jobs", json={"scene": lit}).status_code == 404
+    manifest = service.http.get(f"/api/farm/scenes/{lit}/manifest", headers=SHOWN).json()
+    assert manifest["environment"] == "sky:30,120"
+    own = service.http.get(f"/api/farm/scenes/{scene}/manifest", headers=SHOWN).json()
+    assert (manifest["files"], own["base"]) == (own["files"], None)
+    with service.farm.sessions() as session:
+        assert manifest["base"] == session.get_one(Scene, scene).info, "so that only the environment need be made"
+    files = {"files": ("scene.obj", OBJ + b"# light\n")}
+    uploaded = service.http.post("/api/scenes", files=files, data={"environment": "sky:30,120"}).json()
+    assert uploaded["id"] == lit, "as older releases made it: so its digests are the same"
+    assert service.http.get(f"/api/scenes/{lit}").status_code == 200, "uploaded so, it is a scene"
+
+
+def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, PeerWorker]) -> None:
+    service, worker = both
+    scene = scene_of(service, b"# view\n")
+    lighting = service.farm.lighting
+    assert lighting.lit(scene, None, worker.kind).status == "ready"
+    wanted = {"preset": "studio"}
+    found = lighting.lit(scene, wanted, worker.kind)
+    assert found.status == "preparing" or found.compiled
+    with lighting.held(found.id):
+        until(lambda: lighting.lit(scene, wanted, worker.kind).status == "ready", "the light is prepared")
+        ready = lighting.lit(scene, wanted, worker.kind)
+        assert ready.compiled in ready.blobs
+        lighting.clear(kept=0)
+        assert service.farm.blobs.exists(ready.compiled or "")
+    lighting.clear(kept=0)
+    with service.farm.sessions() as session:
+        assert session.get(Scene, found.id) is None
+    elsewhere = lighting.lit(scene, None, "another kind")
+    assert (elsewhere.status, elsewhere.compiled) == ("preparing", None)
+
+
+def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) -> None:
+    scene = scene_of(service, b"# again\n")
+    job, lit = rendered(service, scene, sky={"elevation": 20})
+    service.farm.lighting.clear(kept=0)
+    with service.farm.sessions() as session:
+        assert session.get(Scene, lit) is None
+    service.patch(job["id"], more=4)
+    assert service.wait_for(job["id"], "finished")["spp"] == job["spp"] + 4
+
+
+def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(service: Service) -> None:
+    scene = scene_of(service, b"# many\n")
+    before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
+    for elevation in range(KEPT + 3):
+        service.farm.lighting.row(scene, {"sky": {"elevation": elevation}})
+    service.farm.lighting.clear()
+    with service.farm.sessions() as session:
+        rows = session.query(Scene).filter(Scene.of.is_not(None)).count()
+    assert rows == KEPT
+    _, lit = rendered(service, scene, sky={"elevation": 77})
+    waiting = service.submit(scene, environment={"sky": {"elevation": 77}}, spp=4000)
+    assert service.http.delete(f"/api/scenes/{scene}").status_code == 409, "a job needs it"
+    service.patch(waiting, state="cancelled")
+    assert service.http.delete(f"/api/scenes/{scene}").status_code == 204
+    with service.farm.sessions() as session:
+        assert session.query(Scene).filter(Scene.of == scene).count() == 0
+        assert session.get(Scene, lit) is None
+    left = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
+    assert left < before

@@ -1,0 +1,30 @@
+"""What a job measures of its scene for the next one."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tests.service.conftest import Service
+from tests.service.peer_worker import PeerWorker
+
+
+def test_a_scene_knows_what_its_latest_picture_took_and_how_noisy_it_was(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    assert service.scene(scene)["measured"] is None
+    service.wait_for(service.submit(scene, spp=64), "finished")
+    first = service.scene(scene)["measured"]
+    # The peer says that a batch of n samples of a tile of 16 x 16 took n milliseconds.
+    assert first["sample_s"] == pytest.approx(0.001 / 256)
+    service.wait_for(service.submit(scene, spp=256), "finished")
+    second = service.scene(scene)["measured"]
+    assert second["sample_s"] == pytest.approx(first["sample_s"])
+    assert first["noise"] > 0.0
+    assert math.isclose(first["noise"], second["noise"], rel_tol=0.5), "at one sample, however many there were"
+
+
+def test_too_little_says_nothing(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    service.wait_for(service.submit(scene, width=16, height=16, spp=16), "finished")
+    assert service.scene(scene)["measured"] is None

@@ -1,0 +1,74 @@
+"""Images that light scenes: what is taken, what is refused and with which words, and how they are shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+
+from worker import environments
+from worker.contract import BlobRef, ShowEnvironment
+from worker.environments import show_environment, small_picture
+
+
+def image(path: Path, pixels: np.ndarray) -> Path:
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "float"))
+    file.write_image(pixels.astype(np.float32))
+    file.close()
+    return path
+
+
+@pytest.fixture
+def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Shows a file; gives the event, and the picture's bytes."""
+    stored: list[bytes] = []
+
+    def store(path: Path) -> BlobRef:
+        stored.append(path.read_bytes())
+        return BlobRef("", "0" * 64, len(stored[-1]))
+
+    def show(path: Path) -> tuple[dict[str, Any], list[bytes]]:
+        worker: Any = SimpleNamespace(name="w", link=SimpleNamespace(store=store))
+        worker.cache = SimpleNamespace(path=lambda sha256, size: path)
+        work = ShowEnvironment("work", "id", path.name, "0" * 64, path.stat().st_size, 64)
+        return show_environment(worker, work), stored
+
+    return show
+
+
+def test_an_image_is_shown_small(shown: Any, tmp_path: Path) -> None:
+    event, stored = shown(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
+    assert (event["type"], event["work"]) == ("environment-shown", "work")
+    assert stored[0][:2] == b"\xff\xd8", "a JPEG"
+
+
+@pytest.mark.parametrize(
+    ("pixels", "says"),
+    [(np.ones((16, 16, 3)), "twice as wide as high"), (np.zeros((8, 16, 3)), "black"), (None, "damaged")],
+)
+def test_what_lights_nothing_is_refused_with_a_sentence(shown: Any, tmp_path: Path, pixels: Any, says: str) -> None:
+    path = tmp_path / "sky.exr"
+    if pixels is None:
+        path.write_bytes(b"v/1\x01 is not all that it takes")
+    else:
+        image(path, pixels)
+    event, stored = shown(path)
+    assert event["type"] == "environment-failed"
+    assert event["error"].startswith("sky.exr: ")
+    assert says in event["error"]
+    assert not stored
+
+
+def test_a_lamp_does_not_darken_what_is_around_it() -> None:
+    pixels = np.full((64, 128, 3), 0.01, np.float32)
+    plain = small_picture(pixels, 32)
+    pixels[10, 10] = 1e6
+    lit = small_picture(pixels, 32)
+    np.testing.assert_allclose(np.median(lit), np.median(plain), rtol=0.1)
+    assert lit.shape == (16, 32, 3)
+    assert environments.small_picture(np.ones((2, 4, 3), np.float32), 32).shape == (16, 32, 3)

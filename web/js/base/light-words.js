@@ -1,0 +1,53 @@
+/** Light from around, in words: of a job as it was asked for, of a preset, of a sky. */
+
+import { hexOf } from "./colour.js";
+
+/** @typedef {import("./types.js").EnvironmentRequest} EnvironmentRequest */
+/** @typedef {import("./types.js").Scene} Scene */
+
+/** @param {string} id "dark-studio" @returns {string} "Dark studio" */
+const presetName = (id) => (id[0]?.toUpperCase() ?? "") + id.slice(1).replaceAll("-", " ");
+
+/** @param {number} value degrees */
+const degrees = (value) => `${Number(value.toFixed(1))}°`;
+
+/** @param {{elevation: number, azimuth?: number | null}} sky */
+export function skyWords({ elevation, azimuth }) {
+  const height = elevation < 0 ? `${degrees(-elevation)} below the horizon` : `at ${degrees(elevation)} height`;
+  return `Clear sky, sun ${height}, ${degrees((((azimuth ?? 0) % 360) + 360) % 360)}`;
+}
+
+/** @param {EnvironmentRequest | null | undefined} light @returns {string} empty: the scene's own */
+function kindOf(light) {
+  if (!light) return "";
+  if (light.sky) return skyWords(light.sky);
+  if (light.preset) return presetName(light.preset);
+  if (light.image) return light.name ?? "An uploaded image";
+  if (!light.color) return "";
+  const [r, g, b] = light.color;
+  if (r === g && g === b) return r === 1 ? "Even white" : r === 0 ? "Black" : `Even grey of ${Number(r.toPrecision(3))}`;
+  return `One colour, ${hexOf(light.color)}`;
+}
+
+/**
+ * "Clear sky, sun at 35° height, 120°", "studio.exr, turned by 30°, strength 2".
+ *
+ * @param {EnvironmentRequest | null | undefined} light
+ * @param {Pick<Scene, "environment">} [scene] of jobs of older releases, whose light is their scene's
+ * @returns {string} empty: the scene's own, as it is
+ */
+export function lightWords(light, scene) {
+  const { rotation = 0, strength = 1 } = light ?? {};
+  const kind = kindOf(light) || ofScene(scene);
+  const changes = [rotation !== 0 && `turned by ${degrees(rotation)}`, strength !== 1 && `strength ${strength}`].filter(Boolean);
+  if (!changes.length) return kind;
+  return [kind || "The scene's own", ...changes].join(", ");
+}
+
+/** @param {Pick<Scene, "environment"> | undefined} scene */
+function ofScene({ environment = null } = {}) {
+  const sky = /^sky:([^,]*),?(.*)$/.exec(environment ?? "");
+  if (sky) return skyWords({ elevation: Number(sky[1]), azimuth: Number(sky[2] || 0) });
+  const file = environment?.split("/").at(-1) ?? "";
+  return file.includes(".") || !file ? file : presetName(file);
+}

@@ -1,0 +1,49 @@
+/** Lights to choose from, as a row of small pictures: one is chosen, by a click or the arrow keys. */
+
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { freshId } from "./fields.js";
+
+/**
+ * @typedef {object} Light
+ * @property {string} id
+ * @property {string} label
+ * @property {string} help
+ * @property {string} [picture] its address
+ */
+
+/**
+ * @param {(id: string) => void} chosen by the user
+ * @param {() => void} add one of the user's own
+ */
+export function lightChoices(chosen, add) {
+  const name = freshId("light");
+  const group = h("div", { class: "lights", role: "radiogroup", "aria-label": "Light from around" });
+  /** @type {Map<string, HTMLInputElement>} */
+  const radios = new Map();
+  let current = "";
+  const adder = h("button", { class: "light add", type: "button", onclick: add }, h("span", { class: "face" }, icon("plus")), "Add an HDRI");
+  /** @param {Light} light */
+  const choice = ({ id, label, help, picture }) => {
+    const radio = h("input", { type: "radio", name, value: id, onchange: () => ((current = id), chosen(id)) });
+    radio.checked = id === current;
+    radios.set(id, radio);
+    const face = picture ? h("img", { src: picture, alt: "", width: 160, height: 80 }) : h("span", { class: `plain ${id}` });
+    return h("label", { class: "light", title: help ? `${label}: ${help}` : label }, radio, h("span", { class: "face" }, face), h("span", { class: "name" }, label));
+  };
+  return {
+    element: group,
+    /** @param {Light[]} lights */
+    show(lights) {
+      const focused = [...radios].find(([, radio]) => radio === document.activeElement)?.[0];
+      radios.clear();
+      fill(group, lights.map(choice), adder);
+      if (focused) radios.get(focused)?.focus();
+    },
+    /** @param {string} id */
+    select(id) {
+      current = id;
+      for (const [each, radio] of radios) radio.checked = each === id;
+    },
+  };
+}

@@ -1,0 +1,41 @@
+/** A mark at a field whose value is not what it would be if it were left alone, and the way back. */
+
+import { h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+
+/**
+ * @param {HTMLElement} element a field with a label
+ * @param {HTMLInputElement | HTMLSelectElement} control
+ * @param {string} own what it would show
+ */
+export function addReset(element, control, own) {
+  const shown = own === "" && control instanceof HTMLInputElement ? control.placeholder : own;
+  const button = h(
+    "button",
+    {
+      class: "reset",
+      type: "button",
+      title: `Changed: back to ${textOf(control, shown)}`,
+      "aria-label": `Back to ${textOf(control, shown)}`,
+      onclick() {
+        control.value = own;
+        for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind, { bubbles: true }));
+        control.focus();
+      },
+    },
+    icon("undo"),
+  );
+  const show = () => {
+    button.hidden = control.value === own || Number(control.value) === Number(own || NaN);
+    element.classList.toggle("changed", !button.hidden);
+  };
+  for (const kind of ["input", "change"]) control.addEventListener(kind, show);
+  element.querySelector("label")?.after(button);
+  show();
+}
+
+/** @param {HTMLInputElement | HTMLSelectElement} control @param {string} value */
+function textOf(control, value) {
+  if (control instanceof HTMLInputElement) return value;
+  return [...control.options].find((option) => option.value === value)?.text ?? value;
+}

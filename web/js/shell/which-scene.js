@@ -1,0 +1,75 @@
+/** Several models in one drop: which of them is the scene, or each one of its own. */
+
+import { h } from "../base/dom.js";
+
+/** @typedef {import("./gather-files.js").NamedFile} NamedFile */
+
+/** These hold all that they show: as scenes of their own they need nothing else of the drop. */
+const WHOLE = /\.(glb|stl|ply|off)$/i;
+/** The number in the name of one of a sequence: smoke.0001.obj. */
+const NUMBER = /\d{3,}(?=\.[a-z]+$)/i;
+
+/**
+ * The files that may be the scene, best first; one where there is no question.
+ *
+ * @param {NamedFile[]} files
+ * @param {string[]} formats suffixes of scenes, best first, and of archives
+ * @returns {string[]}
+ */
+export function rivals(files, formats) {
+  const paths = files.map(({ path }) => path);
+  for (const suffix of formats.filter((each) => each !== ".zip")) {
+    const found = paths.filter((path) => path.toLowerCase().endsWith(suffix));
+    const stems = new Set(found.map((path) => path.replace(NUMBER, "#")));
+    if (found.length) return stems.size === 1 ? found.slice(0, 1) : found;
+  }
+  return paths.slice(0, 1);
+}
+
+/** @param {NamedFile[]} files @param {string} main @returns {NamedFile[]} what it needs of them, as far as its name says */
+export const filesFor = (files, main) => (WHOLE.test(main) ? files.filter(({ path }) => path === main) : files);
+
+/**
+ * Asks which one is meant.
+ *
+ * @param {string[]} mains
+ * @returns {Promise<string[]>} one, all of them, or none: it was dismissed
+ */
+export function whichScene(mains) {
+  return new Promise((resolve) => {
+    /** @param {string[]} chosen */
+    const close = (chosen) => {
+      resolve(chosen);
+      dialog.close();
+    };
+    const dialog = h(
+      "dialog",
+      {
+        class: "help which",
+        "aria-labelledby": "which-title",
+        onclose: () => (resolve([]), dialog.remove()),
+      },
+      h(
+        "div",
+        { class: "help-body" },
+        h("h2", { id: "which-title" }, `${mains.length} models: which is the scene?`),
+        h("p", { class: "quiet" }, "The others may be parts of it. Or make each a scene of its own."),
+        h(
+          "ul",
+          { class: "which-list" },
+          mains.map((main) =>
+            h("li", null, h("button", { class: "button", type: "button", onclick: () => close([main]) }, main)),
+          ),
+        ),
+        h(
+          "div",
+          { class: "row" },
+          h("button", { class: "button primary", type: "button", onclick: () => close(mains) }, "Each by itself"),
+          h("button", { class: "button", type: "button", onclick: () => close([]) }, "Cancel"),
+        ),
+      ),
+    );
+    document.body.append(dialog);
+    dialog.showModal();
+  });
+}

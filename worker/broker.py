@@ -1,0 +1,32 @@
+"""The Celery settings of both ends of the queue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["celery_config"]
+
+
+def celery_config(redis_url: str) -> dict[str, Any]:
+    """The Celery settings of both ends.
+
+    acks_late + reject_on_worker_lost: a killed child's batch goes back to the queue. No result backend: results travel on
+    the stream. The visibility timeout lies above the hard time limit, so that a running task is never handed out twice
+    by the broker; the service's own deadlines are shorter and make duplicates harmless.
+    """
+    return {
+        "broker_url": redis_url,
+        "result_backend": None,
+        "task_ignore_result": True,
+        "task_serializer": "json",
+        "accept_content": ["json"],
+        "task_acks_late": True,
+        "task_reject_on_worker_lost": True,
+        "worker_prefetch_multiplier": 1,
+        "task_time_limit": 900,
+        "broker_transport_options": {"visibility_timeout": 1200},
+        "broker_connection_retry_on_startup": True,
+        "worker_send_task_events": False,
+        "worker_enable_remote_control": False,
+        "task_create_missing_queues": True,
+    }
