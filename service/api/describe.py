@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, cast
 
 from sqlalchemy import select
-from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
@@ -26,11 +25,13 @@ from service.store.models import ACTIVE, Frame, Job, Scene
 from worker.contract import WorkerReport
 from worker.reproduce import sample_command
 
-__all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "scene_out", "snapshot", "worker_out"]
+__all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "jobs_out", "scene_out", "snapshot", "worker_out"]
 
 log = logging.getLogger(__name__)
 
 BAD_SHOWN = 16
+MOST_NAMED = 500  # jobs in one query
+Recorded = list[tuple[int, FrameNumbers]]  # the frames of a job: their keys, and how far they are
 _RECORDED = [f.name for f in fields(FrameNumbers)]  # of a frame's row
 UNREADABLE = (
     "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
@@ -57,17 +58,39 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
 def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
     """A job, with the engine's latest numbers where it is being rendered. One whose row says what this release does not
     understand is given as far as it is known."""
+    return _one_out(job, _recorded([job.id], session).get(job.id, []), engine)
+
+
+def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine) -> list[JobOut]:
+    """Many jobs, by one look at their frames."""
+    recorded = _recorded([job.id for job in jobs], session)
+    return [_one_out(job, recorded.get(job.id, []), engine) for job in jobs]
+
+
+def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
+    """The frames of jobs as they were last written down, by job."""
+    found: dict[str, Recorded] = {}
+    columns = [getattr(Frame, name) for name in ("job", "number", *_RECORDED)]
+    for at in range(0, len(jobs), MOST_NAMED):
+        query = select(*columns).where(Frame.job.in_(jobs[at : at + MOST_NAMED])).order_by(Frame.job, Frame.number)
+        for job, number, *numbers in session.execute(query):
+            found.setdefault(job, []).append((number, FrameNumbers(*numbers)))
+    return found
+
+
+def _one_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
     try:
-        return _job_out(job, session, engine)
-    except SQLAlchemyError:
-        raise
+        out = _job_out(job, recorded, engine)
+        for frame in out.frames if job.shot is None else ():
+            frame.bad = _bad_samples(job, frame, engine)
+        return out
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)
         known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s")
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
-        return _job_out(plain, session, engine)
+        return _job_out(plain, recorded, engine)
 
 
 def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
@@ -102,27 +125,24 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def _job_out(job: Job, session: Session, engine: Engine) -> JobOut:
+def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
     known = engine.snapshot.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
     shot = Shot.of(job.shot)
     about: ShotOut | None = None
     if shot is None:
-        frames = _still_frames(job, session, known, live is not None)
-        for f in frames:
-            f.bad = _bad_samples(job, f, engine)
+        frames = _still_frames(job, recorded, known, live is not None)
         sums = _Sums(sum(f.samples for f in frames), sum(f.bad_samples for f in frames), sum(f.progress for f in frames))
     else:
-        first = session.scalar(select(Frame.number).where(Frame.job == job.id).order_by(Frame.number).limit(1))
-        frames = frames_out(job, session, engine, [] if first is None else [first])
-        sums, about = _shot_out(job, shot, session, known)
+        frames = [_frame_out(job, key, _latest(job, known, key, numbers)) for key, numbers in recorded[:1]]
+        sums, about = _shot_out(job, shot, recorded, known)
     size = job.settings or job.request
     return JobOut(
         **{
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "kind", "settings"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
             )
         },
         message=_message(job, engine.snapshot) or _holes(job, about),
@@ -156,16 +176,16 @@ class _Sums:
     progress: float
 
 
-def _still_frames(job: Job, session: Session, known: JobNumbers | None, is_live: bool) -> list[FrameOut]:
+def _still_frames(job: Job, recorded: Recorded, known: JobNumbers | None, is_live: bool) -> list[FrameOut]:
     state = job.state if job.state in ("running", "finished", "failed") else "queued"
     found = []
-    for f in session.scalars(select(Frame).where(Frame.job == job.id).order_by(Frame.number)):
+    for key, f in recorded:
         numbers = FrameNumbers(state, f.samples, f.target, f.bad_samples, f.progress, f.noise, None)
         # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
         # the database has of a job that is over may be less than what was told of it before.
         if known is not None and (is_live or known.samples > f.samples):
             numbers = replace(numbers, samples=known.samples, bad_samples=known.bad_samples, progress=known.progress)
-        found.append(_frame_out(job, f.number, numbers))
+        found.append(_frame_out(job, key, numbers))
     return found
 
 
@@ -173,7 +193,7 @@ def frames_out(job: Job, session: Session, engine: Engine, keys: Iterable[int] |
     """The frames of a job, or those of these keys, with the engine's latest numbers."""
     known = engine.snapshot.jobs.get(job.id)
     if job.shot is None:
-        return _still_frames(job, session, known, job.state in ACTIVE)
+        return _still_frames(job, _recorded([job.id], session).get(job.id, []), known, job.state in ACTIVE)
     columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
     query = select(*columns).where(Frame.job == job.id).order_by(Frame.number)
     if keys is not None:
@@ -213,13 +233,11 @@ def _frame_out(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
     )
 
 
-def _shot_out(job: Job, shot: Shot, session: Session, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
+def _shot_out(job: Job, shot: Shot, recorded: Recorded, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
     if known is not None and job.state in ACTIVE:
         now = [(frame_number(key), known.frames[key]) for key in sorted(known.frames)]
     else:
-        columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
-        rows = session.execute(select(*columns).where(Frame.job == job.id).order_by(Frame.number))
-        now = [(frame_number(row.number), _latest(job, known, row.number, FrameNumbers(*row[1:]))) for row in rows]
+        now = [(frame_number(key), _latest(job, known, key, numbers)) for key, numbers in recorded]
     noises = [each.noise for _, each in now if each.state != "failed"]
     noise = max((n for n in noises if n is not None), default=None) if None not in noises else None
     about = ShotOut(
@@ -247,10 +265,18 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 
 
-def worker_out(report: WorkerReport, why: str | None) -> WorkerOut:
+def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
     """A worker. One that is told to pause (why) counts as paused, though it may still finish what it has in hand."""
     current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
-    return WorkerOut(**{**asdict(report), "current": current, "state": report.state if why is None else "paused"}, message=why)
+    vitals = view.roster.vitals.get(report.name)
+    return WorkerOut(
+        **{**asdict(report), "current": current, "state": report.state if why is None else "paused"},
+        message=why,
+        memory_used=vitals.memory_used if vitals else None,
+        memory_total=vitals.memory_total if vitals else None,
+        failures=view.failures.get(report.name, 0),
+        speeds=list(view.roster.speeds.get(report.name, ())),
+    )
 
 
 def _counts(doing: dict[str, Any]) -> bool:
@@ -266,9 +292,9 @@ def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, 
     if what == "scene":
         scene = session.get(Scene, id)
         return scene_out(scene, engine).model_dump() if scene else None
-    roster = engine.snapshot.roster
-    report = roster.reports.get(id)
-    return worker_out(report, roster.orders.get(id)).model_dump() if report else None
+    view = engine.snapshot
+    report = view.roster.reports.get(id)
+    return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
 
 
 def _message(job: Job, view: Snapshot) -> str | None:

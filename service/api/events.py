@@ -8,17 +8,20 @@ from collections.abc import AsyncIterator
 
 from fastapi import APIRouter
 from fastapi.responses import StreamingResponse
+from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
-from service.api.describe import snapshot
+from service.api.describe import jobs_out, snapshot
 from service.api.lookup import is_lit
 from service.farm import Farm, FarmDependency
+from service.store.models import Job
 
 __all__ = ["router"]
 
 router = APIRouter(tags=["events"])
 
 EVERY_S = 0.5
+AT_A_TIME = 500  # what more has changed waits for the next round
 KEEP_ALIVE_S = 10.0
 
 
@@ -40,11 +43,14 @@ async def _stream(farm: Farm) -> AsyncIterator[str]:
             await listener.wait(1.0)
             now = time.monotonic()
             if listener.changed and now - sent >= EVERY_S:
-                changed = list(listener.changed)
-                listener.changed.clear()
+                changed = list(listener.changed)[:AT_A_TIME]
+                for each in changed:
+                    del listener.changed[each]
                 for text in await run_in_threadpool(_texts, farm, changed):
                     yield text
                 sent = spoke = now
+                if listener.changed:
+                    listener.wake()
             elif listener.changed:
                 await listener.pause(EVERY_S - (now - sent))
             elif now - spoke > KEEP_ALIVE_S:
@@ -55,5 +61,7 @@ async def _stream(farm: Farm) -> AsyncIterator[str]:
 def _texts(farm: Farm, changed: list[tuple[str, str]]) -> list[str]:
     with farm.sessions() as session:
         seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
-        found = [(what, id, snapshot(what, id, session, farm.engine)) for what, id in seen]
+        rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
+        jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine)}
+        found = [(what, id, jobs.get(id) if what == "job" else snapshot(what, id, session, farm.engine)) for what, id in seen]
     return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in found]

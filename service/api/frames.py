@@ -6,12 +6,12 @@ import asyncio
 import hashlib
 import math
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import anyio
 import anyio.to_thread
 import numpy as np
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
@@ -19,10 +19,11 @@ from starlette.concurrency import run_in_threadpool
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
-from renderer.frames import MAX_FRAME, frame_key, frame_name
+from renderer.frames import frame_key
 from renderer.image import tonemap
 from service.api.describe import frame_out, frames_out
-from service.api.lookup import find_job, no_frame
+from service.api.file_names import named, picture_name
+from service.api.lookup import Number, find_film, find_job, no_frame
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
 from service.errors import Conflict, Invalid
@@ -31,6 +32,7 @@ from service.scheduling.aside import MadeAside
 from service.store import bands
 from service.store.films import Film
 from service.store.models import Scene
+from service.watching import film_packet
 from service.watching.pictures import MEDIA, PictureWish, memory, picture
 from worker.contract import SAMPLES_HEADER
 
@@ -38,8 +40,8 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
-Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
@@ -107,7 +109,8 @@ async def image(
 ) -> Response:
     """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
 
-    The header X-Samples has the number of samples, of all pixels together, that it was made of.
+    The header X-Samples has the number of samples, of all pixels together, that it was made of; of a heat map, X-Span has the
+    values between which it is drawn.
     """
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
@@ -115,6 +118,7 @@ async def image(
     if denoise and planes:
         raise Invalid("denoise: only colour is denoised; leave aov out.")
     PictureWish(extension, planes, in_layers, width=width).check()
+    job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
     denoised = await _denoised(id, n, film, samples, farm) if denoise else None
     if denoised is not None:
@@ -126,14 +130,34 @@ async def image(
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
-    motion = await motion_of(find_job(id, farm), n, film, farm) if aovs.MOTION in planes else None
+    motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make((id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder)
-    kind = "-denoised" if denoise else "-layers" if in_layers else f"-{planes[0]}" if planes else ""
-    headers["Content-Disposition"] = f'inline; filename="{frame_name(f"{id}-####{kind}.{extension}", n)}"'
+    kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
+    headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
     headers["Content-Length"] = str(made.size)
+    if made.span is not None:
+        headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
+
+
+@router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
+async def film(id: str, n: Number, request: Request, farm: FarmDependency) -> Response:
+    """All of a frame's light, and how many samples each tile has, in one answer: see docs/api.md. For watchers that begin."""
+    film, version, _ = await run_in_threadpool(_state, id, n, farm)
+    gzip = "gzip" in request.headers.get("accept-encoding", "")
+    headers = {"ETag": f'"{version}{"-gzip" if gzip else ""}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    folder = farm.settings.data / "tmp"
+    most = film_packet.memory(film)
+    key = (id, n, "film", headers["ETag"])
+    made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip)
+    headers["Content-Length"] = str(made.size)
+    if gzip:
+        headers["Content-Encoding"] = "gzip"
+    return StreamingResponse(made.pieces(), media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/{n}/pixel", response_model=Pixel)
@@ -143,7 +167,7 @@ async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), 
 
 
 def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
-    film = _film(id, n, farm)
+    film = find_film(id, n, farm)
     if x >= film.width or y >= film.height:
         raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
@@ -192,18 +216,8 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """A frame's film, the version of its content, and its samples."""
-    film = _film(id, n, farm)
+    film = find_film(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
-
-
-def _film(id: str, n: float, farm: Farm) -> Film:
-    job = find_job(id, farm)
-    if not farm.records.has_frame(id, frame_key(n)):
-        raise no_frame(n)
-    film = farm.film(job, frame_key(n))
-    if film is None:
-        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
-    return film
 
 
 def _names(id: str, farm: Farm) -> dict[str, list[str]]:

@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import time
 import uuid
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Header, Query, Response
-from sqlalchemy import func, select
+from pydantic import TypeAdapter
+from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
-from service.api.describe import job_out
+from service.api.describe import job_out, jobs_out
+from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, light_again, may_begin_anew
+from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
-from service.api.schemas import JobIn, JobOut, JobPatch
+from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, begins_anew, set_state
+from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
 __all__ = ["router"]
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+_JOBS = TypeAdapter(list[JobOut])
 
 Key = Annotated[
     str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
@@ -80,23 +83,44 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
 
 @router.get("", response_model=list[JobOut])
 def list_jobs(
+    chosen: Choice,
     farm: FarmDependency,
-    response: Response,
-    state: Literal["queued", "running", "paused", "finished", "failed", "cancelled"] | None = None,
-    scene: str | None = Query(None, max_length=100),
-    limit: int = Query(100, ge=1, le=1000),
+    sort: Order = "newest",
+    limit: int = Query(100, ge=1, le=MOST_JOBS),
     offset: int = Query(0, ge=0, le=1 << 31),
-) -> list[JobOut]:
-    """All jobs, the newest first. The header X-Total-Count has their number."""
-    query = select(Job)
-    if state is not None:
-        query = query.where(Job.state == state)
-    if scene is not None:
-        query = query.where(Job.scene == scene)
+) -> Response:
+    """The jobs, or those that are chosen, a page of them. The header X-Total-Count has their number."""
     with farm.sessions() as session:
-        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(query.subquery())))
-        rows = session.scalars(query.order_by(Job.created.desc(), Job.id).limit(limit).offset(offset))
-        return [job_out(row, session, farm.engine) for row in rows]
+        rows = chosen.rows(sort, session, limit, offset)
+        total = chosen.count(session)
+        body = _JOBS.dump_json(jobs_out(rows, session, farm.engine))
+    return Response(body, media_type="application/json", headers={"X-Total-Count": str(total)})
+
+
+@router.get("/ids")
+def list_ids(
+    chosen: Choice, farm: FarmDependency, sort: Order = "newest", limit: int = Query(50_000, ge=1, le=50_000)
+) -> list[str]:
+    """As the list of jobs, but nothing except their ids, and of all of them at once."""
+    with farm.sessions() as session:
+        return chosen.ids_in(sort, session, limit)
+
+
+@router.get("/tallies")
+def tally_jobs(chosen: Choice, farm: FarmDependency) -> dict[JobState, int]:
+    """How many jobs are in each state; `state` itself makes no difference to it."""
+    with farm.sessions() as session:
+        found = chosen.tallies(session)
+    return {state: found.get(state, 0) for state in get_args(JobState)}
+
+
+@router.post("/changes", response_model=ChangesOut)
+def change_jobs(changes: ChangesIn, farm: FarmDependency) -> ChangesOut:
+    """Pause, go on, cancel, change the priority of many jobs, or delete them. What cannot be done to one is done to the others.
+
+    The answer has how those that changed were before, so that it can be taken back.
+    """
+    return change_many(changes, farm)
 
 
 @router.get("/{id}", response_model=JobOut)
@@ -111,11 +135,11 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
-    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others.
+    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
+    rendered first, which changes no bit of how the picture ends.
     """
-    may_begin_anew = change.state == "running" and id not in farm.engine.snapshot.jobs
-    is_anew = may_begin_anew and begins_anew(find_job(id, farm), farm.films)
-    _light_again(id, farm)
+    is_anew = change.state == "running" and may_begin_anew(id, farm)
+    light_again(id, farm)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
@@ -132,6 +156,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
         elif change.spp is not None or change.more is not None:
             frame = session.get(Frame, (id, 0))
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
+        if "focus" in change.model_fields_set:
+            focus_on(job, change.focus)
         if change.state is not None:
             set_state(job, change.state, is_anew)
         session.flush()
@@ -144,20 +170,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
 
-    def forget(session: Session) -> set[str]:
-        job = session.get(Job, id)
-        if job is None:
-            raise no_job(id)
-        own: set[str] = set()
-        for frame in session.scalars(select(Frame).where(Frame.job == id)):
-            own |= frame.blobs
-            session.delete(frame)
-        session.flush()
-        session.delete(job)
-        return own
-
-    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
-    farm.changed("job", id)  # which removes the film, once it is out of its hands
+    if not delete_many([id], farm):
+        raise no_job(id)
 
 
 def _keys(request: JobIn) -> list[int]:
@@ -176,15 +190,6 @@ def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
     if asked["environment"] is None and request.variant is None:
         return request.scene
     return farm.lighting.row(request.scene, asked["environment"], request.variant).id
-
-
-def _light_again(id: str, farm: Farm) -> None:
-    """What a job that is over was rendered of may be gone; where it is to go on, that is made again."""
-    with farm.sessions() as session:
-        job = session.get(Job, id)
-        if job is None or job.lit is None or session.get(Scene, job.lit) is not None or session.get(Scene, job.scene) is None:
-            return
-    farm.lighting.row(job.scene, job.request.get("environment"), job.request.get("variant"))
 
 
 def _no_scene(id: str) -> NotFound:

@@ -1,7 +1,10 @@
 """WS /api/jobs/{id}/live: a job's state as JSON, how its frames are, and the tiles of one of them as they change.
 
 The watcher gets a state, a snapshot of all tiles of its frame that have samples, and then what changes; it may go on to another
-frame by {"frame": n}, of which it gets a snapshot in turn. Of a shot it is told of all frames first, and then of those that
+frame by {"frame": n}, of which it gets a snapshot in turn. One that reads the film by itself (GET .../frames/{n}/film) asks for
+no snapshot, and says when it has read it, by {"have": [samples a pixel of every tile]}: what differs from that is sent.
+
+Of a shot it is told of all frames first, and then of those that
 change. Tiles come in rounds; every packet has a number, and the watcher answers with {"ack": number}, which acknowledges all up
 to it. At most two rounds are unacknowledged. Meanwhile changed tiles are only noted, and read from the film when their turn
 comes: so a slow watcher gets fewer pictures, never older ones.
@@ -49,15 +52,16 @@ async def live(
     id: str,
     farm: FarmDependency,
     frame: float | None = Query(None, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
+    snapshot: bool = True,
 ) -> None:
-    """Watch a job, and the tiles of one of its frames: the first, unless told."""
+    """Watch a job, and the tiles of one of its frames: the first, unless told. snapshot: begin with all of its tiles."""
     await socket.accept()
     first = await run_in_threadpool(_first_frame, farm, id)
     if first is None:
         await socket.close(NOT_FOUND, "There is no such job.")
         return
     with farm.broadcast.listen(id, first if frame is None else frame_key(frame)) as listener:
-        watcher = _Watcher(socket, id, farm, listener)
+        watcher = _Watcher(socket, id, farm, listener, snapshot)
         sending = asyncio.create_task(watcher.send())
         receiving = asyncio.create_task(watcher.receive())
         done, pending = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
@@ -69,12 +73,14 @@ async def live(
 
 
 class _Watcher:
-    def __init__(self, socket: WebSocket, job: str, farm: Farm, listener: Listener) -> None:
+    def __init__(self, socket: WebSocket, job: str, farm: Farm, listener: Listener, snapshot: bool) -> None:
         self._socket = socket
         self._job = job
         self._farm = farm
         self._listener = listener
         self._film: Film | None = None
+        self._snapshot = snapshot
+        self._have: list[Any] | None = None  # samples of every tile, as the watcher says: what differs is to be noted
         self._sequence = 0
         self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
         self._spoke = 0.0
@@ -91,7 +97,11 @@ class _Watcher:
             try:
                 said = json.loads(message.get("text") or "")
                 if "frame" in said:
-                    self._turn_to(float(said["frame"]))
+                    self._turn_to(float(said["frame"]), said.get("snapshot") is not False)
+                    continue
+                if "have" in said:
+                    self._have = list(said["have"])
+                    self._listener.wake()
                     continue
                 acknowledged = int(said["ack"])
             except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
@@ -100,15 +110,29 @@ class _Watcher:
                 self._rounds.popleft()
             self._listener.wake()
 
-    def _turn_to(self, frame: float) -> None:
+    def _turn_to(self, frame: float, snapshot: bool) -> None:
         """Watch another frame. Raises ValueError."""
         if not 0 <= frame <= MAX_FRAME or not (2 * frame).is_integer():
             raise ValueError(f"there is no frame {frame}")
         self._listener.frame = frame_key(frame)
         self._listener.tiles.clear()
+        self._snapshot, self._have = snapshot, None
         if self._film is not None:
-            self._listener.tiles.update(dict.fromkeys(range(len(self._film.tiles))))
+            self._begin(self._film)
         self._listener.wake()
+
+    def _begin(self, film: Film) -> None:
+        """Note all tiles, where the watcher wants them."""
+        if self._snapshot:
+            self._listener.tiles.update(dict.fromkeys(range(len(film.tiles))))
+
+    async def _note_what_differs(self, film: Film, have: list[Any]) -> None:
+        """Note the tiles that have other samples than the watcher has of them; all, where it does not say so of each."""
+        frame = self._listener.frame
+        counts = await run_in_threadpool(lambda: [film.coverage(frame, tile).total for tile in range(len(film.tiles))])
+        if frame == self._listener.frame:
+            differ = have if len(have) == len(counts) else [None] * len(counts)
+            self._listener.tiles.update((tile, None) for tile, (a, b) in enumerate(zip(differ, counts, strict=True)) if a != b)
 
     async def send(self) -> None:
         """Speak until the service ends or the job is gone."""
@@ -117,7 +141,11 @@ class _Watcher:
             if self._film is None:
                 self._film = await run_in_threadpool(_film, self._farm, self._job)
                 if self._film is not None:
-                    self._listener.tiles.update(dict.fromkeys(range(len(self._film.tiles))))
+                    self._begin(self._film)
+            if self._film is not None and self._have is not None:
+                have, self._have = self._have, None
+                with contextlib.suppress(FarmError):  # what cannot be looked at now is noted when it changes
+                    await self._note_what_differs(self._film, have)
             now = time.monotonic()
             if self._is_state_due(now) and not await self._send_state(now):
                 await self._socket.close(GONE, "The job was deleted.")

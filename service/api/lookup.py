@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from fastapi import Path
 from sqlalchemy.orm import Session
 
-from renderer.frames import frame_text
-from service.errors import NotFound
+from renderer.frames import MAX_FRAME, frame_key, frame_text
+from service.errors import Conflict, NotFound
 from service.farm import Farm
+from service.store.films import Film
 from service.store.models import Job, Scene
 
-__all__ = ["find_job", "find_scene", "is_lit", "no_frame", "no_job", "no_scene"]
+__all__ = ["Number", "find_film", "find_job", "find_scene", "is_lit", "no_frame", "no_job", "no_scene"]
+
+Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 
 
 def find_job(id: str, farm: Farm) -> Job:
@@ -34,6 +40,17 @@ def is_lit(id: str, session: Session) -> bool:
     """Whether a scene is no upload: it was made of one for some request's light."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None
+
+
+def find_film(id: str, n: float, farm: Farm) -> Film:
+    """The film of a job that has frame n. Raises NotFound; Conflict where there is none yet; FilmLost and FilmWaits."""
+    job = find_job(id, farm)
+    if not farm.records.has_frame(id, frame_key(n)):
+        raise no_frame(n)
+    film = farm.film(job, frame_key(n))
+    if film is None:
+        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+    return film
 
 
 def no_job(id: str) -> NotFound:

@@ -193,6 +193,10 @@ class JobIn(Strict):
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 
+Coordinate = Annotated[int, Field(ge=0, le=1 << 20)]
+Focus = tuple[Coordinate, Coordinate, Annotated[int, Field(ge=1, le=1 << 20)], Annotated[int, Field(ge=1, le=1 << 20)]]
+
+
 class JobPatch(Strict):
     """What can change in a job. Of frames, as in a request: 10-20 or 7,9."""
 
@@ -210,6 +214,7 @@ class JobPatch(Strict):
     again: str | None = Field(None, description="of a shot: these frames anew, from nothing")
     first: float | None = Field(None, ge=-1.0, description="of a shot: this frame before all others; -1: none")
     order: str | None = Field(None, json_schema_extra={"enum": [*ORDERS, None]}, description="of a shot")
+    focus: Focus | None = Field(None, description="x, y, w, h in pixels: rendered first, of a shot in every frame; null: no more")
 
     @property
     def is_of_frames(self) -> bool:
@@ -339,6 +344,7 @@ class JobOut(BaseModel):
     noise: float | None
     seconds: float | None
     tile_size: int | None
+    focus: list[int] | None = Field(description="the rectangle that is rendered first: x, y, w, h")
     kind: str | None
     settings: dict[str, Any] | None
     environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
@@ -368,3 +374,7 @@ class WorkerOut(BaseModel):
     samples_per_s: float = Field(description="of one slot")
     current: list[dict[str, Any]]
     denoises: bool = Field(description="whether it has Open Image Denoise")
+    memory_used: int | None = Field(description="of its machine, in bytes; null where it does not tell")
+    memory_total: int | None
+    failures: int = Field(description="batches that failed there since the service started")
+    speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")

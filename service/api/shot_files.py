@@ -17,6 +17,7 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, parse_frames
 from renderer.image import tonemap
 from service.api.describe import frames_out
+from service.api.file_names import named, title_of
 from service.api.lookup import find_job
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut
@@ -62,7 +63,7 @@ async def frames_zip(
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found):
         raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
-    headers = {"Content-Disposition": f'attachment; filename="{_title(job, frames)}.{format}.zip"', "Cache-Control": "no-store"}
+    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
     stream = _zipped(job, film, wish, frames, which, farm)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
@@ -94,7 +95,7 @@ async def get_movie(
     content = tuple((frame.number, frame.samples) for frame in shown)
     make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
     made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make)
-    headers = {"Content-Disposition": f'inline; filename="{_title(job, frames)}.{extension}"', "Cache-Control": "no-cache"}
+    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}
     headers |= {"Content-Length": str(made.size), "X-Frames": str(len(keys))}
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
@@ -175,9 +176,5 @@ def _fps(job: Job, farm: Farm) -> float:
 
 def _title(job: Job, frames: str | None = None) -> str:
     """The job's name as one of a file, and which frames of it those are."""
-    title = _plain(job.name) or job.id
-    return f"{title}.{_plain(frames)}" if frames else title
-
-
-def _plain(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-.")[:100]
+    which = re.sub(r"[^0-9.-]+", "-", frames or "").strip("-.")[:100]
+    return f"{title_of(job)}.{which}" if which else title_of(job)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from renderer import film as film_math
-from renderer.settings import RenderSettings
+from renderer.settings import RenderSettings, Tile
 from service.scheduling.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
@@ -72,6 +72,7 @@ class ActiveFrame:
         self._recorded = row.samples, row.target
         self._share = share
         self._plan: FramePlan | None = None
+        self._focus: Tile | None = None
         self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
         self._json: tuple[RenderSettings, dict[str, Any]] | None = None
         self.on_change: Callable[[int], None] = lambda key: None  # told when its state or numbers may have changed
@@ -84,8 +85,22 @@ class ActiveFrame:
             self._plan = FramePlan(
                 *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._tile_noise, self.key, self.ceiling)
             )
+            self._plan.focus(self._in_focus())
             self._changed()
         return self._plan
+
+    def focus_on(self, focus: Tile | None) -> None:
+        """Let a rectangle of the picture be rendered first; None: no more."""
+        self._focus = focus
+        if self._plan is not None:
+            self._plan.focus(self._in_focus())
+
+    def _in_focus(self) -> list[int]:
+        f = self._focus
+        if f is None:
+            return []
+        tiles = enumerate(self.film.tiles)
+        return [i for i, t in tiles if t.x < f.x + f.w and f.x < t.x + t.w and t.y < f.y + f.h and f.y < t.y + t.h]
 
     def ask(self, spp: int, noise: float | None) -> None:
         """Take over what is asked for now. What is out counts as lost."""

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from renderer.settings import MAX_SPP, RenderSettings
+from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.plan import Range
@@ -62,6 +62,7 @@ class ActiveJob:
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frames = {frame.number: self._frame(frame) for frame in frames}
+        self.focus_on(row.focus)
         self._totals = Totals(self.frames)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
@@ -273,6 +274,11 @@ class ActiveJob:
         for frame in self.frames.values():
             frame.ask(spp, noise)
             frame.plan  # noqa: B018
+
+    def focus_on(self, focus: Sequence[int] | None) -> None:
+        """Let a rectangle (x, y, w, h) of every frame be rendered first; None: no more."""
+        for frame in self.frames.values():
+            frame.focus_on(None if focus is None else Tile(*focus))
 
     def tick(self, rendering: bool) -> None:
         """Let the wall clock run, where the job is being rendered, and renew its speed about once a second."""

@@ -112,6 +112,7 @@ class Lifecycle:
             self._scheduler.withdraw(job)
             self._records.progress(job)
         job.state, job.priority = row.state, row.priority
+        job.focus_on(row.focus)
         if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
             job.ask(row.spp, row.noise, row.seconds)

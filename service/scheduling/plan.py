@@ -1,7 +1,8 @@
 """What a frame still needs: which tile is rendered next, and how many samples of it. No clock, no queue, no film.
 
 The first wave is one sample of every tile, from the middle outwards, so that the whole picture is there at once. After it
-the tile with the fewest samples comes next, and what it gets grows with what it has. Where a noise level is asked for, a
+the tile with the fewest samples comes next, and what it gets grows with what it has; tiles that somebody looks at come before all
+others then. Where a noise level is asked for, a
 tile stops at fixed sample counts only and by its own film alone, so that the picture does not depend on who was faster.
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from renderer.settings import Tile
@@ -69,6 +70,8 @@ class FramePlan:
         self._limit = [0] * len(tiles)
         self._guess = [spp if noise is None else min(spp, FIRST_GUESS)] * len(tiles)  # where a tile is expected to stop
         self._heap: list[tuple[int, int, int]] = []
+        self._focus: frozenset[int] = frozenset()
+        self._focused: list[tuple[int, int, int]] = []  # as the heap, of the tiles in focus
         self.covered = [0] * len(tiles)
         for tile in range(len(tiles)):
             covered = coverage(tile)
@@ -104,6 +107,15 @@ class FramePlan:
         """What the frame has, all pixels together."""
         return sum(t.w * t.h * covered for t, covered in zip(self.tiles, self.covered, strict=True))
 
+    def focus(self, tiles: Iterable[int]) -> None:
+        """Once every tile has been handed out, these are rendered before the others. What each ends with stays the same."""
+        self._focus = frozenset(tiles)
+        entries = self._focused + self._heap
+        self._focused = [entry for entry in entries if entry[2] in self._focus]
+        self._heap = [entry for entry in entries if entry[2] not in self._focus]
+        heapq.heapify(self._focused)
+        heapq.heapify(self._heap)
+
     def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
         """The next batch, or None where all is handed out. samples_wanted(tile): how many samples suit the workers.
 
@@ -116,13 +128,20 @@ class FramePlan:
             if not covered.overlaps(lost.first, lost.count):
                 return lost
             self._lose_gaps(lost, covered)
-        while self._heap:
-            planned, _, tile = self._heap[0]
+        is_first_wave = bool(self._heap) and self._heap[0][0] == 0
+        for heap in (self._heap, self._focused) if is_first_wave else (self._focused, self._heap):
+            if (batch := self._next_of(heap, samples_wanted)) is not None:
+                return batch
+        return None
+
+    def _next_of(self, heap: list[tuple[int, int, int]], samples_wanted: Callable[[int], int]) -> Range | None:
+        while heap:
+            planned, _, tile = heap[0]
             if planned >= self.ceiling:
                 return None
             is_current = tile in self._open and planned == self._planned[tile]
             gap = next(self._coverage(tile).gaps(planned, self._limit[tile]), None) if is_current else None
-            heapq.heappop(self._heap)
+            heapq.heappop(heap)
             if not is_current:
                 continue
             if gap is None:
@@ -196,7 +215,8 @@ class FramePlan:
         return noise <= self.noise
 
     def _push(self, tile: int) -> None:
-        heapq.heappush(self._heap, (self._planned[tile], self._order[tile], tile))
+        heap = self._focused if tile in self._focus else self._heap
+        heapq.heappush(heap, (self._planned[tile], self._order[tile], tile))
 
 
 def _from_the_middle(tiles: list[Tile]) -> list[int]:

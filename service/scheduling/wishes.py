@@ -10,7 +10,7 @@ from service.errors import Conflict, FilmLost, Invalid
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, FINAL, Job
 
-__all__ = ["ask_for_samples", "begins_anew", "set_state"]
+__all__ = ["ask_for_samples", "begins_anew", "focus_on", "set_state"]
 
 
 def ask_for_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
@@ -53,6 +53,17 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
         job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
         if is_anew:
             job.kind, job.active_s = None, 0.0
+
+
+def focus_on(job: Job, focus: tuple[int, int, int, int] | None) -> None:
+    """Let a rectangle of the picture be rendered first; None: no more. Raises Invalid and Conflict."""
+    if focus is not None and job.state in FINAL:
+        raise Conflict(f"The job is {job.state}; only of one that is rendered a part can come first.")
+    size = {**job.request, **(job.settings or {})}
+    width, height = size.get("width"), size.get("height")
+    if focus is not None and width and height and (focus[0] >= width or focus[1] >= height):
+        raise Invalid(f"focus: {list(focus)} lies beside the picture, which is {width} x {height}.")
+    job.focus = None if focus is None else list(focus)
 
 
 def begins_anew(job: Job, films: FilmStore) -> bool:

@@ -69,15 +69,20 @@ class Job(Base):
     """A request for pictures of a scene, and how far it is."""
 
     __tablename__ = "jobs"
+    # Lists and tallies are made of these alone: a row is thousands of bytes long, mostly its settings.
+    __table_args__ = (
+        Index("jobs_listed", "created", "id", "state", "scene", "name"),
+        Index("jobs_by_state", "state", "created", "id", "scene", "name"),
+    )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     scene: Mapped[str] = mapped_column(String(40), index=True)  # the upload
     lit: Mapped[str | None] = mapped_column(String(40), index=True)  # what is rendered, where that is another scene's row
     light: Mapped[str | None] = mapped_column(Text)  # what the uploaded image is called that lights it
     name: Mapped[str] = mapped_column(String(255))
-    state: Mapped[str] = mapped_column(String(16), index=True)
+    state: Mapped[str] = mapped_column(String(16))
     priority: Mapped[int] = mapped_column(Integer, default=0)
-    created: Mapped[float] = mapped_column(Float, index=True)
+    created: Mapped[float] = mapped_column(Float)
     started: Mapped[float | None] = mapped_column(Float)
     finished: Mapped[float | None] = mapped_column(Float)
     active_s: Mapped[float] = mapped_column(Float, default=0.0)  # wall time spent rendering, pauses left out
@@ -91,6 +96,7 @@ class Job(Base):
     error: Mapped[str | None] = mapped_column(Text)
     reproduce: Mapped[str | None] = mapped_column(Text)  # a command that shows the error again
     shot: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # see service/shot.py; None: a still at frame 0
+    focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h that is rendered first
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
 
     @property

@@ -20,6 +20,7 @@ class Made:
 
     def __init__(self, data: bytes, file: int | None = None) -> None:
         """data: what is in memory. file: a descriptor of what is not; it is closed in the end."""
+        self.span: tuple[float, float] | None = None  # of a heat map: the values between which it is drawn
         self._data = data
         self._file = file
         self.size = len(data) if file is None else os.fstat(file).st_size

@@ -27,6 +27,7 @@ from service.watching.smaller import side_of, smaller
 __all__ = ["MEDIA", "PictureWish", "memory", "picture", "shown"]
 
 F32 = npt.NDArray[np.float32]
+HEAT = ("samples", "error")  # planes that are drawn as heat
 ROWS = 64  # at a time, of a denoised picture
 MEDIA = {
     "png": "image/png",
@@ -87,8 +88,15 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
         return Made.of(words.tobytes(), folder)
     if not wish.planes:
         return Made.of(encode_shown(shown(film, frame, wish), wish.extension), folder)
-    plane = _laid(np.empty((height, width, 3), np.uint8), smaller(_plane(film, frame, wish), side))
-    return Made.of(encode_shown(plane, wish.extension), folder)
+    (name,) = wish.planes
+    values = _whole(film, frame, wish)
+    between = aovs.span(name, values)
+    shown_rows = (aovs.visible(name, values[y : y + ROWS], between) for y in range(0, film.height, ROWS))
+    plane = _laid(np.empty((height, width, 3), np.uint8), smaller(shown_rows, side))
+    made = Made.of(encode_shown(plane, wish.extension), folder)
+    if between is not None and name in HEAT:
+        made.span = float(between[0]), float(between[1])
+    return made
 
 
 def shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
@@ -139,15 +147,12 @@ def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt
         yield tonemap.apply(band, wish.exposure, wish.curve)
 
 
-def _plane(film: Film, frame: int, wish: PictureWish) -> Iterator[npt.NDArray[np.uint8]]:
-    """A plane as it is looked at: between its least and greatest values, so it is read as a whole first."""
+def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
+    """A plane, all of it: it is looked at between its least and greatest values."""
     (name,) = wish.planes
     size = aovs.size(name)
     plane = _laid(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
-    plane = plane if size > 1 else plane[..., 0]
-    between = aovs.span(name, plane)
-    for y in range(0, film.height, ROWS):
-        yield aovs.visible(name, plane[y : y + ROWS], between)
+    return plane if size > 1 else plane[..., 0]
 
 
 def _threefold(band: F32) -> F32:

@@ -2,12 +2,13 @@
 
 import { fill, h } from "./base/dom.js";
 import { followFarm } from "./news/farm.js";
+import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { emptyState } from "./shell/hints.js";
 import { linkTo, onNavigate } from "./shell/router.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
-import { showError } from "./shell/tray.js";
+import { clearPageErrors, showError } from "./shell/tray.js";
 import { acceptDrops } from "./shell/uploads.js";
 import { compareView } from "./views/compare.js";
 import { homeView } from "./views/home.js";
@@ -47,6 +48,7 @@ let shown = null;
 onNavigate(({ path }) => {
   const first = shown === null;
   shown?.dispose();
+  clearPageErrors();
   shown = viewFor(path);
   fill(main, shown.element);
   markSection(SECTION_OF[path[0] ?? ""] ?? path[0] ?? "");
@@ -64,3 +66,4 @@ addEventListener("unhandledrejection", (event) => fault(event.reason));
 addShortcuts([{ keys: "?", does: "This help", run: showHelp }]);
 acceptDrops();
 followFarm();
+followTallies();

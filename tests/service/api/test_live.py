@@ -59,8 +59,8 @@ class Watcher:
 
 
 @contextlib.contextmanager
-def watch(service: Service, job: str, **options: Any) -> Iterator[Watcher]:
-    with connect(f"ws://127.0.0.1:{service.port}/api/jobs/{job}/live", max_size=None, **options) as connection:
+def watch(service: Service, job: str, query: str = "", **options: Any) -> Iterator[Watcher]:
+    with connect(f"ws://127.0.0.1:{service.port}/api/jobs/{job}/live{query}", max_size=None, **options) as connection:
         yield Watcher(connection)
 
 
@@ -183,3 +183,52 @@ def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWo
     done.set()
     service.submit(service.ready_scene())
     thread.join(5)
+
+
+def film_of(service: Service, job: str, **headers: str) -> tuple[list[int], np.ndarray, int]:
+    """The whole film as one answer has it: samples of its tiles, words (h, w), side of a tile."""
+    answer = service.http.get(f"/api/jobs/{job}/frames/0/film", headers=headers).raise_for_status()
+    version, kind, frame, width, height, side = struct.unpack_from("<BBHHHI", answer.content)
+    assert (version, kind, frame) == (1, 2, 0)
+    tiles = -(-width // side) * -(-height // side)
+    samples = np.frombuffer(answer.content, "<u4", tiles, 12)
+    planes = np.frombuffer(answer.content, np.uint8, -1, 12 + 4 * tiles).reshape(4, height, width)
+    return samples.tolist(), np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0], side
+
+
+def test_a_film_comes_whole_and_then_only_what_it_lacks(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    samples, words, side = film_of(service, job, **{"Accept-Encoding": "identity"})
+    assert samples == [8] * 12
+    packed = service.http.get(f"/api/jobs/{job}/frames/0/film", headers={"Accept-Encoding": "gzip"})
+    assert packed.headers["Content-Encoding"] == "gzip" and packed.headers["Vary"] == "Accept-Encoding"
+    assert film_of(service, job)[0] == samples
+    np.testing.assert_array_equal(film_of(service, job)[1], words)
+    again = service.http.get(f"/api/jobs/{job}/frames/0/film", headers={"If-None-Match": packed.headers["ETag"]})
+    assert again.status_code == 304
+
+    with watch(service, job) as watcher:
+        watcher.read(1.0)
+    for (x, y, w, h), of_tile in watcher.words.items():
+        np.testing.assert_array_equal(words[y : y + h, x : x + w], of_tile)
+
+    # Who has all gets nothing; who lacks of two tiles gets these; who cannot say what it has gets all.
+    order = sorted(watcher.words, key=lambda tile: (tile.y, tile.x))
+    assert (order[1].x, order[0].w) == (side, side)
+    for have, wanted in ((samples, []), ([*samples[:5], 4, *samples[6:11], 0], [order[5], order[11]]), (["?"], order)):
+        with watch(service, job, query="?snapshot=false") as watcher:
+            watcher.read(0.5)
+            assert not watcher.words
+            watcher.connection.send(json.dumps({"have": have}))
+            watcher.read(1.0)
+        assert sorted(watcher.words, key=lambda tile: (tile.y, tile.x)) == wanted
+
+
+def test_what_changes_before_a_watcher_says_what_it_has_is_sent(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.01)
+    job = service.submit(service.ready_scene(), spp=60)
+    with watch(service, job, query="?snapshot=false") as watcher:
+        until(lambda: (watcher.read(0.3), bool(watcher.states) and watcher.states[-1]["state"] == "finished")[1], "the job ends")
+        watcher.read(0.5)
+    assert len(watcher.words) == 12 and set(watcher.spp.values()) == {60}

@@ -239,3 +239,35 @@ def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -
     assert service.http.delete(f"/api/jobs/{job}").status_code == 204
     until(lambda: not film.exists(), "the film is removed")
     assert service.http.get(f"/api/jobs/{job}").status_code == 404
+
+
+def test_a_rectangle_is_rendered_first_and_changes_no_bit(service: Service, worker: PeerWorker) -> None:
+    """It holds across a restart of the service, and ends with the digest of a job without it."""
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    scene = service.ready_scene()
+    plain = service.submit(scene, spp=40)
+    service.wait_for(plain, "finished")
+    worker.on_batch = lambda batch: time.sleep(0.05)
+    job = service.submit(scene, spp=40)
+    url = f"/api/jobs/{job}"
+    until(lambda: service.job(job)["samples"] > 0, "it begins")
+    told = service.http.patch(url, json={"focus": [0, 0, 1, 1]}).raise_for_status().json()
+    assert told["focus"] == [0, 0, 1, 1]
+    service.restart()
+
+    def corner_and_rest() -> tuple[int, int]:
+        answer = service.http.get(f"{url}/frames/0/film", headers={"Accept-Encoding": "identity"}).content
+        samples = np.frombuffer(answer, "<u4", 12, 12)
+        return int(samples[0]), int(samples[1:].max())
+
+    until(lambda: corner_and_rest()[0] == 40, "the corner has all")
+    assert corner_and_rest()[1] < 40, "nobody else has"
+    assert service.job(job)["focus"] == [0, 0, 1, 1]
+    assert service.http.patch(url, json={"focus": None}).json()["focus"] is None
+    service.wait_for(job, "finished")
+    digests = [service.http.get(f"/api/jobs/{id}/frames/0/digest").json()["digest"] for id in (plain, job)]
+    assert digests[0] == digests[1]
+    assert service.http.patch(url, json={"focus": [0, 0, 9, 9]}).status_code == 409
+    paused = service.submit(scene, spp=40, priority=-9)
+    refused = service.http.patch(f"/api/jobs/{paused}", json={"focus": [999, 0, 9, 9]})
+    assert refused.status_code == 422 and "beside the picture" in refused.json()["detail"]

@@ -139,3 +139,46 @@ def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
     assert not bench.plan.done
     assert min(batch.first for batch in bench.finish(3)) == 10
     assert all(c.ranges == [(0, 25)] for c in bench.coverage)
+
+
+def test_what_is_in_focus_comes_first_and_the_end_is_the_same() -> None:
+    bench = Bench(64, None)
+    bench.plan.focus([5, 7])
+    first = [bench.plan.next(lambda tile: 4) for _ in bench.tiles]
+    assert {batch.tile for batch in first if batch} == set(range(len(bench.tiles))), "the first wave is everybody's"
+    for batch in first:
+        assert batch is not None
+        bench.arrive(batch)
+    while not {5, 7} <= {i for i, c in enumerate(bench.coverage) if c.total == 64}:
+        batch = bench.plan.next(lambda tile: 4)
+        assert batch is not None and batch.tile in (5, 7)
+        bench.arrive(batch)
+    batch = bench.plan.next(lambda tile: 4)
+    assert batch is not None and batch.tile not in (5, 7)
+    bench.arrive(batch)
+    bench.plan.focus([0])
+    batch = bench.plan.next(lambda tile: 4)
+    assert batch is not None and batch.tile == 0
+    bench.arrive(batch)
+    bench.plan.focus([])
+    bench.finish(4)
+    assert [c.ranges for c in bench.coverage] == [[(0, 64)]] * len(bench.tiles)
+
+
+def test_a_ceiling_over_what_is_in_focus_does_not_hold_up_the_others() -> None:
+    bench = Bench(64, None)
+    bench.plan.ceiling = 2
+    bench.plan.focus([3])
+    while (batch := bench.plan.next(lambda tile: 4)) is not None:
+        bench.arrive(batch)
+    assert {c.total for c in bench.coverage} == {2}
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.lists(st.integers(0, 11), max_size=4), st.sampled_from([0.0, 0.3]))
+def test_where_a_tile_stops_does_not_depend_on_the_focus(seed: int, focus: list[int], loss: float) -> None:
+    plain, focused = Bench(300, 0.2), Bench(300, 0.2)
+    plain.finish(0, wanted=300)
+    focused.plan.focus(focus)
+    focused.finish(seed, loss=loss)
+    assert [c.total for c in focused.coverage] == [c.total for c in plain.coverage]

@@ -62,12 +62,15 @@
  * @property {number} bad_samples that were NaN or infinite, and left out
  * @property {Frame[]} [frames] the only one of a still, the first of a shot
  * @property {Shot | null} [shot] null: a still
+ * @property {number} priority -100 to 100
  * @property {number} created unix seconds
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height
  * @property {number | null} spp at most
  * @property {number | null} noise
  * @property {number | null} seconds
+ * @property {number | null} [tile_size]
+ * @property {[number, number, number, number] | null} [focus] the rectangle that is rendered first: x, y, w, h
  * @property {Record<string, any> | null} settings
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
@@ -141,6 +144,11 @@
  * @property {number} samples_per_s of one slot
  * @property {boolean} [denoises]
  * @property {Record<string, any>[]} current a slot each
+ * @property {string | null} [message] why it is paused
+ * @property {number | null} [memory_used] bytes
+ * @property {number | null} [memory_total]
+ * @property {number} [failures] of batches
+ * @property {number[]} [speeds] samples a second of all its slots, a minute each
  *
  * @typedef {{name: string, label: string, help: string}} Choice
  *

@@ -1,6 +1,24 @@
 /** The shader that shows a film: which texels a screen pixel covers, exposure, tone curve, sRGB. */
 
+import { COLOUR_MAP_GLSL } from "./colour-map.js";
 import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
+
+/** What of the light is shown, in the order of the shader's `part`. */
+export const PARTS = [
+  { name: "", label: "RGB", hint: "Colour" },
+  { name: "r", label: "R", hint: "Red alone, as grey" },
+  { name: "g", label: "G", hint: "Green alone, as grey" },
+  { name: "b", label: "B", hint: "Blue alone, as grey" },
+  { name: "y", label: "Y", hint: "Luminance, as grey" },
+  { name: "false", label: "False", hint: "Luminance in false colour: a colour for every stop" },
+];
+
+/** @param {string} name @returns {number} */
+export const partIndex = (name) =>
+  Math.max(
+    0,
+    PARTS.findIndex((part) => part.name === name),
+  );
 
 export const VERTEX = `#version 300 es
 void main() {
@@ -21,12 +39,20 @@ uniform float scale;         // device pixels per picture pixel
 uniform float gain;          // 2^exposure
 uniform int curve;
 uniform bool raw;
+uniform int part;
 out vec4 color;
 
 // At most this many texels an axis are averaged; beyond, they are taken at equal steps.
 const int MAX_TAPS = 12;
 
 ${TONEMAP_GLSL}
+${COLOUR_MAP_GLSL}
+vec3 shown(vec3 c) {
+  float y = dot(c, vec3(0.2126, 0.7152, 0.0722));
+  if (part == 5) return falseColour(y);
+  if (part > 0) c = vec3(part == 1 ? c.r : part == 2 ? c.g : part == 3 ? c.b : y);
+  return displayed(c, curve);
+}
 
 // The mean of the film over the screen pixel's footprint, every texel weighted by the area that it covers. At whole
 // scales above 1 this is the nearest texel exactly; at scales between, edges stay sharp and even; below 1 nothing aliases.
@@ -59,7 +85,7 @@ void main() {
     return;
   }
   vec3 linear = footprint(lo, hi);
-  color = vec4(raw ? linear : displayed(linear * gain, curve), 1.0);
+  color = vec4(raw ? linear : shown(linear * gain), 1.0);
 }`;
 
 /**

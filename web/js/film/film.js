@@ -13,9 +13,10 @@ export class Film {
   /**
    * @param {number} width
    * @param {number} height
-   * @param {Uint32Array} [words] RGB9E5, rows from the top; black where left out
+   * @param {Uint32Array} [given] RGB9E5, rows from the top; black where left out
    */
-  constructor(width, height, words = new Uint32Array(width * height)) {
+  constructor(width, height, given) {
+    const words = given ?? new Uint32Array(width * height);
     if (words.length !== width * height)
       throw new Error(`A picture of ${width}×${height} came with ${words.length} words.`);
     this.width = width;
@@ -24,17 +25,52 @@ export class Film {
     this.samples = new Uint32Array(width * height);
     /** Samples of all pixels together. */
     this.total = 0;
+    /** Nothing of it has come yet. */
+    this.isBlank = given === undefined;
   }
 
   /** @param {TilePacket} tile */
   put({ x, y, w, h, spp, words }) {
     if (x + w > this.width || y + h > this.height) return; // of a job with another size: not ours
+    this.isBlank = false;
     for (let row = 0; row < h; row++) {
       const at = (y + row) * this.width + x;
       this.words.set(words.subarray(row * w, (row + 1) * w), at);
       for (let i = at; i < at + w; i++) this.total += spp - (this.samples[i] ?? 0);
       this.samples.fill(spp, at, at + w);
     }
+  }
+
+  /**
+   * A whole film that came in one answer: of every tile what has more samples than is here already.
+   *
+   * @param {import("../news/tile-packet.js").FilmPacket} packet
+   */
+  take({ width, height, side, spp, words }) {
+    if (width !== this.width || height !== this.height) return;
+    let tile = 0;
+    for (let y = 0; y < height; y += side) {
+      for (let x = 0; x < width; x += side) {
+        const samples = spp[tile++] ?? 0;
+        if (samples <= (this.samples[y * width + x] ?? 0)) continue;
+        this.isBlank = false;
+        const right = Math.min(x + side, width);
+        for (let row = y; row < Math.min(y + side, height); row++) {
+          const [from, to] = [row * width + x, row * width + right];
+          this.total += (samples - (this.samples[from] ?? 0)) * (right - x);
+          this.words.set(words.subarray(from, to), from);
+          this.samples.fill(samples, from, to);
+        }
+      }
+    }
+  }
+
+  /** Samples a pixel of every tile, in reading order. @param {number} side of a tile @returns {number[]} */
+  tileSamples(side) {
+    const found = [];
+    for (let y = 0; y < this.height; y += side)
+      for (let x = 0; x < this.width; x += side) found.push(this.samples[y * this.width + x] ?? 0);
+    return found;
   }
 
   /**
@@ -45,6 +81,7 @@ export class Film {
   restart(other = null) {
     this.samples.fill(0);
     this.total = 0;
+    this.isBlank = false;
     if (!other) {
       this.words.fill(0);
       return;

@@ -1,5 +1,9 @@
-/** The film of one job as it grows: its live connection, and who wants to know of new samples. */
+/**
+ * The film of one job as it grows: fetched whole, then its live connection, which sends what has changed since; and who wants to
+ * know of new samples.
+ */
 
+import { fetchFilm } from "../news/api.js";
 import { putJob, setLink } from "../news/farm.js";
 import { Film } from "./film.js";
 import { Live } from "../news/live.js";
@@ -8,6 +12,9 @@ import { showError } from "../shell/tray.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
+
+/** Whoever goes through many frames rests on one so long before all of it is fetched. */
+const REST_MS = 200;
 
 export class LiveFilm {
   /** @param {Job} job of known size @param {number} [frame] */
@@ -18,6 +25,15 @@ export class LiveFilm {
     /** Whether no more samples are to come. */
     this.finished = job.state === "finished";
     this.film = new Film(job.width ?? 1, job.height ?? 1);
+    this.side = job.tile_size ?? 0;
+    /** Whether the film was fetched, or could not be: from then on the service is told what is here. */
+    this.isFetched = false;
+    this.fetching = new AbortController();
+    /** @type {Set<() => void>} */
+    this.filled = new Set();
+    this.turnedAt = -Infinity;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.resting = undefined;
     /** @type {Set<(tile: TilePacket) => void>} */
     this.listeners = new Set();
     /** @type {Set<() => void>} */
@@ -38,11 +54,39 @@ export class LiveFilm {
         putJob(message.job);
       },
       link: (up) => setLink(this.link, up),
+      have: () => (this.isFetched ? (this.side ? this.film.tileSamples(this.side) : []) : null),
       refused: (sentence) =>
         showError("The live picture ended", sentence, {
+          ofPage: true,
           action: { label: "Reload the page", run: () => location.reload() },
         }),
     });
+    void this.fetch(job.samples > 0);
+  }
+
+  /** Fetches the whole film; where that fails, its tiles come one by one. @param {boolean} hasSamples whether there is anything */
+  async fetch(hasSamples) {
+    this.fetching.abort();
+    const { signal } = (this.fetching = new AbortController());
+    try {
+      const packet = hasSamples ? await fetchFilm(this, signal) : null;
+      if (signal.aborted) return;
+      if (packet) {
+        this.side = packet.side;
+        this.film.take(packet);
+        for (const listener of this.filled) listener();
+      }
+    } catch {
+      if (signal.aborted) return;
+    }
+    this.isFetched = true;
+    this.live.sayHave();
+  }
+
+  /** @param {() => void} listener all of the film may have changed @returns {() => void} ends it */
+  onFill(listener) {
+    this.filled.add(listener);
+    return () => this.filled.delete(listener);
   }
 
   /** @param {(tile: TilePacket) => void} listener @returns {() => void} ends it */
@@ -60,7 +104,13 @@ export class LiveFilm {
   turnTo(frame, meanwhile) {
     this.frame = frame;
     this.film.restart(meanwhile);
+    this.isFetched = false;
+    this.fetching.abort();
     this.live.turnTo(frame);
+    const now = performance.now();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => void this.fetch(true), now - this.turnedAt < REST_MS ? REST_MS : 0);
+    this.turnedAt = now;
     for (const listener of this.turned) listener();
   }
 
@@ -71,6 +121,8 @@ export class LiveFilm {
   }
 
   dispose() {
+    clearTimeout(this.resting);
+    this.fetching.abort();
     this.live.close();
     setLink(this.link, true);
   }

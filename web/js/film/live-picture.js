@@ -1,10 +1,12 @@
 /** The picture of a job as it grows, its planes, and its denoised copy instead of it or beside it. */
 
 import { DENOISED } from "./channels.js";
+import { imageUrl } from "../news/api.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
+import { DEFAULT_CURVE } from "./tonemap.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/store.js").Store<import("../job/display-panel.js").Display>} DisplayStore */
@@ -14,11 +16,13 @@ import { outlinesOf } from "./tile-outlines.js";
  * @typedef {object} LivePicture
  * @property {HTMLElement} element
  * @property {HTMLElement} statusBar
+ * @property {HTMLElement} tools room in it
  * @property {import("./film-view.js").FilmView | null} view null where this browser cannot show a film
  * @property {LiveFilm} live
  * @property {() => import("./picture-side.js").PictureSide | null} side the one that is not denoised
  * @property {import("./film.js").Film} film
  * @property {(job: Job) => void} update
+ * @property {(listener: (outlines: import("./pixel-overlay.js").Outline[]) => void) => void} onHands told of the tiles in hand
  * @property {() => void} renew fetches what is shown anew where it is older than the film
  */
 
@@ -45,10 +49,15 @@ export function livePicture(job, display, life, changed, frame) {
     }
   };
 
+  stage.view?.setPoster(posterOf(job, live.frame, display.value));
+
   let latest = job;
+  /** @type {(outlines: import("./pixel-overlay.js").Outline[]) => void} */
+  let inHand = () => {};
   const outline = () => {
-    const on = display.value.outlines && latest.state === "running";
-    stage.view?.setOutlines(on ? outlinesOf(workers.value ?? [], live) : []);
+    const outlines = latest.state === "running" ? outlinesOf(workers.value ?? [], live) : [];
+    stage.view?.setOutlines(display.value.outlines ? outlines : []);
+    inHand(outlines);
   };
   life.add(workers.subscribe(outline));
   life.add(live.onTurn(outline));
@@ -67,6 +76,7 @@ export function livePicture(job, display, life, changed, frame) {
   return {
     element: stage.element,
     statusBar: stage.statusBar,
+    tools: stage.tools,
     view: stage.view,
     live,
     side: () => stage.side(0),
@@ -76,5 +86,19 @@ export function livePicture(job, display, life, changed, frame) {
       outline();
     },
     renew,
+    onHands(listener) {
+      inHand = listener;
+      outline();
+    },
   };
+}
+
+/** As the list of jobs asks for it, so that the browser has it already. */
+const POSTER_WIDTH = 320;
+
+/** @param {Job} job @param {number} frame @param {{exposure: number, curve: string, channel: string}} look */
+function posterOf({ id, samples }, frame, { exposure, curve, channel }) {
+  if (!samples || channel) return null;
+  const usual = exposure === 0 && curve === DEFAULT_CURVE;
+  return imageUrl({ job: id, frame }, "jpg", { width: POSTER_WIDTH, v: samples, ...(!usual && { exposure, tonemap: curve }) });
 }

@@ -20,6 +20,7 @@ const SETTLE_MS = 300;
  * @property {string} channel
  * @property {boolean} waiting for the service to make it
  * @property {boolean} stale the film has more samples than it was made of
+ * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
  */
 
@@ -43,10 +44,17 @@ export class PictureSide {
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
     this.unturn = live.onTurn(() => this.turned());
-    this.unlisten = live.onTile((tile) => {
-      layer.putTile(live.film, tile);
+    const outgrow = () => {
       const { channel, stale } = this.state.value;
       if (channel && !stale && this.isOutgrown()) this.state.update((state) => ({ ...state, stale: true }));
+    };
+    this.unlisten = live.onTile((tile) => {
+      layer.putTile(live.film, tile);
+      outgrow();
+    });
+    this.unfill = live.onFill(() => {
+      if (layer.film === live.film && !layer.image) layer.upload();
+      outgrow();
     });
     layer.setFilm(live.film);
   }
@@ -122,8 +130,9 @@ export class PictureSide {
         this.denoised = new Film(width, height, words);
         this.layer.setFilm(this.denoised);
       } else {
-        const { image, samples } = await fetchImage(this.live, { aov: channel }, signal);
+        const { image, samples, span } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();
+        this.state.update((state) => ({ ...state, span }));
         this.madeOf = samples;
         this.layer.setImage(image);
       }
@@ -140,6 +149,7 @@ export class PictureSide {
     this.unturn();
     this.fetching.abort();
     this.unlisten();
+    this.unfill();
     this.layer.clear();
   }
 }

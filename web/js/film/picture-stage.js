@@ -31,6 +31,7 @@ import { zoomControls } from "./zoom-controls.js";
  * @typedef {object} PictureStage
  * @property {HTMLElement} element
  * @property {HTMLElement} statusBar
+ * @property {HTMLElement} tools room in it
  * @property {FilmView | null} view null where this browser cannot show a film
  * @property {(arrangement: Arrangement) => void} arrange
  * @property {(which: 0 | 1) => PictureSide | null} side
@@ -54,6 +55,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     h("div", { class: `channel-tag ${edge}`, role: "status", hidden: true }),
   );
   const readouts = h("div", { class: "readouts" });
+  const tools = h("span", { class: "tools" });
   const element = h(
     "div",
     { class: "stage-box" },
@@ -66,6 +68,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     "footer",
     { class: "status-bar" },
     readouts,
+    tools,
     h("span", { class: "quiet number size" }, `${width}×${height}`),
     zoom.element,
   );
@@ -129,7 +132,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
     view.setWipe(next.right ? (next.wipe ?? 0) : 1);
     label();
   };
-  return { element, statusBar, view, arrange, side: (which) => parts[which]?.side ?? null };
+  return { element, statusBar, tools, view, arrange, side: (which) => parts[which]?.side ?? null };
 }
 
 /** @typedef {{side: PictureSide, readout: PixelReadout, dispose: () => void}} Part */

@@ -7,7 +7,8 @@ import { radiance } from "../base/format.js";
 
 /** @typedef {import("./film.js").Film} Film */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
-/** @typedef {{x: number, y: number, w: number, h: number, label: string}} Outline */
+/** @typedef {{x: number, y: number, w: number, h: number, label: string, short: string, worker: string, colour: string}} Outline */
+/** Something else that lies over the picture. @typedef {(over: PixelOverlay, ratio: number) => void} Mark */
 
 /** CSS pixels that a picture pixel must measure before its three values fit into it. */
 const VALUES_FROM = 44;
@@ -31,7 +32,19 @@ export class PixelOverlay {
     this.cursor = null;
     /** @type {Outline[]} */
     this.outlines = [];
+    /** By the name of what put them there. @type {Map<string, Mark>} */
+    this.marks = new Map();
     this.exposure = 0;
+    /** As FilmCanvas has them. */
+    this.panes = () => [{ left: 0, width: viewport.canvas.width, shift: 0 }];
+  }
+
+  /** @param {string} name @param {Mark | null} mark null: takes it away */
+  setMark(name, mark) {
+    if (!mark && !this.marks.has(name)) return;
+    if (mark) this.marks.set(name, mark);
+    else this.marks.delete(name);
+    this.draw();
   }
 
   draw() {
@@ -43,26 +56,31 @@ export class PixelOverlay {
     const values = viewport.scale >= VALUES_FROM * ratio;
     const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
     // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
-    canvas.hidden = !values && !cursor && this.outlines.length === 0;
-    for (const outline of this.outlines) this.drawOutline(outline);
-    if (values) this.drawValues(ratio);
-    if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
+    canvas.hidden = !values && !cursor && this.outlines.length === 0 && this.marks.size === 0;
+    for (const { left, width: part, shift } of this.panes()) {
+      context.save();
+      context.beginPath();
+      context.rect(left, 0, part, height);
+      context.clip();
+      context.translate(shift, 0);
+      for (const outline of this.outlines) this.drawOutline(outline);
+      if (values) this.drawValues(ratio, shift);
+      for (const mark of this.marks.values()) mark(this, ratio);
+      if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
+      context.restore();
+    }
   }
 
   /** @param {Outline} outline */
-  drawOutline({ x, y, w, h, label }) {
-    this.strokeTwice(x, y, w, h, true);
+  drawOutline({ x, y, w, h, label, short, colour }) {
+    this.strokeTwice(x, y, w, h, { corners: true, colour });
     const { context, viewport } = this;
     const ratio = devicePixelRatio;
     context.font = `600 ${10 * ratio}px system-ui, sans-serif`;
-    if (w * viewport.scale < context.measureText(label).width + 8 * ratio || h * viewport.scale < 18 * ratio) return;
-    this.text(
-      label,
-      viewport.x + x * viewport.scale + 4 * ratio,
-      viewport.y + y * viewport.scale + 12 * ratio,
-      "#fff",
-      ratio,
-    );
+    const room = w * viewport.scale - 8 * ratio;
+    const fits = [label, short].find((text) => context.measureText(text).width < room);
+    if (!fits || h * viewport.scale < 18 * ratio) return;
+    this.text(fits, viewport.x + x * viewport.scale + 4 * ratio, viewport.y + y * viewport.scale + 12 * ratio, colour, ratio);
   }
 
   /**
@@ -72,9 +90,9 @@ export class PixelOverlay {
    * @param {number} y
    * @param {number} w
    * @param {number} h
-   * @param {boolean} [corners] only the corners, as render buckets are shown
+   * @param {{corners?: boolean, colour?: string, dash?: boolean}} [look] only the corners, as render buckets are shown
    */
-  strokeTwice(x, y, w, h, corners = false) {
+  strokeTwice(x, y, w, h, { corners = false, colour = "#fff", dash = false } = {}) {
     const { context, viewport } = this;
     const left = Math.round(viewport.x + x * viewport.scale);
     const top = Math.round(viewport.y + y * viewport.scale);
@@ -84,10 +102,11 @@ export class PixelOverlay {
     const arm = corners ? Math.min(10 * ratio, (right - left) / 3, (bottom - top) / 3) : 0;
     for (const [style, line] of /** @type {const} */ ([
       ["rgb(0 0 0 / 0.75)", 3 * ratio],
-      [corners ? "#ffb648" : "#fff", 1.25 * ratio],
+      [colour, 1.25 * ratio],
     ])) {
       context.strokeStyle = style;
       context.lineWidth = line;
+      context.setLineDash(dash && style === colour ? [6 * ratio, 4 * ratio] : []);
       context.beginPath();
       if (corners) {
         for (const [cx, sx] of /** @type {const} */ ([
@@ -108,20 +127,21 @@ export class PixelOverlay {
       }
       context.stroke();
     }
+    context.setLineDash([]);
   }
 
-  /** @param {number} ratio */
-  drawValues(ratio) {
+  /** @param {number} ratio @param {number} shift of the picture, to the right */
+  drawValues(ratio, shift) {
     const { context, viewport } = this;
     const size = Math.min(12, (viewport.scale / ratio) * 0.17) * ratio;
     context.font = `${size}px ui-monospace, monospace`;
     context.textAlign = "center";
-    const from = viewport.pixelAt(0, 0);
-    const to = viewport.pixelAt(viewport.canvas.width, viewport.canvas.height);
+    const from = viewport.pixelAt(-shift, 0);
+    const to = viewport.pixelAt(viewport.canvas.width - shift, viewport.canvas.height);
     for (let y = Math.max(0, from.y); y <= Math.min(this.size.height - 1, to.y); y++) {
       for (let x = Math.max(0, from.x); x <= Math.min(this.size.width - 1, to.x); x++) {
         const cx = viewport.x + (x + 0.5) * viewport.scale;
-        const film = this.filmAt(cx);
+        const film = this.filmAt(cx + shift);
         if (film?.width !== this.size.width) continue; // of another size: its pixels are elsewhere
         const { rgb } = film.at(x, y);
         const luminance = (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]) * 2 ** this.exposure;

@@ -1,4 +1,6 @@
-/** Which tiles of a picture the workers render at this moment, as outlines with their worker's name. */
+/** Which tiles of a picture are rendered at this moment, as outlines with the worker and slot that has them, in the worker's colour. */
+
+import { workerColours } from "./worker-colours.js";
 
 /** @typedef {import("../base/types.js").Worker} Worker */
 /** @typedef {import("./pixel-overlay.js").Outline} Outline */
@@ -9,11 +11,12 @@
  * @returns {Outline[]}
  */
 export function outlinesOf(workers, { job, frame }) {
+  const colours = workerColours(workers);
   return workers.flatMap(({ name, current }) =>
-    current.flatMap((slot) => {
+    current.flatMap((slot, i) => {
       if (slot.job !== job || (slot.frame ?? frame) !== frame || !slot.tile) return [];
       const [x, y, w, h] = slot.tile;
-      return [{ x, y, w, h, label: name }];
+      return [{ x, y, w, h, label: `${name} · ${i + 1}`, short: String(i + 1), worker: name, colour: colours.get(name) ?? "#fff" }];
     }),
   );
 }

@@ -1,10 +1,13 @@
 /** How the picture is shown: exposure, tone curve, channel, denoised or not. The state is a store; sliders, keys and the URL all write it. */
 
 import { CHANNELS } from "../film/channels.js";
+import { PARTS } from "../film/film-shader.js";
+import { heatBar, partFields } from "./part-fields.js";
+import { pinsFrom, pinsText } from "./pins.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
-import { h, setText } from "../base/dom.js";
+import { fill, h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
-import { stops } from "../base/format.js";
+import { plural, stops } from "../base/format.js";
 import { here, setParams } from "../shell/router.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Store } from "../base/store.js";
@@ -14,6 +17,8 @@ import { Store } from "../base/store.js";
  * @property {number} exposure stops
  * @property {string} curve
  * @property {string} channel "" for the colour, or an AOV
+ * @property {string} part of the light: see film-shader.js' PARTS
+ * @property {import("./pins.js").Pin[]} pins
  * @property {"off" | "wipe" | "on"} denoise
  * @property {number} wipe how much of the width is the raw picture's, where it lies beside the denoised one
  * @property {boolean} outlines of the tiles that are being rendered
@@ -31,13 +36,15 @@ export function displayFromUrl() {
   const store = new Store({
     ...lookFromUrl(params),
     channel: CHANNELS.some(({ name }) => name === channel) ? channel : "",
+    part: PARTS.some(({ name }) => name === params.get("part")) ? (params.get("part") ?? "") : "",
+    pins: pinsFrom(params.get("pins")),
     denoise,
     wipe: wipeFrom(params.get("wipe")),
     outlines: params.get("tiles") !== "0",
   });
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  store.subscribe(({ exposure, curve, channel, denoise, wipe, outlines }) => {
+  store.subscribe(({ exposure, curve, channel, part, pins, denoise, wipe, outlines }) => {
     // Browsers throttle history changes; a dragged slider makes sixty a second.
     clearTimeout(timer);
     const { path } = here();
@@ -46,6 +53,8 @@ export function displayFromUrl() {
       setParams({
         ...lookParams({ exposure, curve }),
         aov: channel || null,
+        part: part || null,
+        pins: pinsText(pins),
         denoise: denoise === "off" ? null : denoise,
         wipe: denoise !== "wipe" || wipe === 0.5 ? null : wipe.toFixed(3),
         tiles: outlines ? null : "0",
@@ -84,7 +93,7 @@ export function clampExposure(exposure) {
 /**
  * @param {Store<Display>} display
  * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
- * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void}}
+ * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
 export function displayPanel(display, { normalise, denoise: renew }) {
   const look = lookFields(display, normalise);
@@ -100,7 +109,8 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     type: "checkbox",
     onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
   });
-  const colourOnly = h("div", { class: "stack" }, look, denoise.element);
+  const colourOnly = h("div", { class: "stack" }, partFields(display), look, denoise.element);
+  const heat = h("div", { hidden: true });
   display.subscribe((d) => {
     channel.value = d.channel;
     const told = CHANNELS.find(({ name }) => name === d.channel)?.hint ?? "";
@@ -109,16 +119,53 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     outlines.checked = d.outlines;
     colourOnly.hidden = d.channel !== "";
   });
+  const legend = h("ul", { class: "workers-legend", "aria-label": "Workers on this picture", hidden: true });
+  let shown = "";
+  /** @type {{name: string, colour: string, tiles: number}[]} */
+  let hands = [];
+  const showWorkers = () => {
+    const key = JSON.stringify([hands, display.value.outlines]);
+    if (key === shown) return;
+    shown = key;
+    legend.hidden = !display.value.outlines || hands.length === 0;
+    fill(
+      legend,
+      ...hands.map(({ name, colour, tiles }) => {
+        const swatch = h("span", { class: "swatch" });
+        swatch.style.background = colour;
+        return h("li", null, swatch, h("span", null, name), h("span", { class: "quiet number" }, plural(tiles, "tile")));
+      }),
+    );
+  };
+  display.subscribe(showWorkers);
   const element = h(
     "section",
     { class: "side-section stack", "aria-label": "Display" },
     channelField,
+    heat,
     colourOnly,
     h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
+    legend,
   );
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
-  return { element, updateDenoise: denoise.update, offerDenoise };
+  /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
+  const showHands = (outlines) => {
+    const names = [...new Set(outlines.map(({ worker }) => worker))].sort();
+    hands = names.map((name) => {
+      const own = outlines.filter(({ worker }) => worker === name);
+      return { name, colour: own[0]?.colour ?? "", tiles: own.length };
+    });
+    showWorkers();
+  };
+  /** What the colours of the plane stand for. @param {import("../film/picture-side.js").SideState | null} state */
+  const updateHeat = (state) => {
+    const span = state?.span;
+    const name = CHANNELS.find((each) => each.name === state?.channel)?.label ?? "";
+    heat.hidden = !span;
+    if (span) fill(heat, heatBar(name, span[0], span[1]));
+  };
+  return { element, updateDenoise: denoise.update, updateHeat, offerDenoise, showHands };
 }
 
 /**

@@ -1,5 +1,7 @@
 /** The keys of the render view; tev's, where tev has them. */
 
+import { CHANNELS } from "../film/channels.js";
+import { PARTS } from "../film/film-shader.js";
 import { DENOISE_MODES, canDenoise } from "./denoise-fields.js";
 import { EXPOSURE_STEP, clampExposure } from "./display-panel.js";
 import { workers } from "../news/farm.js";
@@ -78,7 +80,30 @@ export function jobKeys({ job, display, inShot = false }) {
     const frame = inShot ? here().params.get("frame") : null;
     location.hash = linkTo("compare", job().id) + (frame ? `?frame=${frame}` : "");
   };
+  /** @type {Shortcut[]} */
+  const planes = CHANNELS.slice(0, 9).map(({ name, label }, i) => ({
+    keys: `Shift+${i + 1}`,
+    shown: i ? null : "Shift+1…9",
+    does: "Channels: colour, albedo, normal, depth and so on",
+    run: () => {
+      display.update((look) => ({ ...look, channel: name }));
+      announce(label);
+    },
+  }));
+  /** @type {Shortcut[]} */
+  const parts = PARTS.slice(1).map(({ name, hint }, i) => ({
+    keys: String(i + 2),
+    shown: i ? null : "2…6",
+    does: "Red, green, blue, luminance or false colour alone; again for all",
+    run: () => {
+      const part = display.value.part === name ? "" : name;
+      display.update((look) => ({ ...look, part }));
+      announce(part ? hint : "Colour");
+    },
+  }));
   return [
+    ...parts,
+    ...planes,
     { keys: "D", does: "Denoised: off, beside, instead", run: denoise },
     { keys: "C", does: "Compare with another picture", run: compare },
     { keys: "T", does: "Outline the tiles being rendered", run: outline },

@@ -4,7 +4,6 @@ import { imageUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 
-/** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
 const FORMATS = /** @type {const} */ ([
@@ -14,19 +13,18 @@ const FORMATS = /** @type {const} */ ([
 ]);
 
 /**
- * @param {Job} job
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
  * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void}}
  */
-export function savePanel(job, display, place) {
+export function savePanel(display, place) {
   const raw = row(
     "",
-    FORMATS.map(([format, hint]) => link(job, display, place, format, hint, false)),
+    FORMATS.map(([format, hint]) => link(display, place, format, hint, false)),
   );
   const clean = row(
     "Denoised",
-    FORMATS.map(([format, hint]) => link(job, display, place, format, hint, true)),
+    FORMATS.map(([format, hint]) => link(display, place, format, hint, true)),
   );
   let can = false;
   const show = () => {
@@ -51,8 +49,16 @@ export function savePanel(job, display, place) {
   };
 }
 
-/** A file of a job is called so. @param {Job} job */
-export const plainName = ({ name }) => name.replace(/\.[a-z]+$/i, "");
+/**
+ * The picture's address, as it looks now.
+ *
+ * @param {import("../news/api.js").Place} place
+ * @param {import("./display-panel.js").Display} look
+ */
+export function asItLooks(place, { exposure, curve, channel, denoise }) {
+  if (channel) return imageUrl(place, "png", { aov: channel });
+  return imageUrl(place, "png", { exposure, tonemap: curve, ...(denoise === "on" && { denoise: "true" }) });
+}
 
 /** @param {string} text @param {HTMLElement[]} links */
 export function row(text, links) {
@@ -61,16 +67,15 @@ export function row(text, links) {
 }
 
 /**
- * @param {Job} job
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place
  * @param {"png" | "exr" | "jpg"} format
  * @param {string} hint
  * @param {boolean} denoise
  */
-function link(job, display, place, format, hint, denoise) {
+function link(display, place, format, hint, denoise) {
   const name = `${format.toUpperCase()}${denoise ? ", denoised" : ""}`;
-  const anchor = h("a", { class: "button", title: hint, "aria-label": name }, icon("download"), format.toUpperCase());
+  const anchor = h("a", { class: "button", title: hint, "aria-label": name, download: "" }, icon("download"), format.toUpperCase());
   // The address is made when it is used: exposure and channel are those of that moment.
   const aim = () => {
     const { exposure, curve, channel } = display.value;
@@ -78,9 +83,6 @@ function link(job, display, place, format, hint, denoise) {
     const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
     if (denoise) query.denoise = "true";
     anchor.href = imageUrl(place(), format, query);
-    const kind = denoise ? "denoised" : channel;
-    const number = job.shot ? `-${String(place().frame).padStart(4, "0")}` : "";
-    anchor.download = `${plainName(job)}${number}${kind && `-${kind}`}.${format}`;
   };
   for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
   aim();

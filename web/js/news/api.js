@@ -1,5 +1,7 @@
 /** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
 
+import { decodeFilm } from "./tile-packet.js";
+
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
@@ -20,6 +22,7 @@
  * @property {string} [again]
  * @property {number} [first] -1: none
  * @property {string} [order]
+ * @property {[number, number, number, number] | null} [focus] x, y, w, h that is rendered first
  */
 
 export class ApiError extends Error {
@@ -93,6 +96,30 @@ export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
 /** @returns {Promise<Job[]>} newest first */
 export const getJobs = () => call("GET", "/jobs");
 
+/** @param {import("./job-list.js").JobQuery} query @returns {Promise<string[]>} in order */
+export const getJobIds = (query) => call("GET", `/jobs/ids${listText(query)}`);
+
+/** @param {string[]} ids @returns {Promise<Job[]>} those that are there, in no order */
+export const getJobsOf = (ids) => call("GET", `/jobs?limit=${ids.length}&ids=${ids.join(",")}`);
+
+/** @param {import("./job-list.js").JobQuery} query @returns {Promise<import("./job-list.js").Tallies>} */
+export const getTallies = (query) => call("GET", `/jobs/tallies${listText(query)}`);
+
+/**
+ * @param {string[]} ids
+ * @param {import("./job-list.js").Change} change
+ * @returns {Promise<{changed: import("./job-list.js").Was[], refused: {id: string, why: string}[]}>}
+ */
+export const changeJobs = (ids, change) =>
+  call("POST", "/jobs/changes", { json: { jobs: ids, ...change }, keepalive: change.state === "deleted" });
+
+/** @param {import("./job-list.js").JobQuery} query */
+function listText(query) {
+  const pairs = Object.entries(query).flatMap(([name, value]) => [value ?? []].flat().map((each) => [name, each]));
+  const text = new URLSearchParams(pairs).toString();
+  return text && `?${text}`;
+}
+
 /** @param {string} id @returns {Promise<Job>} */
 export const getJob = (id) => call("GET", `/jobs/${id}`);
 
@@ -121,6 +148,12 @@ export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
 
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");
+
+/** @param {string} name @param {"running" | "paused"} state @returns {Promise<Worker>} */
+export const changeWorker = (name, state) => call("PATCH", `/workers/${encodeURIComponent(name)}`, { json: { state } });
+
+/** @param {string} name @returns {Promise<string[]>} its last lines */
+export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent(name)}/log`);
 
 /** @returns {Promise<Info>} */
 export const getInfo = () => call("GET", "/info");
@@ -188,12 +221,17 @@ async function fetchPicture(place, format, query, signal) {
  * @param {Place} place
  * @param {Record<string, string | number>} query
  * @param {AbortSignal} signal
- * @returns {Promise<{image: ImageBitmap, samples: number}>}
+ * @returns {Promise<{image: ImageBitmap, samples: number, span: [number, number] | null}>} span: of a heat map
  */
 export async function fetchImage(place, query, signal) {
   const response = await fetchPicture(place, "png", query, signal);
   const options = /** @type {const} */ ({ colorSpaceConversion: "none", premultiplyAlpha: "none" });
-  return { image: await createImageBitmap(await response.blob(), options), samples: samplesOf(response) };
+  const span = response.headers.get("X-Span")?.split(",").map(Number);
+  return {
+    image: await createImageBitmap(await response.blob(), options),
+    samples: samplesOf(response),
+    span: span ? [span[0] ?? 0, span[1] ?? 0] : null,
+  };
 }
 
 /**
@@ -207,6 +245,19 @@ export async function fetchImage(place, query, signal) {
 export async function fetchWords(place, query, signal) {
   const response = await fetchPicture(place, "rgb9e5", query, signal);
   return { words: new Uint32Array(await response.arrayBuffer()), samples: samplesOf(response) };
+}
+
+/**
+ * All of a frame's light, and what each of its tiles has.
+ *
+ * @param {Place} place
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("./tile-packet.js").FilmPacket>}
+ */
+export async function fetchFilm({ job, frame }, signal) {
+  const response = await fetch(`api/jobs/${job}/frames/${frame}/film`, { signal });
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return decodeFilm(await response.arrayBuffer());
 }
 
 /** @param {Response} response */

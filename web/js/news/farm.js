@@ -18,6 +18,9 @@ export const workers = new Store(/** @type {Worker[] | null} */ (null));
 /** The connections that are lost at the moment, by name. @type {Store<ReadonlySet<string>>} */
 export const lost = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
+/** Counts what may change which jobs there are, or their tallies. @type {Store<number>} */
+export const jobNews = new Store(0);
+
 /** What the user deleted and may still take back: hidden, not gone. @type {Store<ReadonlySet<string>>} */
 export const hidden = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
@@ -34,6 +37,13 @@ function setMember(store, item, member) {
   store.set(next);
 }
 
+/** @param {string[]} ids @param {boolean} hide */
+export function setAllHidden(ids, hide) {
+  const next = new Set(hidden.value);
+  for (const id of ids) hide ? next.add(id) : next.delete(id);
+  hidden.set(next);
+}
+
 /** @param {string} id @param {boolean} hide */
 export const setHidden = (id, hide) => setMember(hidden, id, hide);
 
@@ -41,22 +51,24 @@ export const setHidden = (id, hide) => setMember(hidden, id, hide);
 export const setLink = (connection, up) => setMember(lost, connection, !up);
 
 /**
- * @template {{id: string}} T
- * @param {Store<T[] | null>} store
- * @param {T} item replaces the one with its id, or comes first
+ * @template {{id: string, created: number}} T
+ * @param {Store<T[] | null>} store newest first
+ * @param {T} item replaces the one with its id, or comes to its place
  */
 function put(store, item) {
   store.update((items) => {
     if (!items) return items;
     const at = items.findIndex(({ id }) => id === item.id);
-    return at < 0 ? [item, ...items] : items.with(at, item);
+    if (at >= 0) return items.with(at, item);
+    const older = items.findIndex(({ created }) => created <= item.created);
+    return items.toSpliced(older < 0 ? items.length : older, 0, item);
   });
 }
 
 /**
  * Puts an answer in place where nothing is known yet. What events told is newer than an answer that was on its way.
  *
- * @template {{id: string}} T
+ * @template {{id: string, created: number}} T
  * @param {Store<T[] | null>} store
  * @param {T} item
  */
@@ -77,7 +89,7 @@ export const adoptScene = (scene) => adopt(scenes, scene);
 export const adoptJob = (job) => adopt(jobs, job);
 
 /**
- * @template {{id: string}} T
+ * @template {{id: string, created: number}} T
  * @param {Store<T[] | null>} store
  * @param {T & {deleted?: boolean}} item
  */
@@ -85,6 +97,17 @@ function take(store, item) {
   if (item.deleted) store.update((items) => items?.filter(({ id }) => id !== item.id) ?? null);
   else put(store, item);
 }
+
+/** @param {Job & {deleted?: boolean}} job */
+function takeJob(job) {
+  const before = jobs.value?.find(({ id }) => id === job.id);
+  take(jobs, job);
+  const same = before && !job.deleted && LISTED.every((name) => before[name] === job[name]);
+  if (!same) jobNews.update((n) => n + 1);
+}
+
+/** What lists are chosen and ordered by. */
+const LISTED = /** @type {const} */ (["state", "name", "priority"]);
 
 /** @param {Worker & {id: string, deleted?: boolean}} worker */
 function takeWorker(worker) {
@@ -97,7 +120,7 @@ function takeWorker(worker) {
 
 const TAKERS = /** @type {Record<string, (item: any) => void>} */ ({
   scene: (item) => take(scenes, item),
-  job: (item) => take(jobs, item),
+  job: takeJob,
   worker: takeWorker,
 });
 
@@ -127,6 +150,7 @@ export function followFarm() {
         source.dispatchEvent(new Event("error"));
         return;
       }
+      jobNews.update((n) => n + 1);
       for (const apply of meanwhile) apply();
       meanwhile = null;
       backoff.succeeded();

@@ -1,6 +1,6 @@
 /**
  * The WebSocket of one job: state as JSON, tiles as binary packets, an acknowledgement for each, and a new connection when
- * it breaks. After a reconnection the service sends a snapshot, so nothing has to be remembered here.
+ * it breaks. It begins with a snapshot of all tiles, or with what differs from what the page says that it has (`have`).
  */
 
 import { Backoff } from "../base/backoff.js";
@@ -11,11 +11,16 @@ import { decodeTile } from "./tile-packet.js";
 /** A silent connection is dead: the service speaks at least every few seconds, and laptops wake up with dead sockets. */
 const SILENCE_MS = 20_000;
 
+/** What the service closes the connection of a job with that is deleted, or was never there. */
+const GONE = [4404, 4410];
+
 /**
  * @typedef {object} LiveHandlers
  * @property {(tile: TilePacket) => void} tile
  * @property {(message: Record<string, any>) => void} message
  * @property {(up: boolean) => void} link
+ * @property {() => number[] | null} [have] samples a pixel of every tile that is here; null: that is said later, by `sayHave`.
+ *   Left out: a snapshot is asked for
  * @property {(sentence: string) => void} refused the service closed the connection for good
  */
 
@@ -41,7 +46,7 @@ export class Live {
     const url = new URL(`api/jobs/${this.job}/live`, location.href);
     url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     url.hash = "";
-    url.search = `frame=${this.frame}`;
+    url.search = `frame=${this.frame}${this.handlers.have ? "&snapshot=false" : ""}`;
     return url;
   }
 
@@ -53,6 +58,7 @@ export class Live {
     const asked = this.frame;
     socket.onopen = () => {
       if (this.frame !== asked) this.turnTo(this.frame);
+      this.sayHave();
       this.backoff.succeeded();
       this.handlers.link(true);
     };
@@ -69,6 +75,7 @@ export class Live {
     };
     socket.onclose = ({ code, reason }) => {
       if (this.socket !== socket) return;
+      if (GONE.includes(code)) return; // the farm's news say so too
       if (code === 1008 || (code >= 4000 && code < 5000)) {
         this.handlers.refused(reason || "The service closed the live picture.");
         return;
@@ -78,10 +85,21 @@ export class Live {
     };
   }
 
-  /** From now on the tiles of another frame, first all of them. @param {number} frame */
+  /** From now on the tiles of another frame, first all of them; or what differs, as at the beginning. @param {number} frame */
   turnTo(frame) {
     this.frame = frame;
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ frame }));
+    this.say({ frame, snapshot: !this.handlers.have });
+  }
+
+  /** What the page has is known now. */
+  sayHave() {
+    const have = this.handlers.have?.();
+    if (have) this.say({ have });
+  }
+
+  /** @param {object} message */
+  say(message) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
   checkSilence() {

@@ -7,6 +7,8 @@
 const VERSION = 1;
 const KIND_TILE = 1;
 const HEADER_BYTES = 20;
+const KIND_FILM = 2;
+const FILM_HEADER_BYTES = 12;
 
 /**
  * @typedef {object} TilePacket
@@ -46,4 +48,45 @@ export function decodeTile(buffer) {
     spp: view.getUint32(16, true),
     words: new Uint32Array(buffer, HEADER_BYTES),
   };
+}
+
+/**
+ * A whole film: what every tile has, and all of its light.
+ *
+ * @typedef {object} FilmPacket
+ * @property {number} frame
+ * @property {number} width
+ * @property {number} height
+ * @property {number} side of a tile
+ * @property {Uint32Array} spp samples a pixel of every tile, in reading order
+ * @property {Uint32Array} words RGB9E5, rows from the top
+ */
+
+/**
+ * A frame's film as it comes in one answer. Little-endian:
+ *
+ *     u8 version = 1, u8 kind = 2, u16 frame, u16 w, h, u32 side of a tile, then u32 samples of every tile, then w * h RGB9E5
+ *     words in four planes of bytes, the lowest first
+ *
+ * @param {ArrayBuffer} buffer
+ * @returns {FilmPacket}
+ */
+export function decodeFilm(buffer) {
+  const view = new DataView(buffer);
+  const [version, kind] = [view.getUint8(0), view.getUint8(1)];
+  if (version !== VERSION || kind !== KIND_FILM) throw new Error(`A film of version ${version} and kind ${kind}.`);
+  const width = view.getUint16(4, true);
+  const height = view.getUint16(6, true);
+  const side = view.getUint32(8, true);
+  const tiles = Math.ceil(width / side) * Math.ceil(height / side);
+  const pixels = width * height;
+  if (buffer.byteLength !== FILM_HEADER_BYTES + 4 * tiles + 4 * pixels)
+    throw new Error(`A film of ${width}×${height} came with ${buffer.byteLength} bytes.`);
+  const spp = new Uint32Array(buffer, FILM_HEADER_BYTES, tiles);
+  const planes = new Uint8Array(buffer, FILM_HEADER_BYTES + 4 * tiles);
+  const words = new Uint32Array(pixels);
+  const bytes = new Uint8Array(words.buffer);
+  for (let plane = 0; plane < 4; plane++)
+    for (let i = 0, from = plane * pixels; i < pixels; i++) bytes[4 * i + plane] = planes[from + i] ?? 0;
+  return { frame: view.getUint16(2, true), width, height, side, spp, words };
 }

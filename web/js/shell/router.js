@@ -56,6 +56,19 @@ export function setParams(changes, path = here().path) {
   history.replaceState(null, "", linkTo(...path) + (query ? `?${query}` : ""));
 }
 
+/**
+ * Tells a view that another state of it is asked for: by a link, the back button, or a hand in the address.
+ *
+ * @param {() => void} listener
+ * @returns {() => void} ends it
+ */
+export function onParams(listener) {
+  const { path } = here();
+  const check = () => here().path.join("/") === path.join("/") && listener();
+  addEventListener("hashchange", check);
+  return () => removeEventListener("hashchange", check);
+}
+
 /** @param {string} [title] of the view that is open; the front page has none of its own */
 export function setTitle(title) {
   document.title = title ? `${title} – Rayfarm` : "Rayfarm";

@@ -1,10 +1,10 @@
 /** The top bar, the "connection lost" banner, and the view between them. */
 
 import { fill, h, setText } from "../base/dom.js";
-import { jobs, lost, workers } from "../news/farm.js";
+import { lost, workers } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
-import { isPassing } from "../news/passing.js";
+import { tallies } from "../news/job-list.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 
@@ -12,6 +12,9 @@ import { announce } from "./tray.js";
 
 /** A hiccup of a second or two is nobody's business. */
 const LOST_AFTER_MS = 1500;
+
+/** Beside the modules, and so of their version. */
+const ICON = new URL("../../icon.svg", import.meta.url).href;
 
 const THEMES = /** @type {const} */ ([
   ["system", "auto", "Theme: as the system"],
@@ -42,7 +45,7 @@ export function buildShell() {
     h(
       "a",
       { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" },
-      h("img", { src: "icon.svg", alt: "" }),
+      h("img", { src: ICON, alt: "" }),
       h("span", null, "Rayfarm"),
     ),
     h(
@@ -73,8 +76,8 @@ export function buildShell() {
     found.tally.classList.toggle("none", alarm);
     found.tally.title = label;
   };
-  jobs.subscribe((all) => {
-    const running = (all ?? []).filter((job) => ["running", "queued"].includes(job.state) && !isPassing(job)).length;
+  tallies.subscribe((all) => {
+    const running = (all?.running ?? 0) + (all?.queued ?? 0);
     setTally("jobs", running, `${running} under way`);
   });
   workers.subscribe((all) =>

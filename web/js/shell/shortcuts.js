@@ -62,7 +62,9 @@ function dispatch(event) {
     return;
   // So do the arrows to what they move.
   if (/^(Shift\+)?(Arrow|Home|End)/.test(name) && event.target instanceof HTMLElement && event.target.matches(MOVED)) return;
-  const found = [...active].findLast((shortcut) => shortcut.keys === name);
+  // With Shift a digit types another character, on each keyboard its own.
+  const digit = event.shiftKey && /^Digit\d$/.test(event.code) ? `Shift+${event.code.slice(5)}` : name;
+  const found = [...active].findLast(({ keys }) => keys === name) ?? [...active].findLast(({ keys }) => keys === digit);
   if (!found) return;
   event.preventDefault();
   found.run();

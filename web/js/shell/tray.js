@@ -47,30 +47,64 @@ export class Card {
   }
 }
 
+/** More than these are a wall, and whoever comes back to it needs the latest. */
+const MOST_ERRORS = 3;
+const BRIEF_S = 6;
+
+/** @typedef {{key: string, card: Card, times: number, ofPage: boolean}} Entry */
+
+/** The errors that are shown, the oldest first. @type {Entry[]} */
+const errors = [];
+
+/** @param {Entry | undefined} entry */
+function dismiss(entry) {
+  if (!entry || !errors.includes(entry)) return;
+  errors.splice(errors.indexOf(entry), 1);
+  entry.card.remove();
+}
+
+/** Takes away what was about the page that is left. */
+export function clearPageErrors() {
+  for (const entry of errors.filter(({ ofPage }) => ofPage)) dismiss(entry);
+}
+
 /**
- * A sentence about what went wrong. It stays until it is dismissed: it asks for something to be done.
+ * A sentence about what went wrong. It stays until it is dismissed: it asks for something to be done. The same sentence again
+ * is counted, not repeated.
  *
  * @param {string} title
  * @param {unknown} error
- * @param {{remedy?: string, action?: {label: string, run: () => void}}} [help] what to do about it
+ * @param {{remedy?: string, action?: {label: string, run: () => void}, ofPage?: boolean, brief?: boolean}} [help] what to do
+ *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself
  */
-export function showError(title, error, { remedy, action } = {}) {
+export function showError(title, error, { remedy, action, ofPage = false, brief = false } = {}) {
   const sentence = error instanceof Error ? error.message : String(error);
+  const key = `${title}\n${sentence}`;
+  const same = errors.find((each) => each.key === key);
+  if (same) {
+    same.times += 1;
+    same.card.title.textContent = `${title} (${same.times} times)`;
+    return;
+  }
   const card = new Card(title);
+  const entry = { key, card, times: 1, ofPage };
+  errors.push(entry);
+  if (errors.length > MOST_ERRORS) dismiss(errors[0]);
+  if (brief) setTimeout(() => dismiss(entry), BRIEF_S * 1000);
   card.element.className = "error";
   card.element.setAttribute("role", "alert");
   card.lead.replaceWith(icon("warning"));
   fill(card.body, h("p", { class: "detail" }, sentence), remedy && h("p", { class: "detail" }, remedy));
   if (action) {
     const act = () => {
-      card.remove();
+      dismiss(entry);
       action.run();
     };
     card.body.append(
       h("p", { class: "detail" }, h("button", { class: "text-button", type: "button", onclick: act }, action.label)),
     );
   }
-  card.onClose(() => card.remove());
+  card.onClose(() => dismiss(entry));
 }
 
 /**

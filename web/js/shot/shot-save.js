@@ -3,7 +3,7 @@
 import { shotUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
-import { plainName, row } from "../job/save-panel.js";
+import { row } from "../job/save-panel.js";
 import { framesText } from "../base/frame-numbers.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -27,7 +27,7 @@ const LONGEST = 1000;
  */
 export function shotSave(job, display, frames, life) {
   const links = FILES.map(([file, name, hint, format]) => {
-    const anchor = h("a", { class: "button", title: hint }, icon("download"), name);
+    const anchor = h("a", { class: "button", title: hint, download: "" }, icon("download"), name);
     // The address is made when it is used: exposure, curve and the part that is played are those of that moment.
     const aim = () => {
       const { exposure, curve } = display.value;
@@ -35,7 +35,6 @@ export function shotSave(job, display, frames, life) {
       /** @type {Record<string, string | number>} */
       const query = { ...(format && { format }), ...(format !== "exr" && { exposure, tonemap: curve }), ...(part && { frames: part }) };
       anchor.href = shotUrl(job.id, file, query);
-      anchor.download = `${plainName(job)}${part ? `-${part}` : ""}.${file.split(".")[1]}`;
     };
     for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
     aim();

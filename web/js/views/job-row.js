@@ -1,27 +1,33 @@
 /** A job in a list. */
 
-import { deleteJob, imageUrl } from "../news/api.js";
+import { imageUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
-import { scenes, setHidden } from "../news/farm.js";
+import { scenes } from "../news/farm.js";
+import { remove as removeJobs } from "./job-deeds.js";
 import { ago, clock } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { endOf } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
-import { showError, undoable } from "../shell/tray.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
 /** A running job's picture in a list is renewed this often. */
 const PICTURE_EVERY_S = 5;
 
+/** Rows come and go as a list is scrolled, and one clock is enough for all of them. */
+setInterval(() => {
+  for (const element of document.querySelectorAll("[data-since]"))
+    setText(element, ago(Number(/** @type {HTMLElement} */ (element).dataset.since)));
+}, 10_000);
+
 /**
  * @param {Job} job
- * @param {import("../base/store.js").Disposer} life
+ * @param {HTMLElement} [lead] what stands before it
  * @returns {import("../base/dom.js").Row<Job>}
  */
-export function jobRow(job, life) {
+export function jobRow(job, lead) {
   const name = h("a", { class: "name", href: linkTo("jobs", job.id) });
   const size = h("div", { class: "quiet small number" });
   const chip = stateChip(job.state);
@@ -40,12 +46,11 @@ export function jobRow(job, life) {
   let picturedAt = -Infinity;
   let picturedState = "";
 
-  const tick = () => setText(when, ago(latest.created));
-  life.every(10_000, tick);
   return {
     element: h(
       "li",
       { class: "job-row" },
+      lead,
       h("div", { class: "picture" }, icon("image"), image),
       h("div", { class: "title" }, name, size),
       chip.element,
@@ -59,9 +64,10 @@ export function jobRow(job, life) {
       remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
       setText(size, next.width && next.height ? sizeLine(next) : "");
       chip.update(next.state);
-      bar.update(next.progress, next.state);
+      bar.update(next.state === "finished" ? 1 : next.progress, next.state);
       setText(far, progressLine(next));
-      tick();
+      when.dataset.since = String(next.created);
+      setText(when, ago(next.created));
       const now = performance.now() / 1000;
       const due = next.state !== picturedState || (next.state === "running" && now - picturedAt > PICTURE_EVERY_S);
       if (next.samples > 0 && due) {
@@ -90,13 +96,5 @@ function progressLine(job) {
 
 /** @param {Job} job */
 export function removeJob(job) {
-  setHidden(job.id, true);
-  undoable(`Picture of “${job.name}” deleted`, {
-    undo: () => setHidden(job.id, false),
-    commit: () =>
-      void deleteJob(job.id).catch((error) => {
-        setHidden(job.id, false);
-        showError("The picture was not deleted", error);
-      }),
-  });
+  removeJobs([job.id], `Picture of “${job.name}” deleted`);
 }

@@ -10,6 +10,11 @@ import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
+import { focusTool } from "../job/focus-tool.js";
+import { histogramPanel } from "../job/histogram-panel.js";
+import { pinsPanel } from "../job/pins.js";
+import { pictureTools } from "../job/picture-tools.js";
+import { asItLooks } from "../job/save-panel.js";
 import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
 import { savePanel } from "../job/save-panel.js";
@@ -41,6 +46,7 @@ export function jobView(id) {
   life.add(
     jobs.subscribe((all) => {
       const job = all?.find((candidate) => candidate.id === id);
+      if (job) asked = false;
       if (job?.width && job.height) {
         update ??= open(element, job, life);
         update(job);
@@ -49,16 +55,18 @@ export function jobView(id) {
         instead(emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? "Waits for its scene.")));
       } else if (all && !asked) {
         asked = true;
-        getJob(id).then(adoptJob, (error) =>
+        getJob(id).then(adoptJob, (error) => {
+          const wasThere = update !== null && error.status === 404;
+          if (update && !wasThere) return; // what is shown stays; the banner says that the service does not answer
           instead(
             emptyState(
-              "image",
-              "This picture is not here",
-              h("p", null, error.message),
+              wasThere ? "trash" : "image",
+              wasThere ? "This picture was deleted" : "This picture is not here",
+              !wasThere && h("p", null, error.message),
               h("a", { href: linkTo("jobs") }, "To the jobs"),
             ),
-          ),
-        );
+          );
+        });
       }
     }),
   );
@@ -80,12 +88,19 @@ function open(page, job, life) {
   };
   const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
   const asked = isShot(job) ? askedFrame(job) : undefined;
-  const picture = livePicture(job, display, life, ({ right }) => look.updateDenoise(right), asked);
+  const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
+  picture.onHands(look.showHands);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
-  const save = savePanel(job, display, () => picture.live);
+  const save = savePanel(display, () => picture.live);
   const actions = actionsPanel();
   const progress = progressPanel();
+  const pins = pinsPanel(picture, display, life);
+  const focus = focusTool(job, picture, life);
+  const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button]);
+  const histogram = histogramPanel(picture.live, display, life);
+  picture.tools.append(tools.element);
+  life.add(addShortcuts([...focus.keys, ...pins.keys, ...tools.keys]));
   const chip = stateChip(job.state);
   const line = progressBar("Progress");
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
@@ -137,7 +152,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, shot?.panel, look.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, shot?.panel, pins.element, look.element, histogram, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
@@ -146,7 +161,7 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress, shot]) part?.update(next);
+    for (const part of [picture, actions, progress, focus, shot]) part?.update(next);
   };
 }
 

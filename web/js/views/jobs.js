@@ -1,94 +1,228 @@
-/** All jobs, newest first, filtered by state; the filter is in the URL. */
+/** All jobs, however many: sought, filtered and ordered by the service, the choice kept in the URL. */
 
-import { fill, h, keyedList, setText } from "../base/dom.js";
-import { hidden, jobs, workers } from "../news/farm.js";
+import { fill, h, setText } from "../base/dom.js";
+import { hidden, scenes, workers } from "../news/farm.js";
+import { JobList } from "../news/job-list.js";
+import { count, plural } from "../base/format.js";
+import { freshId } from "../forms/fields.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
-import { isPassing } from "../news/passing.js";
-import { here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { here, linkTo, onParams, setParams, setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
+import { addShortcuts } from "../shell/shortcuts.js";
 import { jobRow } from "./job-row.js";
+import { Selection, selectionBar } from "./selection.js";
+import { virtualRows } from "./virtual-rows.js";
 
-/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").JobState} JobState */
 
-/** @type {[string, string, (job: Job) => boolean][]} */
+/** @type {[string, string, JobState[]][]} */
 const FILTERS = [
-  ["all", "All", () => true],
-  ["active", "Active", ({ state }) => ["queued", "running", "paused"].includes(state)],
-  ["finished", "Finished", ({ state }) => state === "finished"],
-  ["stopped", "Cancelled and failed", ({ state }) => ["cancelled", "failed"].includes(state)],
+  ["all", "All", []],
+  ["active", "Active", ["queued", "running", "paused"]],
+  ["finished", "Finished", ["finished"]],
+  ["failed", "Failed", ["failed"]],
+  ["cancelled", "Cancelled", ["cancelled"]],
 ];
+
+const SORTS = [
+  ["newest", "Newest first"],
+  ["oldest", "Oldest first"],
+  ["name", "Name"],
+  ["priority", "Priority"],
+  ["state", "State"],
+];
+const KINDS = [
+  ["", "Stills and shots"],
+  ["false", "Stills"],
+  ["true", "Shots"],
+];
+const TYPING_MS = 200;
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function jobsView() {
   setTitle("Jobs");
   const life = new Disposer();
-  let filter = here().params.get("show") ?? "all";
   const notice = h("div", { class: "notice-slot" });
-  const list = h("ul", { class: "rows" });
   const empty = h("div", null);
-  const show = keyedList(
-    list,
-    (job) => job.id,
-    (job) => jobRow(job, life),
-  );
+  const said = h("p", { class: "visually-hidden", role: "status" });
 
-  const tabs = FILTERS.map(([key, label]) => {
+  const search = h("input", { type: "search", placeholder: "Search names and scenes", "aria-label": "Search jobs", autocomplete: "off" });
+  const sort = choice("Order", SORTS);
+  const kind = choice("Kind", KINDS);
+  const scene = choice("Scene", [["", "All scenes"]]);
+  const tabs = FILTERS.map(([key, label, states]) => {
     const tally = h("span", { class: "number" });
-    const button = h("button", { type: "button", onclick: () => choose(key) }, label, " ", tally);
-    return { key, button, tally };
+    const button = h("button", { type: "button", onclick: () => turnTo({ show: key === "all" ? null : key }) }, label, " ", tally);
+    return { key, states, button, tally };
   });
 
-  /** @param {string} key */
-  const choose = (key) => {
-    filter = key;
-    setParams({ show: key === "all" ? null : key });
-    refresh();
+  const list = new JobList(() => refresh());
+  life.add(() => list.dispose());
+  const selection = new Selection(() => refresh());
+  const bar = selectionBar(selection);
+  const rows = virtualRows((id) => selectableRow(id, list, selection), life);
+
+  /** @param {Record<string, string | null>} changes */
+  const turnTo = (changes) => {
+    setParams(changes);
+    look();
+  };
+  const look = () => {
+    const { params } = here();
+    const filter = FILTERS.find(([key]) => key === params.get("show")) ?? FILTERS[0];
+    for (const { key, button } of tabs) button.setAttribute("aria-pressed", String(key === filter?.[0]));
+    if (document.activeElement !== search) search.value = params.get("search") ?? "";
+    sort.value = params.get("sort") ?? "newest";
+    kind.value = params.get("shot") ?? "";
+    offerScenes();
+    selection.clear();
+    void list.ask({
+      ...(filter?.[2].length ? { state: filter[2] } : {}),
+      ...Object.fromEntries(["search", "sort", "shot", "scene"].flatMap((name) => (params.get(name) ? [[name, params.get(name)]] : []))),
+    });
+  };
+  const offerScenes = () => {
+    const chosen = here().params.get("scene") ?? "";
+    const offered = [["", "All scenes"], ...(scenes.value ?? []).map(({ id, name }) => [id, name])];
+    if (!offered.some(([id]) => id === chosen)) offered.push([chosen, "A deleted scene"]);
+    fill(scene, ...offered.map(([value, label]) => h("option", { value }, label ?? "")));
+    scene.value = chosen;
   };
 
+  const shownIds = () => (list.ids ?? []).filter((id) => !hidden.value.has(id));
   const refresh = () => {
-    if (!jobs.value) return;
-    const seen = jobs.value.filter((job) => !hidden.value.has(job.id) && !isPassing(job));
-    for (const { key, button, tally } of tabs) {
-      const matches = FILTERS.find(([name]) => name === key)?.[2] ?? (() => true);
-      button.setAttribute("aria-pressed", String(key === filter));
-      setText(tally, seen.filter(matches).length);
+    const ids = shownIds();
+    selection.among(ids);
+    for (const { states, tally } of tabs) {
+      const of = Object.entries(list.tallies).filter(([state]) => !states.length || states.includes(/** @type {JobState} */ (state)));
+      setText(tally, list.ids ? count(of.reduce((sum, [, n]) => sum + n, 0)) : "");
     }
-    const chosen = seen.filter(FILTERS.find(([name]) => name === filter)?.[2] ?? (() => true));
-    show(chosen);
-    list.hidden = chosen.length === 0;
-    if (chosen.length) fill(empty);
-    else if (seen.length) fill(empty, emptyState("image", "No job is in this state"));
-    else
-      fill(
-        empty,
-        emptyState(
-          "image",
-          "No pictures yet",
-          h(
-            "p",
-            null,
-            "Open a scene, press Render, and its picture appears here. ",
-            h("a", { href: linkTo() }, "To the scenes"),
-          ),
-        ),
-      );
+    rows.show(ids);
+    rows.element.hidden = ids.length === 0;
+    bar.update();
+    if (list.ids) setText(said, plural(ids.length, "job"));
+    const any = Object.values(list.tallies).some((n) => n > 0);
+    if (list.error && !list.ids) fill(empty, emptyState("warning", "The jobs cannot be listed", h("p", null, list.error)));
+    else if (!list.ids || ids.length) fill(empty);
+    else if (any || here().params.get("search")) fill(empty, emptyState("image", "No job matches", again(turnTo)));
+    else fill(empty, noJobs());
   };
-  life.add(jobs.subscribe(refresh));
-  life.add(hidden.subscribe(refresh));
+
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let typing;
+  search.addEventListener("input", () => {
+    clearTimeout(typing);
+    typing = setTimeout(() => turnTo({ search: search.value.trim() || null }), TYPING_MS);
+  });
+  life.add(() => clearTimeout(typing));
+  sort.addEventListener("change", () => turnTo({ sort: sort.value === "newest" ? null : sort.value }));
+  kind.addEventListener("change", () => turnTo({ shot: kind.value || null }));
+  scene.addEventListener("change", () => turnTo({ scene: scene.value || null }));
+
+  list.follow();
+  life.add(onParams(look));
+  life.add(hidden.subscribe(() => refresh()));
+  life.add(scenes.subscribe(offerScenes));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
+  /** @param {number} by */
+  const step = (by) => {
+    const at = Number(document.activeElement?.closest("[aria-posinset]")?.getAttribute("aria-posinset") ?? 0) - 1;
+    rows.focus(Math.min(Math.max(at < 0 ? 0 : at + by, 0), shownIds().length - 1));
+  };
+  life.add(
+    addShortcuts([
+      { keys: "/", does: "Search", run: () => search.focus() },
+      { keys: "ArrowDown", shown: "↓", does: "Next job", run: () => step(1) },
+      { keys: "ArrowUp", shown: "↑", does: "Job before", run: () => step(-1) },
+      { keys: "X", does: "Select the job that has the focus", run: () => selection.toggleFocused() },
+      { keys: "Ctrl+A", does: "Select all that are listed", run: () => {} },
+      { keys: "Escape", does: "Select none", run: () => selection.clear() },
+      { keys: "Delete", does: "Delete the selection", run: () => bar.remove() },
+    ]),
+  );
+  life.listen(document, "keydown", (/** @type {KeyboardEvent} */ event) => {
+    const typed = event.target instanceof HTMLElement && event.target.matches("input[type=search], input[type=number], textarea, dialog *");
+    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "a" || typed) return;
+    event.preventDefault();
+    selection.all();
+  });
 
   const element = h(
     "div",
-    { class: "page" },
+    { class: "page wide jobs-page" },
     h("h1", { class: "page-title" }, "Jobs"),
     h(
       "div",
-      { class: "tabs", role: "group", "aria-label": "Show" },
-      tabs.map(({ button }) => button),
+      { class: "list-tools" },
+      h("div", { class: "tabs", role: "group", "aria-label": "Show" }, tabs.map(({ button }) => button)),
+      h("div", { class: "list-choices" }, search, scene, kind, sort),
     ),
     notice,
-    list,
+    bar.element,
+    rows.element,
     empty,
+    said,
   );
+  look();
   return { element, dispose: () => life.dispose() };
+}
+
+/**
+ * @param {string} label
+ * @param {string[][]} options value, label
+ */
+function choice(label, options) {
+  return h("select", { "aria-label": label, id: freshId("choice") }, ...options.map(([value, text]) => h("option", { value }, text ?? "")));
+}
+
+/** @param {(changes: Record<string, null>) => void} turnTo */
+function again(turnTo) {
+  const all = { show: null, search: null, scene: null, shot: null };
+  return h("button", { class: "text-button", type: "button", onclick: () => turnTo(all) }, "Show all jobs");
+}
+
+function noJobs() {
+  const about = "Open a scene, press Render, and its picture appears here. ";
+  return emptyState("image", "No pictures yet", h("p", null, about, h("a", { href: linkTo() }, "To the scenes")));
+}
+
+/**
+ * @param {string} id
+ * @param {JobList} list
+ * @param {Selection} selection
+ * @returns {import("../base/dom.js").Row<string>}
+ */
+function selectableRow(id, list, selection) {
+  const box = h("input", { type: "checkbox", "data-job": id });
+  const pick = h("label", { class: "pick" }, box);
+  const element = h("li", { class: "job-row unknown" });
+  /** @type {import("../base/dom.js").Row<import("../base/types.js").Job> | null} */
+  let row = null;
+  pick.addEventListener("click", (event) => {
+    if (event.target !== box) return; // the label's own click, which the box then has too
+    selection.pick(id, event.shiftKey, true);
+  });
+  element.addEventListener("click", (event) => {
+    const onLink = event.target instanceof HTMLElement && event.target.matches("a.name");
+    if (!onLink || !(event.shiftKey || event.ctrlKey || event.metaKey)) return;
+    event.preventDefault();
+    selection.pick(id, event.shiftKey, event.ctrlKey || event.metaKey);
+  });
+  return {
+    element,
+    update() {
+      const job = list.row(id);
+      const chosen = selection.has(id);
+      box.checked = chosen;
+      element.classList.toggle("chosen", chosen);
+      if (!job) return;
+      if (!row) {
+        row = jobRow(job, pick);
+        element.classList.remove("unknown");
+        element.append(...row.element.children);
+      }
+      box.setAttribute("aria-label", `Select ${job.name}`);
+      row.update(job);
+    },
+  };
 }

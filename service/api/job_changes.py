@@ -1,0 +1,145 @@
+"""Changes of many jobs at once."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, Field, model_validator
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.api.job_list import MOST_JOBS
+from service.api.lookup import find_job, no_job
+from service.api.schemas import JobState, Strict
+from service.errors import FarmError
+from service.farm import Farm
+from service.scheduling.wishes import begins_anew, set_state
+from service.store.models import Frame, Job, Scene
+
+__all__ = ["ChangesIn", "ChangesOut", "change_many", "delete_many", "light_again", "may_begin_anew"]
+
+AT_A_TIME = 100  # in one transaction: the engine waits for a moment only, and for a longer one all jobs stand still
+
+
+class ChangesIn(Strict):
+    """What is to become of many jobs."""
+
+    jobs: list[str] = Field(min_length=1, max_length=MOST_JOBS)
+    state: Literal["running", "paused", "cancelled", "deleted"] | None = None
+    priority: int | None = Field(None, ge=-100, le=100)
+    of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
+
+    @model_validator(mode="after")
+    def _says_something(self) -> ChangesIn:
+        if self.state is None and self.priority is None:
+            raise ValueError("say what is to change: give state or priority")
+        return self
+
+
+class WasOut(BaseModel):
+    """A job that changed, as it was before."""
+
+    id: str
+    state: str
+    priority: int
+
+
+class RefusedOut(BaseModel):
+    """A job to which it could not be done."""
+
+    id: str
+    why: str
+
+
+class ChangesOut(BaseModel):
+    """What came of it."""
+
+    changed: list[WasOut]
+    refused: list[RefusedOut]
+
+
+def change_many(changes: ChangesIn, farm: Farm) -> ChangesOut:
+    """Do it to those to which it can be done."""
+    ids = list(dict.fromkeys(changes.jobs))
+    answer = ChangesOut(changed=[], refused=[])
+    if changes.of is not None:
+        with farm.sessions() as session:
+            chosen = select(Job.id).where(Job.id.in_(ids), Job.state.in_(changes.of))
+            of = set(session.scalars(chosen))
+        ids = [id for id in ids if id in of]
+    for at in range(0, len(ids), AT_A_TIME):
+        some = ids[at : at + AT_A_TIME]
+        if changes.state == "deleted":
+            answer.changed += delete_many(some, farm)
+        else:
+            _change(some, changes, farm, answer)
+    known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
+    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in ids if id not in known]
+    return answer
+
+
+def _change(ids: list[str], changes: ChangesIn, farm: Farm, answer: ChangesOut) -> None:
+    anew: dict[str, bool] = {}
+    if changes.state == "running":
+        for id in ids:
+            try:
+                anew[id] = may_begin_anew(id, farm)
+                light_again(id, farm)
+            except FarmError as error:
+                answer.refused.append(RefusedOut(id=id, why=str(error)))
+    refused = {each.id for each in answer.refused}
+    changed: list[WasOut] = []
+    with farm.sessions.begin() as session:
+        for job in _rows([id for id in ids if id not in refused], session):
+            was = WasOut(id=job.id, state=job.state, priority=job.priority)
+            try:
+                if changes.state is not None and changes.state != "deleted":
+                    set_state(job, changes.state, anew.get(job.id, False))
+                job.priority = job.priority if changes.priority is None else changes.priority
+            except FarmError as error:
+                answer.refused.append(RefusedOut(id=job.id, why=str(error)))
+                continue
+            changed.append(was)
+    for each in changed:
+        farm.changed("job", each.id)
+    answer.changed += changed
+
+
+def delete_many(ids: list[str], farm: Farm) -> list[WasOut]:
+    """Delete jobs and their pictures; those that are being rendered are stopped. Returns those that were there."""
+    deleted: list[WasOut] = []
+
+    def forget(session: Session) -> set[str]:
+        own: set[str] = set()
+        deleted.clear()
+        for frame in session.scalars(select(Frame).where(Frame.job.in_(ids))):
+            own |= frame.blobs
+            session.delete(frame)
+        session.flush()
+        for job in _rows(ids, session):
+            deleted.append(WasOut(id=job.id, state=job.state, priority=job.priority))
+            session.delete(job)
+        return own
+
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+    for each in deleted:
+        farm.changed("job", each.id)  # which removes the film, once it is out of its hands
+    return deleted
+
+
+def may_begin_anew(id: str, farm: Farm) -> bool:
+    """Whether a job that is set to running begins with an empty film; one that is over reads its film for that."""
+    return id not in farm.engine.snapshot.jobs and begins_anew(find_job(id, farm), farm.films)
+
+
+def light_again(id: str, farm: Farm) -> None:
+    """What a job that is over was rendered of may be gone; where it is to go on, that is made again."""
+    with farm.sessions() as session:
+        job = session.get(Job, id)
+        if job is None or job.lit is None or session.get(Scene, job.lit) is not None or session.get(Scene, job.scene) is None:
+            return
+    farm.lighting.row(job.scene, job.request.get("environment"), job.request.get("variant"))
+
+
+def _rows(ids: list[str], session: Session) -> list[Job]:
+    return list(session.scalars(select(Job).where(Job.id.in_(ids)).with_for_update()))

@@ -1,0 +1,107 @@
+"""Lists of jobs: which of them, in what order. Ten thousand are ordinary, so what is not shown is not read either."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+from fastapi import Depends, Query
+from sqlalchemy import ColumnElement, Select, case, func, or_, select
+from sqlalchemy.orm import Session
+
+from service.api.schemas import JobState
+from service.store.models import Job, Scene
+
+__all__ = ["MOST_JOBS", "Choice", "Chosen", "Order"]
+
+MOST_JOBS = 1000  # in one answer, or in one change of many
+MOST_WORDS = 8
+
+Order = Literal["newest", "oldest", "name", "priority", "state"]
+_STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # what somebody may want to act upon comes first
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Which jobs. words: each is in the name of the job or of its scene, or begins the id."""
+
+    states: tuple[str, ...] = ()
+    scene: str | None = None
+    words: tuple[str, ...] = ()
+    shots: bool | None = None
+    ids: tuple[str, ...] = ()
+
+    def count(self, session: Session) -> int:
+        """How many they are."""
+        return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
+
+    def tallies(self, session: Session) -> dict[str, int]:
+        """How many of them are in each state, whichever states are chosen."""
+        query: Any = select(Job.state, func.count()).group_by(Job.state)
+        query = replace(self, states=())._of(query)
+        return {row[0]: row[1] for row in session.execute(query)}
+
+    def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
+        """Their ids, in order."""
+        query = self._of(select(Job.id)).order_by(*_ordered(order))
+        return list(session.scalars(query.limit(limit).offset(offset)))
+
+    def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
+        """Their rows, in order."""
+        ids = self.ids_in(order, session, limit, offset)  # by an index alone; sorting rows would mean to read them all
+        query = select(Job).where(Job.id.in_(ids))
+        found = {row.id: row for row in session.scalars(query)}
+        return [found[id] for id in ids if id in found]
+
+    def _of(self, query: Select[Any]) -> Select[Any]:
+        if self.ids:
+            query = query.where(Job.id.in_(self.ids))
+        if self.states:
+            query = query.where(Job.state.in_(self.states))
+        if self.scene is not None:
+            query = query.where(Job.scene == self.scene)
+        if self.shots is not None:
+            query = query.where(Job.shot.is_not(None) if self.shots else Job.shot.is_(None))
+        for word in self.words:
+            query = query.where(_says(word))
+        return query
+
+
+def _says(word: str) -> ColumnElement[bool]:
+    scenes = select(Scene.id).where(func.lower(Scene.name).contains(word, autoescape=True))
+    return or_(
+        func.lower(Job.name).contains(word, autoescape=True),
+        Job.scene.in_(scenes),
+        Job.id.startswith(word, autoescape=True),
+    )
+
+
+def _ordered(order: Order) -> tuple[Any, ...]:
+    newest = (Job.created.desc(), Job.id)
+    match order:
+        case "newest":
+            return newest
+        case "oldest":
+            return Job.created.asc(), Job.id
+        case "name":
+            return func.lower(Job.name), *newest
+        case "priority":
+            return Job.priority.desc(), *newest
+        case "state":
+            return case({state: n for n, state in enumerate(_STATES)}, value=Job.state), *newest
+
+
+def _chosen(
+    state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
+    scene: Annotated[str | None, Query(max_length=100)] = None,
+    search: Annotated[
+        str, Query(max_length=200, description="words that its name or its scene's has, or the begin of its id")
+    ] = "",
+    shot: Annotated[bool | None, Query(description="true: shots alone; false: stills alone")] = None,
+    ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
+) -> Chosen:
+    words = tuple(search.lower().split()[:MOST_WORDS])
+    return Chosen(tuple(state or ()), scene, words, shot, tuple(id for id in ids.split(",") if id))
+
+
+Choice = Annotated[Chosen, Depends(_chosen)]

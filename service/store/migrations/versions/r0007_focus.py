@@ -1,0 +1,17 @@
+"""A rectangle of a job's picture that is rendered first."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0007"
+down_revision = "0005"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Jobs of before have none."""
+    with op.batch_alter_table("jobs") as jobs:
+        jobs.add_column(sa.Column("focus", sa.JSON()))

@@ -1,0 +1,69 @@
+"""A frame as one answer, for whoever opens it: what every tile has, and all of its light. Little-endian:
+
+u8 version = 1, u8 kind = 2, u16 frame (its whole part, modulo 65536), u16 w, h, u32 side of a tile; then u32 samples a pixel of
+every tile, in reading order; then w * h words RGB9E5 in four planes of bytes, the lowest first, rows from the top.
+
+In planes, since the exponents of neighbours are alike and their mantissas are noise: gzip finds the former where they lie
+together.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from renderer.film import CHANNELS
+from renderer.image import rgbe9995
+from service.store.bands import bands
+from service.store.films import Film
+from service.watching.made import Made
+from service.watching.tile_packet import VERSION
+
+__all__ = ["KIND_FILM", "film_packet", "memory"]
+
+KIND_FILM = 2
+HEADER = struct.Struct("<BBHHHI")
+GZIP = 31  # zlib's number for its format
+LEVEL = 1  # what a higher one takes longer, it does not make smaller: mantissas are noise
+PIECE = 1 << 18
+
+
+def film_packet(film: Film, frame: int, folder: Path, gzip: bool) -> Made:
+    """The whole answer. folder: for temporary files. Raises what a Film raises when it is read."""
+    # Before the light is read: where samples come meanwhile, a tile says too little of itself, and is sent again.
+    samples = np.array([film.coverage(frame, tile).total for tile in range(len(film.tiles))], "<u4")
+    planes = np.empty((4, film.height, film.width), np.uint8)
+    y = 0
+    for band in bands(film, frame, ("color",)):
+        words = rgbe9995.pack(band).astype("<u4")
+        planes[:, y : y + len(band)] = np.moveaxis(words.view(np.uint8).reshape(*words.shape, 4), 2, 0)
+        y += len(band)
+    head = HEADER.pack(VERSION, KIND_FILM, frame // 2 & 0xFFFF, film.width, film.height, max(film.tiles[0][2:]))
+    if not gzip:
+        return Made.of(head + samples.tobytes() + planes.tobytes(), folder)
+
+    def write(path: Path) -> None:
+        with path.open("wb") as file:
+            for piece in _compressed(head + samples.tobytes(), planes):
+                file.write(piece)
+
+    return Made.written(write, folder, ".gz")
+
+
+def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
+    packer = zlib.compressobj(LEVEL, zlib.DEFLATED, GZIP)
+    yield packer.compress(head)
+    flat = planes.reshape(-1)
+    for at in range(0, len(flat), PIECE):
+        yield packer.compress(flat[at : at + PIECE].data)
+    yield packer.flush()
+
+
+def memory(film: Film) -> int:
+    """About the most bytes that `film_packet` takes."""
+    tile = film.tiles[0]
+    return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height

@@ -1,0 +1,127 @@
+"""The list of ten thousand jobs in a browser, on a service without workers."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.site import Site, call
+from tests.service.conftest import Service, until
+
+pytestmark = pytest.mark.browser
+
+
+def rows(page: Page) -> Locator:
+    return page.locator(".virtual-rows .job-row:not(.unknown)")
+
+
+def states(service: Service, ids: list[str]) -> set[str]:
+    return {job["state"] for job in service.http.get("/api/jobs", params={"ids": ",".join(ids)}).json()}
+
+
+def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many: Service, watched: Watched) -> None:
+    page = watched.page
+    page.goto(f"{many.url}/#/jobs")
+    expect(page.get_by_role("button", name="All 10,000")).to_be_visible()
+    expect(page.get_by_role("button", name="Active 20")).to_be_visible()
+    expect(rows(page).first).to_contain_text("take 9999")
+    assert rows(page).count() < 60  # those near the screen alone
+
+    page.keyboard.press("End")
+    page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
+    expect(page.get_by_text("Kitchen take 0", exact=True)).to_be_visible()
+
+    page.get_by_label("Search jobs").fill("truck 43")
+    expect(page.get_by_role("button", name=re.compile(r"^All \d\d$"))).to_be_visible()
+    page.get_by_role("button", name="Failed").click()
+    page.get_by_label("Order").select_option("oldest")
+    expect(page).to_have_url(re.compile(r"#/jobs\?(?=.*search=truck\+43)(?=.*show=failed)(?=.*sort=oldest)"))
+    expect(rows(page).first).to_contain_text("Milk truck take 437")
+
+    # What the address says acts at once, and back again.
+    page.evaluate("location.hash = '#/jobs?show=active&sort=oldest'")
+    expect(rows(page).first).to_contain_text("Milk truck take 1")
+    expect(page.get_by_label("Search jobs")).to_have_value("")
+    page.go_back()
+    expect(page.get_by_role("button", name="Failed")).to_have_attribute("aria-pressed", "true")
+    page.evaluate("location.hash = '#/jobs?search=nothing+is+so'")
+    expect(page.get_by_text("No job matches")).to_be_visible()
+    assert watched.errors == []
+
+
+def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watched) -> None:
+    page = watched.page
+    page.goto(f"{many.url}/#/jobs?show=active")
+    expect(rows(page).first).to_contain_text("take 9501")
+    paused = [f"{i:020x}" for i in range(9501, 7500, -500)]
+    rows(page).nth(0).get_by_role("checkbox").click()
+    rows(page).nth(4).locator("a.name").click(modifiers=["Shift"])
+    bar = page.get_by_role("toolbar", name="Selected jobs")
+    expect(bar).to_contain_text("5 selected")
+
+    bar.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("5 jobs cancelled", exact=True)).to_be_visible()
+    expect(page.get_by_role("button", name="Active 15")).to_be_visible()
+    assert states(many, paused) == {"cancelled"}
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_role("button", name="Active 20")).to_be_visible()
+    until(lambda: states(many, paused) == {"paused"}, "they are as they were")
+
+    # All that is listed, seen or not; deleted only when nobody takes it back any more.
+    page.evaluate("location.hash = '#/jobs?show=failed&search=kitchen'")
+    expect(page.get_by_role("button", name="Failed 500")).to_be_visible()
+    page.keyboard.press("Control+a")
+    expect(bar).to_contain_text("500 selected")
+    page.keyboard.press("Delete")
+    expect(rows(page)).to_have_count(0)
+    page.get_by_role("button", name="Undo").click()
+    expect(rows(page).first).to_be_visible()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("x")
+    expect(bar).to_contain_text("1 selected")
+    bar.get_by_role("button", name="Delete").click()
+    expect(page.get_by_role("button", name="Failed 499")).to_be_visible(timeout=12_000)
+    assert watched.errors == []
+
+
+def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many: Service, watched: Watched) -> None:
+    page = watched.page
+    page.goto(many.url)
+    latest = page.get_by_label("Latest pictures")
+    expect(latest.get_by_role("link").nth(1)).to_contain_text("take 9999")
+    before: list[Any] = latest.locator("a.name").all_inner_texts()
+    old = f"{501:020x}"
+    many.patch(old, priority=5)
+    page.get_by_role("link", name="Jobs", exact=True).click()
+    expect(rows(page).first).to_contain_text("take 9999")
+    many.http.delete(f"/api/jobs/{old}").raise_for_status()
+    expect(page.get_by_role("button", name="Active 19")).to_be_visible()
+    page.get_by_role("link", name="Scenes").click()
+    expect(latest.locator("a.name")).to_have_text(before)
+    assert watched.errors == []
+
+
+def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: Watched) -> None:
+    page = watched.page
+    paused = f"{1001:020x}"
+    page.goto(f"{many.url}/#/jobs/{paused}")
+    expect(page.get_by_role("heading", name="Milk truck take 1001")).to_be_visible()
+    many.http.delete(f"/api/jobs/{paused}").raise_for_status()
+    expect(page.get_by_text("This picture was deleted")).to_be_visible()
+    page.wait_for_timeout(300)
+    expect(page.locator("#tray > *")).to_have_count(0)
+
+
+def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
+    page.goto(f"{site.url}/index.html")
+    body = "for (const text of a) m.showError(text[0], text[1], {ofPage: text[2]});"
+    call(page, "shell/tray", body, [["Lost", "No room.", False]] * 3 + [[f"Fault {i}", "Alas.", True] for i in range(4)])
+    titles = page.locator("#tray .title")
+    expect(titles).to_have_text(["Fault 1", "Fault 2", "Fault 3"])
+    call(page, "shell/tray", "m.clearPageErrors(); for (const t of a) m.showError(t, 'No room.');", ["Lost", "Lost"])
+    expect(titles).to_have_text(["Lost (2 times)"])

@@ -1,0 +1,210 @@
+"""The page of one picture: how it opens, and what can be done with it."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Page, WebSocket, expect
+
+from renderer import aovs
+from renderer.image import rgbe9995, tonemap
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, rendered
+from tests.e2e.site import call
+from tests.helpers import Farm, wait_until
+
+pytestmark = [pytest.mark.browser, pytest.mark.farm]
+
+SIZE = {"width": 192, "height": 128, "tile_size": 64}
+
+
+def spheres(farm: Farm) -> str:
+    return str(httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"])
+
+
+@pytest.fixture(scope="module")
+def finished(farm: Farm) -> str:
+    """A job that is finished, of some tiles."""
+    return rendered(farm, spheres(farm), **SIZE, spp=8)
+
+
+def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
+    page.goto(f"{farm.url}/#/jobs/{job}{query}")
+    expect(page.locator(".stage")).to_have_attribute("data-film", "here")
+
+
+def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
+    """The list's JPEG until the film is here, which comes in one answer; no tile after it."""
+    page = watched.page
+    tiles: list[bytes] = []
+    said: list[str] = []
+    asked: list[str] = []
+
+    def note(socket: WebSocket) -> None:
+        socket.on("framereceived", lambda data: tiles.append(data) if isinstance(data, bytes) else None)
+        socket.on("framesent", lambda data: said.append(str(data)))
+
+    page.on("websocket", note)
+    page.goto(f"{farm.url}/#/jobs")
+    link = page.locator(f'a[href*="{finished}"]').first
+    expect(page.locator(".job-row img").first).to_be_visible()
+    page.on("request", lambda request: asked.append(request.url.split("/frames/")[-1]) if "/frames/" in request.url else None)
+    page.evaluate("""() => {
+        const before = fetch;
+        window.fetch = async (url, ...more) => {
+            if (String(url).endsWith("/film")) await new Promise((done) => setTimeout(done, 300));
+            return before(url, ...more);
+        };
+    }""")  # a route would keep the browser from using what it has
+    link.click()
+    poster = page.locator(".stage .poster img")
+    expect(poster).to_have_js_property("naturalWidth", SIZE["width"])
+    box, stage = poster.bounding_box(), page.locator(".stage").bounding_box()
+    assert box and stage and box["width"] / box["height"] == pytest.approx(1.5, rel=0.02)
+    expect(page.locator(".stage")).to_have_attribute("data-film", "here")
+    expect(poster).to_have_count(0)
+    page.keyboard.press("1")
+    page.mouse.move(5, 5)
+    assert_shows(page, read_exr(f"{farm.url}/api/jobs/{finished}/frames/0/image.exr", tmp_path), 0, "neutral")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="EXR", exact=True).click()
+    assert download.value.suggested_filename == "Spheres-8spp.exr", "what people call it"
+    have = [json.loads(text) for text in said if "have" in text]
+    assert have == [{"have": [8] * 6}], "the service knows what is here"
+    assert tiles == [] and asked == ["0/film"], "the JPEG is the list's"
+    assert watched.errors == []
+
+
+def at(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a picture's point is on the page."""
+    stage = page.locator(".stage")
+    scale, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
+    box = page.locator("canvas.film").bounding_box()
+    assert box is not None
+    return box["x"] + left + x * scale, box["y"] + top + y * scale
+
+
+def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watched) -> None:
+    job = httpx.post(f"{farm.url}/api/jobs", json={"scene": spheres(farm), **SIZE, "spp": 60_000}).raise_for_status().json()["id"]
+    url = f"{farm.url}/api/jobs/{job}"
+    page = watched.page
+    try:
+        open_job(page, farm, job)
+        page.keyboard.down("Shift")
+        page.mouse.move(*at(page, 130, 70))
+        page.mouse.down()
+        page.mouse.move(*at(page, 185, 120), steps=3)
+        page.mouse.up()
+        page.keyboard.up("Shift")
+        chip = page.locator(".stage-chip")
+        expect(chip).to_contain_text("First: ")
+        x, y, w, h = httpx.get(url).json()["focus"]
+        assert abs(x - 130) <= 1 and abs(y - 70) <= 1 and abs(w - 56) <= 2 and abs(h - 51) <= 2
+
+        def ahead() -> bool:
+            film = httpx.get(f"{url}/frames/0/film", headers={"Accept-Encoding": "identity"}).content
+            samples = np.frombuffer(film, "<u4", 6, 12)
+            return bool(samples[5] > 8 * samples[:5].max())
+
+        wait_until(ahead, 30, "the lower right tile is ahead of all others")
+        chip.get_by_role("button").click()
+        expect(chip).to_be_hidden()
+        assert httpx.get(url).json()["focus"] is None
+
+        # By the button, and a click: the tile under it.
+        page.get_by_role("button", name="Render a part first").click()
+        expect(chip).to_contain_text("Click or drag")
+        page.mouse.click(*at(page, 10, 10))
+        expect(chip).to_contain_text("First: 64×64 at 0, 0")
+        page.keyboard.press("Shift+A")
+        expect(chip).to_be_hidden()
+    finally:
+        httpx.delete(url)
+    assert watched.errors == []
+
+
+def test_the_tiles_in_hand_say_whose_they_are(page: Page) -> None:
+    workers = [
+        {"name": "b", "current": [{"job": "j", "frame": 0, "tile": [0, 0, 8, 8]}, {}]},
+        {
+            "name": "a",
+            "current": [{"job": "other"}, {"job": "j", "tile": [8, 0, 8, 8]}, {"job": "j", "frame": 3, "tile": [0, 8, 8, 8]}],
+        },
+    ]
+    found = call(page, "film/tile-outlines", "return m.outlinesOf(a, {job: 'j', frame: 0});", workers)
+    assert [(each["label"], each["x"]) for each in found] == [("b · 1", 0), ("a · 2", 8)]
+    assert found[0]["colour"] != found[1]["colour"]
+
+
+def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    open_job(page, farm, finished, "?pins=3,4")
+    page.keyboard.press("1")
+    film = read_exr(f"{farm.url}/api/jobs/{finished}/frames/0/image.exr", tmp_path)
+    light = rgbe9995.unpack(rgbe9995.pack(film))
+    luminance = light @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+    # Pinned: exact, on the page and in its address; a second click lets it go. They would be in the screen's pixels.
+    pins = page.get_by_label("Pinned pixels")
+    for x, y in ((3, 4), (100, 64)):
+        if (x, y) != (3, 4):
+            page.get_by_role("button", name="Pin pixels").click()
+            page.mouse.click(*at(page, x + 0.5, y + 0.5))
+        row = pins.get_by_role("listitem").filter(has_text=f"{x}, {y}")
+        expect(row.locator("dd").first).to_have_text(re.compile("[0-9]"))
+        shown_values = [float(text) for text in row.locator("dd").all_inner_texts()]
+        np.testing.assert_allclose(shown_values, [*film[y, x], film[y, x] @ [0.2126, 0.7152, 0.0722]], rtol=2e-3, atol=1e-4)
+    expect(page).to_have_url(re.compile("pins=3(,|%2C)4(;|%3B)100(,|%2C)64"))
+    page.keyboard.press("Shift+V")
+    expect(pins).to_be_hidden()
+
+    page.mouse.move(5, 5)
+    for key, grey in (("2", light[..., 0]), ("5", luminance)):
+        page.keyboard.press(key)
+        assert_screen(page, tonemap.apply(np.repeat(grey[..., None], 3, axis=2), 0, "neutral").astype(int), key)
+    page.keyboard.press("6")
+    at_stop = (np.log2(np.maximum(luminance, 1e-10) / 0.18) / 12 + 0.5).ravel()[::97]
+    colours = call(page, "film/colour-map", "return a.map(m.turbo);", at_stop.tolist())
+    screen = on_screen(page, SIZE["width"], SIZE["height"]).astype(int)
+    deadline = time.monotonic() + 10
+    while np.abs(screen.reshape(-1, 3)[::97] - np.array(colours) * 255).max() > 2 and time.monotonic() < deadline:
+        screen = on_screen(page, SIZE["width"], SIZE["height"]).astype(int)
+    assert np.abs(screen.reshape(-1, 3)[::97] - np.array(colours) * 255).max() <= 2, "false colour"
+    expect(page.get_by_role("img", name="Luminance, in stops")).to_be_visible()
+
+    # A plane by its key, with the bar that reads its heat.
+    page.keyboard.press("Shift+9")
+    expect(page.get_by_label("Channel")).to_have_value("error")
+    answer = httpx.get(f"{farm.url}/api/jobs/{finished}/frames/0/image.png?aov=error")
+    top = float(answer.headers["X-Span"].split(",")[1])
+    expect(page.get_by_role("img", name="Error: 0; ")).to_be_visible()
+    ticks = page.get_by_role("img", name="Error: 0; ").get_attribute("aria-label") or ""
+    assert float(ticks.split("; ")[-1]) == pytest.approx(top, rel=1e-3)
+    np.testing.assert_allclose(call(page, "film/colour-map", "return m.HEAT;"), aovs._HEAT, atol=1e-6)
+    assert watched.errors == []
+
+
+def test_the_histogram_counts_the_films_pixels(page: Page) -> None:
+    random = np.random.default_rng(3)
+    film = np.exp2(random.uniform(-14, 8, (40, 50, 1)) + random.uniform(-1, 1, (40, 50, 3))).astype(np.float32)
+    body = """
+        const { Film } = await import("/js/film/film.js");
+        const film = new Film(50, 40, new Uint32Array(a.words));
+        film.samples.fill(1);
+        const { channels, ...rest } = m.histogramOf(film, a.exposure);
+        return { ...rest, channels: channels.map((c) => [...c]), lowest: m.LOWEST };"""
+    words = rgbe9995.pack(film)
+    found = call(page, "film/histogram", body, {"words": words.ravel().tolist(), "exposure": 1})
+    light = rgbe9995.unpack(words).astype(np.float64) * 2
+    values = np.concatenate([light, (light @ [0.2126, 0.7152, 0.0722])[..., None]], axis=2)
+    for c, counts in enumerate(found["channels"]):
+        bins = np.clip(np.floor((np.log2(values[..., c]) - found["lowest"]) * 4), -1, len(counts) - 1).astype(int)
+        wanted = np.bincount(bins[bins >= 0].ravel(), minlength=len(counts)) / bins.size
+        np.testing.assert_allclose(counts, wanted, atol=1.01 / bins.size)  # a value on an edge may round either way
+    assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000

@@ -1,0 +1,50 @@
+"""Files that are saved are called by people's words, and by nothing that a file system or a header does not take."""
+
+from __future__ import annotations
+
+from urllib.parse import unquote
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.api.file_names import named, picture_name, title_of
+from service.store.models import Job
+
+
+def job(name: str, shot: dict[str, int] | None = None) -> Job:
+    return Job(id="0a1b", name=name, settings={"width": 10, "height": 5}, shot=shot)
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        ("CesiumMilkTruck.glb", "CesiumMilkTruck"),
+        ("Café 3.5 (night)", "Café-3.5-(night)"),
+        ("../../etc/passwd", "etc-passwd"),
+        ("牛乳トラック", "牛乳トラック"),
+        ('a"b\\c\r\nd', "a-b-c-d"),
+        ("...", "0a1b"),
+    ],
+)
+def test_a_title_is_a_files_name(name: str, title: str) -> None:
+    assert title_of(job(name)) == title
+
+
+def test_a_pictures_name_says_what_it_is() -> None:
+    assert picture_name(job("Truck.glb"), 0, 50 * 128 + 7, "", "exr") == "Truck-128spp.exr"
+    assert picture_name(job("Truck.glb", {"every": 1}), 12, 50, "normal", "png") == "Truck-0012-1spp-normal.png"
+    assert picture_name(job("Truck"), 0, 0, "denoised", "jpg") == "Truck-0spp-denoised.jpg"
+
+
+@given(st.text(max_size=300))
+def test_every_name_goes_through_a_header_and_comes_out_again(name: str) -> None:
+    found = picture_name(job(name), 0, 50, "", "png")
+    header = named(found)
+    header.encode("ascii")
+    assert not set(found) & set('/\\"\r\n\0:*?<>|')
+    assert len(found.encode()) <= 255 * 2
+    if "filename*" in header:
+        assert unquote(header.split("filename*=UTF-8''")[1]) == found
+    else:
+        assert header == f'inline; filename="{found}"'

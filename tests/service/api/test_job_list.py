@@ -1,0 +1,128 @@
+"""Ten thousand jobs: found, counted, listed by pages, and changed many at a time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from sqlalchemy import event
+
+from service.farm import Farm
+from service.settings import Settings
+from tests.helpers import running_redis
+from tests.many_jobs import many_jobs
+from tests.service.conftest import Service
+
+N = 10_000
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    data = tmp_path_factory.mktemp("many") / "data"
+    data.mkdir()
+    farm = Farm(Settings(data=data, redis_url=redis_server.url, token="token"))
+    many_jobs(farm.sessions, N)
+    farm.stop()
+    service = Service(data, redis_server)
+    yield service
+    service.stop()
+
+
+@contextmanager
+def statements(service: Service) -> Iterator[list[str]]:
+    """What the database is asked by whoever reads on requests' behalf."""
+    said: list[str] = []
+
+    def note(_: Any, __: Any, statement: str, *___: Any) -> None:
+        if threading.current_thread().name != "engine":
+            said.append(statement)
+
+    event.listen(service.farm.database, "before_cursor_execute", note)
+    try:
+        yield said
+    finally:
+        event.remove(service.farm.database, "before_cursor_execute", note)
+
+
+def get(service: Service, path: str = "", **query: Any) -> Any:
+    return service.http.get(f"/api/jobs{path}", params=query).raise_for_status().json()
+
+
+def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_jobs_they_have(service: Service) -> None:
+    with statements(service) as said:
+        answer = service.http.get("/api/jobs", params={"limit": 1000, "offset": 500})
+    page = answer.json()
+    assert answer.headers["X-Total-Count"] == str(N)
+    assert [job["id"] for job in page] == [f"{N - 1 - i:020x}" for i in range(500, 1500)]
+    assert 0 < len(said) < 10, said
+    one = next(job for job in page if job["shot"])
+    assert one == get(service, f"/{one['id']}")
+    assert one["shot"]["count"] == 3 and one["progress"] in (0.25, 1.0)
+
+
+def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None:
+    assert [job["name"] for job in get(service, search="TRUCK 4321")] == ["Milk truck take 4321"]
+    assert [job["id"] for job in get(service, search=f"{77:020x}")] == [f"{77:020x}"]
+    assert get(service, search="100%_") == []  # the pattern's own signs are letters here
+    stopped = get(service, state=["failed", "paused"], scene="scene1", limit=1000)
+    assert {job["state"] for job in stopped} == {"failed", "paused"} and {job["scene"] for job in stopped} == {"scene1"}
+    assert len(get(service, "/ids", shot=True)) == N // 10
+    assert get(service, "/ids", ids=f"nobody,{3:020x}") == [f"{3:020x}"]
+
+
+def test_tallies_count_what_is_sought_whichever_state_is_shown(service: Service) -> None:
+    tallies = get(service, "/tallies", state="failed")
+    assert sum(tallies.values()) == N and tallies["running"] == 0 and tallies["paused"] == 20
+    kitchens = get(service, "/tallies", search="kitchen")
+    assert sum(kitchens.values()) == N // 4
+    assert kitchens["failed"] == len(get(service, "/ids", search="kitchen", state="failed"))
+
+
+@pytest.mark.parametrize(
+    ("sort", "key"),
+    [
+        ("oldest", lambda job: job["created"]),
+        ("name", lambda job: job["name"].lower()),
+        ("priority", lambda job: (-job["priority"], -job["created"])),
+        (
+            "state",
+            lambda job: (["running", "queued", "paused", "failed", "cancelled", "finished"].index(job["state"]), -job["created"]),
+        ),
+    ],
+)
+def test_orders(service: Service, sort: str, key: Any) -> None:
+    page = get(service, sort=sort, limit=1000)
+    assert page == sorted(page, key=key)
+    assert [job["id"] for job in page] == get(service, "/ids", sort=sort)[:1000]
+
+
+def test_many_are_changed_at_once_and_the_answer_says_how_they_were(service: Service) -> None:
+    paused = get(service, "/ids", state="paused")[:3]
+    finished = get(service, "/ids", state="finished")[:110]
+
+    def change(jobs: list[str], **what: Any) -> Any:
+        return service.http.post("/api/jobs/changes", json={"jobs": jobs, **what}).raise_for_status().json()
+
+    answer = change([*paused, *finished, "nobody"], state="cancelled")
+    assert {each["id"]: each["state"] for each in answer["changed"]} == dict.fromkeys(paused, "paused")
+    refused = {each["id"]: each["why"] for each in answer["refused"]}
+    assert set(refused) == {*finished, "nobody"} and "finished" in refused[finished[0]] and "no job" in refused["nobody"]
+    assert {job["state"] for job in get(service, ids=",".join(paused))} == {"cancelled"}
+
+    assert len(change(paused, state="running")["changed"]) == 3
+    assert len(change(paused, state="paused", priority=7)["changed"]) == 3
+    assert {(job["state"], job["priority"]) for job in get(service, ids=",".join(paused))} == {("paused", 7)}
+
+    gone = change(finished, state="deleted")
+    assert len(gone["changed"]) == 110 and get(service, "/ids", ids=",".join(finished)) == []
+    assert get(service, f"/{paused[0]}/frames") and service.http.get(f"/api/jobs/{finished[0]}/frames").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "body", [{"jobs": ["a"]}, {"jobs": []}, {"jobs": ["a"] * 1001, "priority": 1}, {"jobs": ["a"], "priority": 101}]
+)
+def test_a_change_that_makes_no_sense_is_refused(service: Service, body: dict[str, Any]) -> None:
+    assert service.http.post("/api/jobs/changes", json=body).status_code == 422

@@ -1,0 +1,50 @@
+/** How bright a film's pixels are: of each channel and of the luminance, how many pixels lie in each quarter of a stop. */
+
+import { decode } from "./rgb9e5.js";
+
+/** @typedef {import("./film.js").Film} Film */
+
+/** Stops about 1, the brightest that a screen shows. */
+export const LOWEST = -12;
+export const HIGHEST = 6;
+export const BINS = (HIGHEST - LOWEST) * 4;
+/** About so many pixels are looked at: enough for a curve, few enough to be done at once. */
+const MOST_PIXELS = 200_000;
+
+/**
+ * @typedef {object} Histogram
+ * @property {Float64Array[]} channels R, G, B and luminance: shares of the pixels that have samples
+ * @property {number} black share of the pixels whose luminance is below all bins
+ * @property {number} above share of the pixels with a channel above 1
+ * @property {number} pixels that were looked at
+ */
+
+/**
+ * @param {Film} film
+ * @param {number} exposure stops
+ * @returns {Histogram}
+ */
+export function histogramOf(film, exposure) {
+  const channels = Array.from({ length: 4 }, () => new Float64Array(BINS));
+  const gain = 2 ** exposure;
+  // A step that shares no factor with the width, so that no columns are left out.
+  let step = Math.max(1, Math.floor(film.words.length / MOST_PIXELS));
+  while (step > 1 && film.width % step === 0) step++;
+  let [pixels, black, above] = [0, 0, 0];
+  for (let i = 0; i < film.words.length; i += step) {
+    if (!film.samples[i]) continue;
+    pixels++;
+    const [r, g, b] = decode(film.words[i] ?? 0);
+    const values = [r, g, b, 0.2126 * r + 0.7152 * g + 0.0722 * b];
+    if (Math.max(r, g, b) * gain > 1) above++;
+    values.forEach((value, c) => {
+      const bin = Math.floor((Math.log2(value * gain) - LOWEST) * 4);
+      const channel = channels[c];
+      if (channel && bin >= 0) channel[Math.min(bin, BINS - 1)] = (channel[Math.min(bin, BINS - 1)] ?? 0) + 1;
+      else if (c === 3) black++;
+    });
+  }
+  const share = 1 / Math.max(pixels, 1);
+  for (const channel of channels) for (let i = 0; i < BINS; i++) channel[i] = (channel[i] ?? 0) * share;
+  return { channels, black: black * share, above: above * share, pixels };
+}

@@ -1,0 +1,29 @@
+/**
+ * What is seen of a picture until its film is here: a small JPEG, which a list of pictures most likely has shown before, in the
+ * film's place. It lies under the canvas, and goes as soon as that has something to draw.
+ */
+
+import { h } from "../base/dom.js";
+
+/** @typedef {import("./viewport.js").Viewport} Viewport */
+
+export class Poster {
+  /** @param {string | null} url null: the place stays black */
+  constructor(url) {
+    this.element = h("div", { class: "poster", "aria-hidden": "true" });
+    if (!url) return;
+    const image = h("img", { src: url, alt: "", decoding: "sync", fetchpriority: "high" });
+    image.addEventListener("error", () => image.remove()); // of a picture that has no samples yet
+    this.element.append(image);
+  }
+
+  /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas that it lies under */
+  place({ x, y, scale, picture }, canvas) {
+    const ratio = devicePixelRatio;
+    const { style } = this.element;
+    style.left = `${parseFloat(canvas.style.left || "0") + x / ratio}px`;
+    style.top = `${parseFloat(canvas.style.top || "0") + y / ratio}px`;
+    style.width = `${(picture.width * scale) / ratio}px`;
+    style.height = `${(picture.height * scale) / ratio}px`;
+  }
+}

@@ -1,0 +1,65 @@
+/** What can be done with the picture as it is on the screen: fullscreen, copied, and its address with it. */
+
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { announce, showError } from "../shell/tray.js";
+
+/** @typedef {import("../film/film-view.js").FilmView} FilmView */
+/** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
+
+/** So long a tool shows that it has done its work. */
+const DONE_MS = 1600;
+const NO_CLIPBOARD = "Browsers copy from pages on HTTPS and localhost only.";
+
+/**
+ * @param {HTMLElement} stage
+ * @param {FilmView | null} view
+ * @param {() => string} image the address of the picture as it looks now, as PNG
+ * @param {HTMLElement[]} more tools before these
+ * @returns {{element: HTMLElement, keys: Shortcut[]}}
+ */
+export function pictureTools(stage, view, image, more = []) {
+  const copyPicture = tool("Copy the picture", "Y", "copy", () => {
+    // The promise goes into the item: Safari copies only what begins within the click.
+    const png = fetch(image()).then((answer) => (answer.ok ? answer.blob() : Promise.reject(new Error(`Status ${answer.status}.`))));
+    return navigator.clipboard.write([new ClipboardItem({ "image/png": png })]);
+  });
+  const copyLink = tool("Copy the link to this view", "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));
+  const whole = tool("Whole screen", "W", "screen", () =>
+    document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen(),
+  );
+  const tools = view ? [copyPicture, copyLink, whole] : [];
+  return {
+    element: h(
+      "span",
+      { class: "picture-tools", role: "toolbar", "aria-label": "Tools" },
+      more,
+      tools.map(({ button }) => button),
+    ),
+    keys: tools.map(({ keys, does, run }) => ({ keys, does, run })),
+  };
+}
+
+/**
+ * @param {string} does
+ * @param {string} keys
+ * @param {import("../base/icons.js").IconName} sign
+ * @param {() => Promise<unknown>} work
+ */
+function tool(does, keys, sign, work) {
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let showing;
+  const run = async () => {
+    try {
+      await work();
+      announce(`${does}: done`);
+      fill(button, icon("check"));
+      clearTimeout(showing);
+      showing = setTimeout(() => fill(button, icon(sign)), DONE_MS);
+    } catch (error) {
+      showError(`${does}: not done`, navigator.clipboard ? error : NO_CLIPBOARD);
+    }
+  };
+  const button = h("button", { class: "icon-button", type: "button", "aria-label": does, title: `${does} (${keys})`, onclick: run }, icon(sign));
+  return { button, keys, does, run };
+}

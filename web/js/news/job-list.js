@@ -1,0 +1,169 @@
+/** Which jobs there are, as the service chooses and orders them: ids of all, and the jobs themselves where somebody looks. */
+
+import { changeJobs, getJobIds, getJobsOf, getTallies } from "./api.js";
+import { jobNews, jobs } from "./farm.js";
+import { Disposer, Store } from "../base/store.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").JobState} JobState */
+/** @typedef {Partial<Record<JobState, number>>} Tallies */
+
+/** What is sought, as GET /api/jobs takes it. @typedef {{search?: string, state?: JobState[], scene?: string, shot?: string, sort?: string}} JobQuery */
+
+/** News come in bursts, and one look answers for all of them. */
+const GATHER_MS = 400;
+const AT_ONCE = 60;
+
+/** A list of jobs. */
+export class JobList {
+  /** @param {() => void} changed */
+  constructor(changed) {
+    this.changed = changed;
+    /** In order; null until the service has answered. @type {string[] | null} */
+    this.ids = null;
+    /** Of those that are sought, whatever their state. @type {Tallies} */
+    this.tallies = {};
+    /** What went wrong with the last look. @type {string | null} */
+    this.error = null;
+    /** @type {JobQuery} */
+    this.query = {};
+    /** @type {Map<string, Job>} */
+    this.rows = new Map();
+    /** @type {Set<string>} */
+    this.wanted = new Set();
+    this.turn = 0;
+    this.life = new Disposer();
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+  }
+
+  /** Keeps it fresh from here on. */
+  follow() {
+    let first = true;
+    this.life.add(jobNews.subscribe(() => (first ? (first = false) : this.soon())));
+    this.life.add(
+      jobs.subscribe((all) => {
+        for (const job of all ?? []) this.rows.set(job.id, job);
+        this.changed();
+      }),
+    );
+  }
+
+  /** @param {JobQuery} query */
+  async ask(query = this.query) {
+    this.query = query;
+    this.turn += 1;
+    const turn = this.turn;
+    clearTimeout(this.timer);
+    this.timer = undefined;
+    const { state: _, sort: __, ...sought } = query;
+    try {
+      const [ids, tallies] = await Promise.all([getJobIds(query), getTallies(sought)]);
+      if (turn !== this.turn) return;
+      [this.ids, this.tallies, this.error] = [ids, tallies, null];
+    } catch (error) {
+      if (turn !== this.turn) return;
+      this.error = error instanceof Error ? error.message : String(error);
+    }
+    this.changed();
+  }
+
+  soon() {
+    this.timer ??= setTimeout(() => this.ask(), GATHER_MS);
+  }
+
+  /** What is known of a job; where that is nothing it is fetched. @param {string} id */
+  row(id) {
+    if (!jobs.value) return null; // nor is it known yet how to speak of a job's settings
+    const found = this.rows.get(id);
+    if (!found && !this.wanted.has(id)) {
+      if (this.wanted.size === 0) queueMicrotask(() => this.fetch());
+      this.wanted.add(id);
+    }
+    return found ?? null;
+  }
+
+  async fetch() {
+    const ids = [...this.wanted];
+    for (let at = 0; at < ids.length; at += AT_ONCE) {
+      const some = ids.slice(at, at + AT_ONCE);
+      try {
+        for (const job of await getJobsOf(some)) this.rows.set(job.id, this.rows.get(job.id) ?? job);
+      } catch {
+        // The banner says that the service does not answer; whoever looks again asks again.
+      }
+      for (const id of some) this.wanted.delete(id);
+      this.changed();
+    }
+  }
+
+  dispose() {
+    this.turn += 1;
+    clearTimeout(this.timer);
+    this.life.dispose();
+  }
+}
+
+/** How many jobs there are in each state; null until known. @type {Store<Tallies | null>} */
+export const tallies = new Store(/** @type {Tallies | null} */ (null));
+
+/** Keeps the tallies fresh. */
+export function followTallies() {
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  const look = () => {
+    timer = undefined;
+    getTallies({}).then(
+      (found) => tallies.set(found),
+      () => {}, // the next news bring the next try
+    );
+  };
+  jobNews.subscribe(() => (timer ??= setTimeout(look, GATHER_MS)));
+}
+
+/** @typedef {{id: string, state: JobState, priority: number}} Was a job before it was changed */
+/** @typedef {{state?: "running" | "paused" | "cancelled" | "deleted", priority?: number, of?: JobState[]}} Change */
+
+/** As many as one request may name. */
+const MOST = 1000;
+
+/**
+ * Changes many jobs.
+ *
+ * @param {string[]} ids
+ * @param {Change} change
+ * @returns {Promise<{changed: Was[], refused: {id: string, why: string}[]}>}
+ */
+export async function changeMany(ids, change) {
+  /** @type {Was[]} */
+  const changed = [];
+  /** @type {{id: string, why: string}[]} */
+  const refused = [];
+  for (let at = 0; at < ids.length; at += MOST) {
+    const answer = await changeJobs(ids.slice(at, at + MOST), change);
+    changed.push(...answer.changed);
+    refused.push(...answer.refused);
+  }
+  return { changed, refused };
+}
+
+/** Makes jobs what they were. @param {Was[]} before */
+export async function restore(before) {
+  /** @type {Map<string, {ids: string[], steps: Change[]}>} */
+  const groups = new Map();
+  for (const { id, state, priority } of before) {
+    const key = `${state} ${priority}`;
+    const group = groups.get(key) ?? { ids: [], steps: stepsTo(state, priority) };
+    groups.set(key, group);
+    group.ids.push(id);
+  }
+  for (const { ids, steps } of groups.values()) for (const step of steps) await changeMany(ids, step);
+}
+
+/** @param {JobState} state @param {number} priority @returns {Change[]} */
+function stepsTo(state, priority) {
+  if (state === "queued" || state === "running") return [{ state: "running", priority }];
+  // What was cancelled can only be paused once it goes on.
+  if (state === "paused") return [{ state: "running", of: ["cancelled"] }, { state: "paused", priority }];
+  return [{ state: "cancelled", of: ["queued", "running", "paused"] }, { priority }];
+}

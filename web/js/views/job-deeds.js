@@ -1,0 +1,64 @@
+/** What is done to jobs from a list, to one or to thousands; each can be taken back. */
+
+import { changeMany, restore } from "../news/job-list.js";
+import { setAllHidden } from "../news/farm.js";
+import { plural } from "../base/format.js";
+import { showError, undoable } from "../shell/tray.js";
+
+/** @typedef {import("../news/job-list.js").Change} Change */
+
+/**
+ * @typedef {object} Deed
+ * @property {string} label of its button
+ * @property {string} done as in "3 jobs paused"
+ * @property {import("../base/icons.js").IconName} icon
+ * @property {Change} change
+ */
+
+/** @type {Deed[]} */
+export const DEEDS = [
+  { label: "Pause", done: "paused", icon: "pause", change: { state: "paused", of: ["queued", "running"] } },
+  { label: "Go on", done: "to go on", icon: "play", change: { state: "running", of: ["paused", "failed", "cancelled"] } },
+  { label: "Cancel", done: "cancelled", icon: "stop", change: { state: "cancelled", of: ["queued", "running", "paused"] } },
+];
+
+/**
+ * @param {string[]} ids
+ * @param {Change} change
+ * @param {string} done as in "3 jobs paused"
+ */
+export async function change(ids, change, done) {
+  try {
+    const { changed, refused } = await changeMany(ids, change);
+    const first = refused[0];
+    if (first) showError(`${plural(refused.length, "job")} could not be ${done}`, first.why);
+    if (changed.length === 0) {
+      if (!first) showError(`No job was ${done}`, "None of the chosen jobs is in a state in which that can be done.", { brief: true });
+      return;
+    }
+    undoable(`${plural(changed.length, "job")} ${done}`, {
+      commit: () => {},
+      undo: () => void restore(changed).catch((error) => showError("That could not be taken back", error)),
+    });
+  } catch (error) {
+    showError(`The jobs could not be ${done}`, error);
+  }
+}
+
+/**
+ * Jobs vanish at once and are deleted when nobody can take it back any more.
+ *
+ * @param {string[]} ids
+ * @param {string} sentence
+ */
+export function remove(ids, sentence = `${plural(ids.length, "job")} deleted`) {
+  setAllHidden(ids, true);
+  undoable(sentence, {
+    undo: () => setAllHidden(ids, false),
+    commit: () =>
+      void changeMany(ids, { state: "deleted" }).catch((error) => {
+        setAllHidden(ids, false);
+        showError(ids.length === 1 ? "The picture was not deleted" : "Not all jobs were deleted", error);
+      }),
+  });
+}

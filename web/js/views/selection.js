@@ -1,0 +1,131 @@
+/** Jobs that are selected in a list, and the bar with what can be done to all of them. */
+
+import { h, setText } from "../base/dom.js";
+import { plural } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { announce } from "../shell/tray.js";
+import { DEEDS, change, remove } from "./job-deeds.js";
+
+/** Which of a list's ids are selected. */
+export class Selection {
+  /** @param {() => void} changed */
+  constructor(changed) {
+    this.changed = changed;
+    /** @type {Set<string>} */
+    this.chosen = new Set();
+    /** @type {string[]} */
+    this.ids = [];
+    /** Where a range begins. @type {string | null} */
+    this.anchor = null;
+  }
+
+  /** What is no longer listed is no longer selected. @param {string[]} ids */
+  among(ids) {
+    this.ids = ids;
+    if (this.chosen.size === 0) return;
+    const there = new Set(ids);
+    for (const id of this.chosen) if (!there.has(id)) this.chosen.delete(id);
+  }
+
+  /** @param {string} id */
+  has(id) {
+    return this.chosen.has(id);
+  }
+
+  /**
+   * @param {string} id
+   * @param {boolean} range from where the last one was picked
+   * @param {boolean} adds to what is selected
+   */
+  pick(id, range, adds) {
+    const from = this.anchor === null ? -1 : this.ids.indexOf(this.anchor);
+    const to = this.ids.indexOf(id);
+    if (range && from >= 0) {
+      if (!adds) this.chosen.clear();
+      for (const each of this.ids.slice(Math.min(from, to), Math.max(from, to) + 1)) this.chosen.add(each);
+    } else {
+      if (this.chosen.has(id)) this.chosen.delete(id);
+      else this.chosen.add(id);
+      this.anchor = id;
+    }
+    this.tell();
+  }
+
+  toggleFocused() {
+    const box = document.activeElement?.closest(".job-row")?.querySelector("[data-job]");
+    const id = box?.getAttribute("data-job");
+    if (id) this.pick(id, false, true);
+  }
+
+  all() {
+    this.chosen = new Set(this.ids);
+    this.tell();
+  }
+
+  clear() {
+    if (this.chosen.size === 0) return;
+    this.chosen.clear();
+    this.anchor = null;
+    this.tell();
+  }
+
+  tell() {
+    announce(this.chosen.size ? `${plural(this.chosen.size, "job")} selected` : "Nothing selected");
+    this.changed();
+  }
+}
+
+/**
+ * @param {Selection} selection
+ * @returns {{element: HTMLElement, update: () => void, remove: () => void}}
+ */
+export function selectionBar(selection) {
+  const number = h("strong", { class: "number" });
+  const ids = () => [...selection.chosen];
+  const removeAll = () => {
+    const gone = ids();
+    if (gone.length === 0) return;
+    selection.clear();
+    remove(gone);
+  };
+  const priority = h("input", { type: "number", min: "-100", max: "100", step: "1", value: "0", "aria-label": "Priority, -100 to 100; higher is sooner" });
+  const prioritise = () => {
+    if (priority.reportValidity() && priority.value !== "")
+      void change(ids(), { priority: Number(priority.value) }, `given the priority ${Number(priority.value)}`);
+  };
+  const element = h(
+    "div",
+    { class: "selection-bar", role: "toolbar", "aria-label": "Selected jobs", hidden: true },
+    number,
+    DEEDS.map((deed) =>
+      h(
+        "button",
+        { class: "button small", type: "button", onclick: () => void change(ids(), deed.change, deed.done) },
+        icon(deed.icon),
+        deed.label,
+      ),
+    ),
+    h(
+      "form",
+      { class: "priority", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), prioritise()) },
+      priority,
+      h("button", { class: "button small", type: "submit" }, "Set priority"),
+    ),
+    h("button", { class: "button small danger", type: "button", onclick: removeAll }, icon("trash"), "Delete"),
+    h("span", { class: "grow" }),
+    h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, "Select all"),
+    h(
+      "button",
+      { class: "icon-button", type: "button", "aria-label": "Select none", title: "Select none (Esc)", onclick: () => selection.clear() },
+      icon("close"),
+    ),
+  );
+  return {
+    element,
+    update() {
+      element.hidden = selection.chosen.size === 0;
+      setText(number, `${selection.chosen.size.toLocaleString("en")} selected`);
+    },
+    remove: removeAll,
+  };
+}
