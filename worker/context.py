@@ -16,6 +16,7 @@ from worker.link import Link
 from worker.log_tail import LogTail
 from worker.results import ResultStream
 from worker.status import SlotBoard
+from worker.view_parts import view_queue
 
 __all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
 
@@ -40,7 +41,7 @@ class WorkerContext:
     @property
     def queues(self) -> list[str]:
         """What this worker takes tasks from."""
-        queues = [render_queue(self.kind), prepare_queue(self.kind)]
+        queues = [view_queue(self.kind), render_queue(self.kind), prepare_queue(self.kind)]
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
     @property
@@ -69,6 +70,7 @@ class WorkerContext:
             blurs=True,
             vectors=True,
             several=True,
+            views=True,
         )
 
     def after_fork(self) -> None:
