@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from service.store.models import Job
 from tests.e2e.conftest import Watched
 from tests.e2e.site import Site, call
 from tests.service.conftest import Service, until
@@ -125,3 +126,46 @@ def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site
     expect(titles).to_have_text(["Fault 1", "Fault 2", "Fault 3"])
     call(page, "shell/tray", "m.clearPageErrors(); for (const t of a) m.showError(t, 'No room.');", ["Lost", "Lost"])
     expect(titles).to_have_text(["Lost (2 times)"])
+
+
+STUB = """
+    window.told = [];
+    class Told { constructor(title, options) { window.told.push([title, options.body]); } close() {} }
+    Told.permission = "default";
+    Told.requestPermission = async () => (Told.permission = "granted");
+    window.Notification = Told;
+    Document.prototype.hasFocus = () => false;
+"""
+
+
+def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Watched) -> None:
+    page = watched.page
+    page.add_init_script(STUB)
+    ids = [f"{i:020x}" for i in (9994, 9999)]  # cancelled: the engine does not look at them
+
+    def turn(state: str) -> None:
+        with many.farm.sessions.begin() as session:
+            for id in ids:
+                session.get_one(Job, id).state = state
+        for id in ids:
+            many.farm.broadcast.tell("job", id)
+
+    page.goto(f"{many.url}/#/jobs")
+    bell = page.get_by_role("button", name="Tell me when a job ends")
+    for wanted in (False, True):
+        turn("running")
+        expect(page.get_by_role("link", name="Jobs", exact=False).locator(".tally").first).to_have_text("2")
+        if wanted:
+            bell.click()
+            expect(bell).to_have_attribute("aria-pressed", "true")
+        turn("finished")
+        if wanted:
+            until(lambda: bool(page.evaluate("window.told")), "it is told")
+            title, body = page.evaluate("window.told")[0]
+            assert title == "2 jobs ended" and "Cornell box take 9994: finished" in body
+        else:
+            expect(page.get_by_role("link", name="Jobs", exact=False).locator(".tally").first).to_be_hidden()
+            page.wait_for_timeout(1200)
+            assert page.evaluate("window.told") == []
+    turn("cancelled")
+    assert watched.errors == []

@@ -17,7 +17,7 @@ from worker.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 pytestmark = pytest.mark.browser
 
-OLD = f"{501:020x}"  # a job that is not among those that the page knows
+OLD = f"{2001:020x}"  # a job that is not among those that the page knows
 
 
 def say(store: redis.Redis, name: str, current: list[dict[str, Any]], **more: Any) -> None:
@@ -36,7 +36,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         page.goto(f"{many.url}/#/workers")
         alpha, beta = (page.locator(".machine").filter(has_text=name) for name in ("alpha", "beta"))
         expect(alpha).to_contain_text("16 GB of 64 GB")
-        expect(alpha.get_by_role("link", name="Milk truck take 501")).to_be_visible()
+        expect(alpha.get_by_role("link", name="Milk truck take 2001")).to_be_visible()
         box = alpha.locator(".tile-box").first
         expect(box).to_have_attribute("style", "left: 10%; top: 35.5556%; width: 10%; height: 17.7778%;")
         expect(alpha).to_contain_text("Slot 2, idle")

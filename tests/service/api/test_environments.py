@@ -9,7 +9,7 @@ import pytest
 
 from renderer.presets import PRESETS
 from tests.helpers import running_redis
-from tests.service.conftest import TOKEN, Service
+from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker
 
 IMAGE = b"an image of all directions"
@@ -89,3 +89,15 @@ def test_what_lights_nothing_leaves_nothing(
     answer = post(service, name, content)
     assert (answer.status_code, says in answer.json()["detail"]) == (status, True), answer.text
     assert blobs(service) == before
+
+
+def test_workers_of_before_are_not_asked(both: tuple[Service, PeerWorker]) -> None:
+    service, worker = both
+    worker.views = False
+    try:
+        until(lambda: service.farm.engine.snapshot.roster.lighting_kind() is None, "the service sees it")
+        assert service.http.get("/api/workers").json()
+        answer = post(service, "sky.exr", b"an image that nobody knows")
+        assert answer.status_code == 503 and "older release" in answer.text
+    finally:
+        worker.views = True

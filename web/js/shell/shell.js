@@ -5,6 +5,7 @@ import { lost, workers } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
 import { tallies } from "../news/job-list.js";
+import { notifyButton } from "./notify.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 
@@ -64,6 +65,7 @@ export function buildShell() {
       },
       "?",
     ),
+    notifyButton(),
     themeButton(),
   );
 
