@@ -72,6 +72,15 @@ class Roster:
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
+    def lighting_kind(self) -> str | None:
+        """The kind of the workers that look at uploaded environments, with most slots, as `blurring_kind`; None where none is.
+
+        Those that render views do: both came with one release.
+        """
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.views}
+        return self._kind_of([report for report in ready if report.kind not in unable])
+
     def takes_several(self, kind: str) -> bool:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)

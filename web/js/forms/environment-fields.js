@@ -18,7 +18,7 @@ import { sunDial } from "./sun-dial.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: "Scene's own", help: "As the scene's file says." },
+  { id: "own", label: "Its own", help: "As the scene's file says." },
   { id: "color", label: "One colour", help: "The same light from every direction." },
 ];
 /** @type {Light} */
