@@ -13,6 +13,7 @@ from renderer import denoise
 from worker.cache import BlobCache
 from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
 from worker.link import Link
+from worker.log_tail import LogTail
 from worker.results import ResultStream
 from worker.status import SlotBoard
 from worker.view_parts import view_queue
@@ -34,6 +35,7 @@ class WorkerContext:
     pid: int = field(default_factory=os.getpid)
     host: str = field(default_factory=socket.gethostname)
     started: float = field(default_factory=time.time)
+    tail: LogTail | None = None  # of the log
     _results: ResultStream | None = None
 
     @property

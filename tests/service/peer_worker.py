@@ -32,6 +32,7 @@ from worker.contract import (
     RenderBatch,
     Result,
     SceneInfo,
+    ShowEnvironment,
     WorkerReport,
     denoise_queue,
     order_key,
@@ -116,6 +117,7 @@ class PeerWorker:
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
+        self.shown: list[str] = []  # environments
         self.current: dict[str, Any] = {}
         self.beats = True
         self._stop = threading.Event()
@@ -196,6 +198,8 @@ class PeerWorker:
                 self._view_frame(ViewFrame.from_json(arguments["frame"]))
             elif "frames" in arguments:
                 self._prepare_frames(PrepareFrames(**arguments["frames"]))
+            elif "environment" in arguments:
+                self._show(ShowEnvironment(**arguments["environment"]))
             elif "vectors" in arguments:
                 self._point(FrameVectors(**arguments["vectors"]))
             elif queue == prepare_queue(self.kind).encode():
@@ -224,6 +228,18 @@ class PeerWorker:
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
+
+    def _show(self, work: ShowEnvironment) -> None:
+        """A picture of an environment is its bytes, backwards; one that is called broken lights nothing."""
+        about = {"work": work.work, "worker": self.name}
+        content = self.http.get(f"/api/farm/blobs/{work.sha256}").raise_for_status().content
+        self.shown.append(work.path)
+        if "broken" in work.path:
+            self.send({"type": "environment-failed", **about, "error": f"{work.path}: is black all over; it lights nothing"})
+            return
+        sha256 = hashlib.sha256(content[::-1]).hexdigest()
+        self.http.put(f"/api/farm/blobs/{sha256}", content=content[::-1]).raise_for_status()
+        self.send({"type": "environment-shown", **about, "sha256": sha256})
 
     def _point(self, work: FrameVectors) -> None:
         """The vectors of a pixel are its column, its row, the frame (in halves), and minus its column."""

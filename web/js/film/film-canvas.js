@@ -45,11 +45,15 @@ export class FilmCanvas {
       new FilmLayer(gl, () => this.invalidate()),
       new FilmLayer(gl, () => this.invalidate()),
     ]);
+    /** An image over both, a map of what differs. */
+    this.cover = new FilmLayer(gl, () => this.invalidate());
+    /** Each layer in a half of the canvas, at the same place of the picture. */
+    this.sideBySide = false;
     this.build();
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.build();
-      for (const layer of this.layers) layer.restore();
+      for (const layer of [...this.layers, this.cover]) layer.restore();
     });
   }
 
@@ -131,17 +135,78 @@ export class FilmCanvas {
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.enable(gl.SCISSOR_TEST);
     const split = Math.round(wipe * canvas.width);
-    this.drawLayer(this.layers[0], 0, split);
-    this.drawLayer(this.layers[1], split, canvas.width - split);
+    const [first, second] = this.layers;
+    if (this.cover.image) {
+      this.drawLayer(this.cover, 0, canvas.width);
+    } else if (this.sideBySide) {
+      const [left, right] = this.panes();
+      if (left) this.drawLayer(first, left.left, left.width, left.shift);
+      if (right) this.drawLayer(second, right.left, right.width, right.shift);
+    } else {
+      this.drawLayer(first, 0, split);
+      this.drawLayer(second, split, canvas.width - split);
+    }
     this.afterDraw();
+  }
+
+  /** The parts of the canvas that each show the picture: from where, how wide, and how far from where the viewport has it. */
+  panes() {
+    const { width } = this.canvas;
+    const half = Math.floor(width / 2);
+    if (!this.sideBySide || this.cover.image) return [{ left: 0, width, shift: 0 }];
+    const quarter = Math.round(width / 4);
+    return [
+      { left: 0, width: half, shift: -quarter },
+      { left: half, width: width - half, shift: quarter },
+    ];
+  }
+
+  /**
+   * A layer's pixels as they are shown, RGBA from the top; null where there is nothing.
+   *
+   * @param {FilmLayer} layer
+   * @returns {Uint8Array | null}
+   */
+  pixelsOf(layer) {
+    const { gl, uniforms, look } = this;
+    if (!layer.texture || !layer.size || gl.isContextLost()) return null;
+    const { width, height } = layer.size;
+    const target = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, target);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
+    const frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
+    gl.viewport(0, 0, width, height);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.bindTexture(gl.TEXTURE_2D, layer.texture);
+    gl.uniform1i(uniforms?.film ?? null, 0);
+    gl.uniform2f(uniforms?.canvasSize ?? null, width, height);
+    gl.uniform2f(uniforms?.origin ?? null, 0, 0);
+    gl.uniform1f(uniforms?.scale ?? null, 1);
+    gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
+    gl.uniform1i(uniforms?.curve ?? null, curveIndex(look.curve));
+    gl.uniform1i(uniforms?.part ?? null, 0);
+    gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    const below = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, below);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.deleteFramebuffer(frame);
+    gl.deleteTexture(target);
+    const found = new Uint8Array(below.length);
+    for (let y = 0; y < height; y++) found.set(below.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
+    this.invalidate();
+    return found;
   }
 
   /**
    * @param {FilmLayer} layer
    * @param {number} left of the strip of the canvas that it fills
    * @param {number} width
+   * @param {number} [shift] to the right, of the picture
    */
-  drawLayer(layer, left, width) {
+  drawLayer(layer, left, width, shift = 0) {
     const { gl, canvas, viewport, look, uniforms } = this;
     if (!layer.texture || !layer.size || width <= 0) return;
     if (layer.film?.isBlank && !layer.image) return; // what lies under the canvas is seen
@@ -149,7 +214,7 @@ export class FilmCanvas {
     gl.bindTexture(gl.TEXTURE_2D, layer.texture);
     gl.uniform1i(uniforms?.film ?? null, 0);
     gl.uniform2f(uniforms?.canvasSize ?? null, canvas.width, canvas.height);
-    gl.uniform2f(uniforms?.origin ?? null, viewport.x, viewport.y);
+    gl.uniform2f(uniforms?.origin ?? null, viewport.x + shift, viewport.y);
     gl.uniform1f(uniforms?.scale ?? null, (viewport.scale * viewport.picture.width) / layer.size.width);
     gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
     gl.uniform1i(uniforms?.curve ?? null, curveIndex(look.curve));
@@ -159,7 +224,7 @@ export class FilmCanvas {
   }
 
   dispose() {
-    for (const layer of this.layers) layer.clear();
+    for (const layer of [...this.layers, this.cover]) layer.clear();
     cancelAnimationFrame(this.pending);
     this.gl.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only some 16 contexts
   }

@@ -33,6 +33,7 @@ export class FilmView {
     this.size = { width, height };
     this.over = new PixelOverlay(overlay, this.viewport, { width, height }, (cx) => this.filmAt(cx));
     this.canvas = new FilmCanvas(canvas, overlay, this.viewport);
+    this.over.panes = () => this.canvas.panes();
     this.canvas.setPicture(width, height);
     this.layers = this.canvas.layers;
     /** @type {Poster | null} */
@@ -48,7 +49,9 @@ export class FilmView {
     /** @param {MouseEvent} event */
     const place = (event) => {
       const box = canvas.getBoundingClientRect();
-      return { x: (event.clientX - box.left) * devicePixelRatio, y: (event.clientY - box.top) * devicePixelRatio };
+      const x = (event.clientX - box.left) * devicePixelRatio;
+      const pane = this.canvas.panes().findLast(({ left }) => x >= left);
+      return { x: x - (pane?.shift ?? 0), y: (event.clientY - box.top) * devicePixelRatio };
     };
     this.place = place;
     this.undoPan = panAndZoom(this.element, place, this.viewport, () => this.canvas.invalidate());
@@ -66,13 +69,31 @@ export class FilmView {
     this.canvas.invalidate();
   }
 
+  /** Each picture in a half of the stage, or both at the wipe. @param {boolean} on */
+  setSideBySide(on) {
+    if (this.canvas.sideBySide === on) return;
+    this.canvas.sideBySide = on;
+    this.viewport.across = on ? 2 : 1;
+    this.viewport.fit();
+    this.canvas.invalidate();
+  }
+
+  /** An image over the pictures. @param {ImageBitmap | null} image it is this view's from now on; null: the pictures again */
+  setCover(image) {
+    if (image) this.canvas.cover.setImage(image);
+    else if (this.canvas.cover.image) this.canvas.cover.clear();
+    this.canvas.invalidate();
+  }
+
   /**
    * The film that is seen at a place across the canvas; null where an image is, whose values are not the film's.
    *
    * @param {number} cx device pixels
    */
   filmAt(cx) {
-    const layer = this.layers[cx < this.canvas.wipe * this.viewport.canvas.width ? 0 : 1];
+    if (this.canvas.cover.image) return null;
+    const split = this.canvas.sideBySide ? 0.5 : this.canvas.wipe;
+    const layer = this.layers[cx < split * this.viewport.canvas.width ? 0 : 1];
     return layer.image ? null : layer.film;
   }
 

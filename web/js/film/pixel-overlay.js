@@ -35,6 +35,8 @@ export class PixelOverlay {
     /** By the name of what put them there. @type {Map<string, Mark>} */
     this.marks = new Map();
     this.exposure = 0;
+    /** As FilmCanvas has them. */
+    this.panes = () => [{ left: 0, width: viewport.canvas.width, shift: 0 }];
   }
 
   /** @param {string} name @param {Mark | null} mark null: takes it away */
@@ -55,10 +57,18 @@ export class PixelOverlay {
     const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
     // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
     canvas.hidden = !values && !cursor && this.outlines.length === 0 && this.marks.size === 0;
-    for (const outline of this.outlines) this.drawOutline(outline);
-    if (values) this.drawValues(ratio);
-    for (const mark of this.marks.values()) mark(this, ratio);
-    if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
+    for (const { left, width: part, shift } of this.panes()) {
+      context.save();
+      context.beginPath();
+      context.rect(left, 0, part, height);
+      context.clip();
+      context.translate(shift, 0);
+      for (const outline of this.outlines) this.drawOutline(outline);
+      if (values) this.drawValues(ratio, shift);
+      for (const mark of this.marks.values()) mark(this, ratio);
+      if (cursor) this.strokeTwice(cursor.x, cursor.y, 1, 1);
+      context.restore();
+    }
   }
 
   /** @param {Outline} outline */
@@ -120,18 +130,18 @@ export class PixelOverlay {
     context.setLineDash([]);
   }
 
-  /** @param {number} ratio */
-  drawValues(ratio) {
+  /** @param {number} ratio @param {number} shift of the picture, to the right */
+  drawValues(ratio, shift) {
     const { context, viewport } = this;
     const size = Math.min(12, (viewport.scale / ratio) * 0.17) * ratio;
     context.font = `${size}px ui-monospace, monospace`;
     context.textAlign = "center";
-    const from = viewport.pixelAt(0, 0);
-    const to = viewport.pixelAt(viewport.canvas.width, viewport.canvas.height);
+    const from = viewport.pixelAt(-shift, 0);
+    const to = viewport.pixelAt(viewport.canvas.width - shift, viewport.canvas.height);
     for (let y = Math.max(0, from.y); y <= Math.min(this.size.height - 1, to.y); y++) {
       for (let x = Math.max(0, from.x); x <= Math.min(this.size.width - 1, to.x); x++) {
         const cx = viewport.x + (x + 0.5) * viewport.scale;
-        const film = this.filmAt(cx);
+        const film = this.filmAt(cx + shift);
         if (film?.width !== this.size.width) continue; // of another size: its pixels are elsewhere
         const { rgb } = film.at(x, y);
         const luminance = (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]) * 2 ** this.exposure;

@@ -43,12 +43,15 @@ export class Viewport {
     /** Follow the canvas as it resizes, until the user zooms or pans. */
     this.fitted = true;
     this.canvas = { width: 1, height: 1 };
+    /** So many pictures lie beside each other on the canvas. */
+    this.across = 1;
     this.picture = { width: 1, height: 1 };
   }
 
   /** The largest scale that shows all; whole numbers above 2, where uneven pixels would show. */
   fit() {
-    const { canvas, picture } = this;
+    const { picture } = this;
+    const canvas = { width: this.canvas.width / this.across, height: this.canvas.height };
     const margin = Math.min(canvas.width, canvas.height) > 600 ? 48 : 0;
     const scale = Math.min((canvas.width - margin) / picture.width, (canvas.height - margin) / picture.height);
     this.scale = clamp(scale > 2 ? Math.floor(scale) : scale);

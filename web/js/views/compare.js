@@ -9,6 +9,7 @@ import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { differences, sideNames } from "../compare/job-differences.js";
 import { LiveFilm } from "../film/live-film.js";
+import { compareWays, wayFrom } from "../compare/ways.js";
 import { pictureStage } from "../film/picture-stage.js";
 import { stageKeys } from "../job/render-keys.js";
 import { followWithFrame, here, linkTo, setParams, setTitle } from "../shell/router.js";
@@ -27,6 +28,7 @@ import { Disposer, Store } from "../base/store.js";
  * @property {string} right
  * @property {number | null} frame of a side that is a shot; null: its first
  * @property {number} wipe
+ * @property {import("../compare/ways.js").Way} way
  * @property {number} exposure
  * @property {string} curve
  */
@@ -55,6 +57,7 @@ export function compareView(a, b) {
     ...{ a, b: b ?? "", left: params.get("a") ?? "", right: params.get("b") ?? "" },
     frame: frameFrom(params.get("frame")),
     wipe: wipeFrom(params.get("wipe")),
+    way: wayFrom(params.get("way")),
     ...lookFromUrl(params),
   });
   /** What is open, to be closed before the next. @type {{key: string, life: Disposer, update: (a: Job, b: Job) => void} | null} */
@@ -119,7 +122,7 @@ const frameFrom = (text) => (text && Number.isFinite(Number(text)) ? Number(text
 function rememberComparison(state) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  const end = state.subscribe(({ a, b, left, right, frame, wipe, exposure, curve }) => {
+  const end = state.subscribe(({ a, b, left, right, frame, wipe, way, exposure, curve }) => {
     clearTimeout(timer);
     if (!b) return;
     timer = setTimeout(() => {
@@ -129,6 +132,7 @@ function rememberComparison(state) {
           b: right || null,
           frame: frame === null ? null : String(frame),
           wipe: wipe === 0.5 ? null : wipe.toFixed(3),
+          way: way === "wipe" ? null : way,
           ...lookParams({ exposure, curve }),
         },
         ["compare", a, b],
@@ -151,9 +155,14 @@ function open(page, a, b, state) {
   const right = a.id === b.id ? left : new LiveFilm(b, frameOf(b, state.value.frame));
   for (const live of new Set([left, right])) life.add(() => live.dispose());
   const problems = h("div", { class: "stage-notice", role: "status" });
+  let waysChanged = () => {};
+  let hadPictures = "";
   const stage = pictureStage(left.film, life, {
     wiped: (wipe) => state.update((now) => ({ ...now, wipe })),
     changed: () => {
+      const pictures = JSON.stringify([0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value ?? null));
+      if (pictures !== hadPictures) waysChanged();
+      hadPictures = pictures;
       const errors = [0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value.error);
       fill(
         problems,
@@ -179,9 +188,12 @@ function open(page, a, b, state) {
     const exposure = left.film.normalisingExposure();
     if (exposure != null) state.update((now) => ({ ...now, exposure: clampExposure(exposure) }));
   };
+  const ways = compareWays({ stage, state, films: [left, right], life });
+  waysChanged = ways.changed;
   const swap = () =>
     state.update((now) => ({ ...now, a: now.b, b: now.a, left: now.right, right: now.left, wipe: 1 - now.wipe }));
   life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
+  life.add(addShortcuts(ways.keys));
   life.add(addShortcuts([{ keys: "X", does: "Swap left and right", run: swap }]));
 
   const frames = compareFrames([left, right], () => [latest.a, latest.b], state, life);
@@ -200,6 +212,7 @@ function open(page, a, b, state) {
         },
         icon("back"),
       ),
+      h("h1", { class: "visually-hidden" }, `Comparison of ${a.name} and ${b.name}`),
       sideChoice("A", state, "a", "left", life),
       h(
         "button",
@@ -218,6 +231,7 @@ function open(page, a, b, state) {
         { class: "side-section stack", "aria-label": "Progress" },
         progress.map(({ element }) => element),
       ),
+      ways.element,
       frames.element,
       h("section", { class: "side-section", "aria-label": "Display" }, lookFields(state, normalise)),
       h(

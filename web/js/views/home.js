@@ -118,7 +118,7 @@ function dropZone() {
  */
 function exampleCard(example, comparisons) {
   // Rendered by Rayfarm; an example that has none yet shows the stand-in.
-  const picture = `examples/${encodeURIComponent(example.name)}.jpg`;
+  const picture = new URL(`../../examples/${encodeURIComponent(example.name)}.jpg`, import.meta.url).href;
   const length = example.frames && h("span", { class: "badge number" }, icon("play"), lengthOf(example.frames, example.fps));
   const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
   const open = async () => {

@@ -1,0 +1,8 @@
+/** Measures beside the page, which goes on meanwhile. */
+
+import { errorsOf } from "./errors.js";
+
+addEventListener("message", (/** @type {MessageEvent} */ { data }) => {
+  const errors = errorsOf(data);
+  /** @type {any} */ (self).postMessage(errors, [errors.map.buffer]);
+});
