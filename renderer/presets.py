@@ -23,7 +23,7 @@ PRESETS = {
     "dark-studio": Preset("Dark studio", "Two long strip lights and a rim in a black room: for metal, glass and paint."),
     "even-white": Preset("Even white", "The same white from every direction: no shadow has an edge."),
     "overcast": Preset("Overcast", "A cloudy day: three times brighter above than at the horizon, and no sun."),
-    "sunrise": Preset("Sunrise", "A clear sky, the sun just up: long and warm.", (3.0, 110.0)),
-    "morning": Preset("Morning", "A clear sky, the sun low on one side.", (18.0, 125.0)),
+    "low-sun": Preset("Low sun", "A clear sky, the sun low on one side: warm, with long shadows.", (8.0, 110.0)),
+    "morning": Preset("Morning", "A clear sky, the sun a quarter of its way up.", (22.0, 125.0)),
     "noon": Preset("Noon", "A clear sky, the sun high.", (62.0, 160.0)),
 }

@@ -32,6 +32,7 @@ from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job
 from service.store.reserve import Reserve
 from service.store.whole import PRIVATE
+from service.viewing.desk import Desk
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
 
@@ -71,6 +72,7 @@ class Farm:
         self.engine = Engine(
             *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
         )
+        self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
@@ -81,10 +83,12 @@ class Farm:
         except FarmError as error:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
+        self.desk.start()
 
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.desk.stop()
         self.engine.stop()
         self._collector.shutdown()
         self.films.close()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import mimetypes
 import signal
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -13,15 +12,14 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
-from fastapi.staticfiles import StaticFiles
-from starlette.responses import RedirectResponse, Response
-from starlette.types import Scope
+from starlette.responses import RedirectResponse
 
 from renderer import __version__
 from service.api import problem, routes
 from service.api.security import Door
 from service.errors import CannotStart
 from service.farm import Farm
+from service.pages import Pages, WebPages
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
 from service.watching.memory import keep_one_heap
@@ -29,8 +27,6 @@ from service.watching.memory import keep_one_heap
 __all__ = ["create_app"]
 
 DOCS = Path(__file__).parent / "docs_page"
-
-mimetypes.add_type("text/javascript", ".js")
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -65,24 +61,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     problem.install(app)
     app.include_router(routes.router)
     app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
-    app.mount("/docs", _Pages(directory=DOCS, html=True), name="docs")
+    app.mount("/docs", Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():
-        app.mount("/", _Pages(directory=settings.web, html=True), name="web")
+        app.mount("/", WebPages(settings.web), name="web")
     else:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.add_middleware(Door, settings=settings)
     return app
-
-
-class _Pages(StaticFiles):
-    """Files with an ETag, asked about anew each time: a page never mixes files of two versions."""
-
-    async def get_response(self, path: str, scope: Scope) -> Response:
-        if any(part.startswith((".", "node_modules")) for part in Path(path).parts):
-            path = "no such file"
-        answer = await super().get_response(path, scope)
-        answer.headers["Cache-Control"] = "no-cache"
-        return answer
 
 
 def _operation_name(route: APIRoute) -> str:

@@ -48,7 +48,7 @@ def main() -> int:
 
 def _work(options: argparse.Namespace) -> int:
     _check(options)
-    logs.set_up()
+    tail = logs.set_up()
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -81,6 +81,7 @@ def _work(options: argparse.Namespace) -> int:
         cache=cache,
         board=SlotBoard(options.slots),
         started=started,
+        tail=tail,
     )
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)

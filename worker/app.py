@@ -14,6 +14,7 @@ from worker.broker import celery_config
 from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import die_with_parent
+from worker.turns import STRATEGY
 
 __all__ = ["make_app", "run"]
 
@@ -24,6 +25,7 @@ def make_app(worker: context.WorkerContext) -> Celery:
     """The application that takes this worker's tasks."""
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
+    app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}
     app.conf.update(
         # A task outlives a lost connection: its result goes to the stream, and a second delivery is harmless.
         worker_cancel_long_running_tasks_on_connection_loss=False,

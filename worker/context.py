@@ -13,8 +13,10 @@ from renderer import denoise
 from worker.cache import BlobCache
 from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
 from worker.link import Link
+from worker.log_tail import LogTail
 from worker.results import ResultStream
 from worker.status import SlotBoard
+from worker.view_parts import view_queue
 
 __all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
 
@@ -33,12 +35,13 @@ class WorkerContext:
     pid: int = field(default_factory=os.getpid)
     host: str = field(default_factory=socket.gethostname)
     started: float = field(default_factory=time.time)
+    tail: LogTail | None = None  # of the log
     _results: ResultStream | None = None
 
     @property
     def queues(self) -> list[str]:
         """What this worker takes tasks from."""
-        queues = [render_queue(self.kind), prepare_queue(self.kind)]
+        queues = [view_queue(self.kind), render_queue(self.kind), prepare_queue(self.kind)]
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
     @property
@@ -67,6 +70,7 @@ class WorkerContext:
             blurs=True,
             vectors=True,
             several=True,
+            views=True,
         )
 
     def after_fork(self) -> None:

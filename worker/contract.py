@@ -11,8 +11,8 @@
     service --- key order_key(name) ------> worker     why it is to take no more tasks; no key: it takes them
     worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
-Queues carry the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code)
-takes its batches, so films of two kinds cannot mix. Imports neither numba nor the kernel.
+Queues have the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code) takes its
+batches, so films of two kinds cannot mix. Imports neither numba nor the kernel. Of views that are watched: worker/view_parts.py.
 """
 
 from __future__ import annotations
@@ -330,13 +330,14 @@ class WorkerReport:
     state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    # A slot each: {} or {batch, message, job, frame, tile, first, count} or {scene} or {denoise or vectors, frame}.
+    # A slot each: {}, {batch, message, job, frame, tile, first, count}, {scene}, {denoise or vectors, frame} or {view, message}.
     current: list[dict[str, Any]] = field(default_factory=list)
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
+    views: bool = False  # whether it renders views that somebody looks at (worker.view_parts)
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""

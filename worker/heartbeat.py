@@ -8,7 +8,9 @@ full (Celery issues 8030, 9054, 10205): both end the process, and whoever superv
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
+import math
 import os
 import signal
 import time
@@ -17,7 +19,7 @@ from typing import Any
 import redis
 from celery import bootsteps
 
-from worker import context
+from worker import context, vitals
 from worker.contract import (
     HEARTBEAT_EVERY_S,
     HEARTBEAT_TTL_S,
@@ -27,11 +29,14 @@ from worker.contract import (
     render_queue,
     worker_key,
 )
+from worker.log_tail import LogTail
+from worker.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
 
 __all__ = ["Heartbeat", "Reporter"]
 
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
+VITALS_EVERY_S = 5.0
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +67,19 @@ class Reporter:
         except redis.RedisError:
             return before
 
+    def tell_vitals(self, name: str) -> None:
+        """Write down how the machine is."""
+        if (found := vitals.look()) is not None:
+            with contextlib.suppress(redis.RedisError):
+                self.redis.set(vitals_key(name), found.to_bytes(), ex=VITALS_TTL_S)
+
+    def tell_log(self, name: str, tail: LogTail) -> None:
+        """Write down the end of the log, where somebody wants to read it."""
+        tail.trim()
+        with contextlib.suppress(redis.RedisError):
+            if self.redis.exists(log_wanted_key(name)):
+                self.redis.set(log_key(name), json.dumps(tail.lines()), ex=LOG_TTL_S)
+
     def waiting(self, kind: str) -> int:
         """How many tasks wait for workers of this kind."""
         try:
@@ -84,6 +102,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.said = ""  # of what is in the way, once
         self.timer: Any = None
         self.idle_since = time.monotonic()
+        self.told = -math.inf  # how the machine is
 
     def start(self, consumer: Any) -> None:
         """Begin to beat."""
@@ -105,6 +124,11 @@ class Heartbeat(bootsteps.StartStopStep):
             return
         signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
         now = time.monotonic()
+        if now - self.told > VITALS_EVERY_S:
+            self.told = now
+            self.reporter.tell_vitals(self.worker.name)
+        if self.worker.tail is not None:
+            self.reporter.tell_log(self.worker.name, self.worker.tail)
         if self.is_paused or any(report.current) or not self.reporter.waiting(self.worker.kind):
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:

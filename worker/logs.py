@@ -7,15 +7,20 @@ import sys
 
 import redis
 
+from worker.log_tail import LogTail
+
 __all__ = ["set_up"]
 
 
-def set_up() -> None:
-    """Log to standard error, from here on and in every slot."""
+def set_up() -> LogTail:
+    """Log to standard error, from here on and in every slot; returns the end of the log."""
     handler = logging.StreamHandler(sys.stderr)
-    handler.addFilter(_in_a_line)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", handlers=[handler])
+    tail = LogTail()
+    for each in (handler, tail):
+        each.addFilter(_in_a_line)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", handlers=[handler, tail])
     logging.getLogger("httpx").setLevel(logging.WARNING)
+    return tail
 
 
 def _in_a_line(record: logging.LogRecord) -> bool:

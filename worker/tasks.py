@@ -37,6 +37,8 @@ from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
 from worker.scenes import discard_damaged
 from worker.vectors import frame_vectors, vectors_failure
+from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
+from worker.viewport import Answering, prepare_view_frame, render_view
 
 __all__ = ["register"]
 
@@ -54,6 +56,8 @@ def register(app: Celery) -> None:
     app.task(_render_batches, name=RENDER_BATCHES, bind=True)
     app.task(_denoise, name=DENOISE, bind=True)
     app.task(_vectors, name=VECTORS, bind=True)
+    app.task(_render_view, name=RENDER_VIEW, bind=True)
+    app.task(_view_frame, name=VIEW_FRAME, bind=True)
     app.task(_environment, name=ENVIRONMENT, bind=True)
 
 
@@ -206,6 +210,46 @@ def _vectors(task: Any, vectors: dict[str, Any]) -> None:
     finally:
         worker.board.write(_slot(), {})
     worker.results.send(Result(event))
+
+
+def _render_view(task: Any, parts: dict[str, Any]) -> None:
+    """Render parts of a view (ViewParts.to_json)."""
+    worker = context.current()
+    try:
+        work = ViewParts.from_json(parts)
+    except (RayfarmError, KeyError, TypeError, ValueError) as error:
+        log.warning("a view is left out, in words of another release: %s", error)
+        return
+    doing = {"view": work.watch, "message": work.message}
+    worker.board.write(_slot(), doing)
+    speed = 0.0
+    try:
+        if _deaths(task, worker, work.message) >= DEATHS_ALLOWED:
+            sentence = f"The worker process died {DEATHS_ALLOWED} times while it rendered this view."
+            Answering(worker, work).send("failed", error=sentence)
+        else:
+            speed = render_view(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
+    finally:
+        worker.board.write(_slot(), {}, speed)
+
+
+def _view_frame(task: Any, frame: dict[str, Any]) -> None:
+    """Prepare frames that a view shows (ViewFrame.to_json)."""
+    worker = context.current()
+    try:
+        work = ViewFrame.from_json(frame)
+    except (KeyError, TypeError, ValueError) as error:
+        log.warning("a frame of a view is left out, in words of another release: %s", error)
+        return
+    worker.board.write(_slot(), {"view": work.watch, "message": work.message})
+    try:
+        if _deaths(task, worker, work.message) >= DEATHS_ALLOWED:
+            sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
+            Answering(worker, work).send("failed", error=sentence)
+        else:
+            prepare_view_frame(worker, work)
+    finally:
+        worker.board.write(_slot(), {})
 
 
 def _environment(task: Any, environment: dict[str, Any]) -> None:

@@ -82,6 +82,8 @@ class LocalFarm:
         }
         uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
+        # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for.
+        uvicorn += ["--ws-per-message-deflate", "false"]
         self._start(Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S))
         if self.slots:
             # The token goes by the environment: a command line is seen by everyone on the machine.

@@ -9,6 +9,7 @@ outside the atmosphere is pi: a white surface that faces it there has radiance 1
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
@@ -180,6 +181,7 @@ def _scattering(air: Air, density: np.ndarray) -> np.ndarray:
     return np.asarray(density[..., 0, None] * (air.molecules * _RAYLEIGH) + density[..., 1, None] * (air.dust * _MIE_SCATTERING))
 
 
+@functools.lru_cache(maxsize=4)  # wherever the sun stands, it is the same
 def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
     """The radiance, alike from all sides, that light scattered before has at a height and under a sun: (heights, suns, 18).
 

@@ -22,10 +22,10 @@ _Lamp = tuple[float, float, float, float, float]  # azimuth and elevation of its
 
 # A key on the left, a larger and weaker fill on the right, one overhead, and a rim from behind.
 _STUDIO: tuple[_Lamp, ...] = (
-    (-48.0, 36.0, 22.0, 17.0, 9.0),
-    (62.0, 22.0, 15.0, 26.0, 3.2),
-    (5.0, 80.0, 34.0, 15.0, 2.2),
-    (155.0, 34.0, 14.0, 12.0, 4.0),
+    (-48.0, 36.0, 22.0, 17.0, 7.0),
+    (62.0, 22.0, 15.0, 26.0, 2.4),
+    (5.0, 80.0, 34.0, 15.0, 1.2),
+    (155.0, 34.0, 14.0, 12.0, 3.5),
 )
 _STRIPS: tuple[_Lamp, ...] = (
     (-62.0, 12.0, 6.0, 46.0, 12.0),

@@ -265,10 +265,18 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 
 
-def worker_out(report: WorkerReport, why: str | None) -> WorkerOut:
+def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
     """A worker. One that is told to pause (why) counts as paused, though it may still finish what it has in hand."""
     current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
-    return WorkerOut(**{**asdict(report), "current": current, "state": report.state if why is None else "paused"}, message=why)
+    vitals = view.roster.vitals.get(report.name)
+    return WorkerOut(
+        **{**asdict(report), "current": current, "state": report.state if why is None else "paused"},
+        message=why,
+        memory_used=vitals.memory_used if vitals else None,
+        memory_total=vitals.memory_total if vitals else None,
+        failures=view.failures.get(report.name, 0),
+        speeds=list(view.roster.speeds.get(report.name, ())),
+    )
 
 
 def _counts(doing: dict[str, Any]) -> bool:
@@ -284,9 +292,9 @@ def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, 
     if what == "scene":
         scene = session.get(Scene, id)
         return scene_out(scene, engine).model_dump() if scene else None
-    roster = engine.snapshot.roster
-    report = roster.reports.get(id)
-    return worker_out(report, roster.orders.get(id)).model_dump() if report else None
+    view = engine.snapshot
+    report = view.roster.reports.get(id)
+    return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
 
 
 def _message(job: Job, view: Snapshot) -> str | None:

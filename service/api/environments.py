@@ -152,7 +152,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
 def _only_file(form: Form) -> tuple[str, str, int]:
     """The name, hash and size of the image in a form. Raises Invalid."""
     if len(form.files) != 1 or form.files[0][1].size == 0:
-        raise Invalid("The upload is empty. Send one image as `file`: curl -F file=@studio.exr URL/api/environments")
+        raise Invalid("The upload is empty. Send one image as `file`: curl URL/api/environments -F file=@studio.exr.")
     name, writer = form.files[0]
     plain = PurePosixPath(safe_name(name)).name
     if PurePosixPath(plain).suffix.lower() not in SUFFIXES:

@@ -15,11 +15,27 @@ from service.api import (
     live,
     scenes,
     shot_files,
+    viewport,
     workers,
 )
 
 __all__ = ["router"]
 
 router = APIRouter()
-for module in (scenes, environments, jobs, frames, shot_files, live, workers, events, examples, info, farm, kernels, health):
+for module in (
+    scenes,
+    environments,
+    jobs,
+    frames,
+    shot_files,
+    live,
+    viewport,
+    workers,
+    events,
+    examples,
+    info,
+    farm,
+    kernels,
+    health,
+):
     router.include_router(module.router)

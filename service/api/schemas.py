@@ -374,3 +374,7 @@ class WorkerOut(BaseModel):
     samples_per_s: float = Field(description="of one slot")
     current: list[dict[str, Any]]
     denoises: bool = Field(description="whether it has Open Image Denoise")
+    memory_used: int | None = Field(description="of its machine, in bytes; null where it does not tell")
+    memory_total: int | None
+    failures: int = Field(description="batches that failed there since the service started")
+    speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")

@@ -18,8 +18,9 @@ router = APIRouter(prefix="/api/workers", tags=["workers"])
 @router.get("", response_model=list[WorkerOut])
 def list_workers(farm: FarmDependency) -> list[WorkerOut]:
     """The workers that are connected, by name: slots, processor, speed, and what each slot does now."""
-    roster = farm.engine.snapshot.roster
-    return [worker_out(roster.reports[name], roster.orders.get(name)) for name in sorted(roster.reports)]
+    view = farm.engine.snapshot
+    roster = view.roster
+    return [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
 
 
 @router.patch("/{name}", response_model=WorkerOut)
@@ -27,10 +28,28 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
     """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside."""
     report = farm.engine.snapshot.roster.reports.get(name)
     if report is None:
-        raise NotFound(f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")
+        raise _no_worker(name)
     why = None if change.state == "running" else "Paused by a person."
     try:
         farm.engine.order(name, why)
     except redis.RedisError as error:
         raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
-    return worker_out(report, why)
+    return worker_out(report, why, farm.engine.snapshot)
+
+
+@router.get("/{name}/log")
+def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
+    """The last lines of a worker's log, the newest last. The worker is asked for them, which takes a second or two."""
+    if name not in farm.engine.snapshot.roster.reports:
+        raise _no_worker(name)
+    try:
+        lines = farm.engine.worker_log(name)
+    except redis.RedisError as error:
+        raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
+    if lines is None:
+        raise Unavailable("The worker does not tell its log: it is still starting, is of an older release, or hangs.")
+    return lines
+
+
+def _no_worker(name: str) -> NotFound:
+    return NotFound(f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")

@@ -29,6 +29,7 @@ from worker.contract import (
     prepare_queue,
     render_queue,
 )
+from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
 
 __all__ = ["Dispatcher", "QueueError"]
 
@@ -75,6 +76,11 @@ class Dispatcher:
         """Ask for a frame's motion vectors. Raises QueueError."""
         self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work)
 
+    def send_view(self, work: ViewParts | ViewFrame, kind: str) -> None:
+        """Ask for parts of a view, or for the frames that it shows. Raises QueueError."""
+        name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
+        self._send(name, {argument: work.to_json()}, view_queue(kind), work.message)
+
     def send_environment(self, work: ShowEnvironment, kind: str) -> None:
         """Ask for an image that lights scenes to be looked at. Raises QueueError."""
         self._send(ENVIRONMENT, {"environment": asdict(work)}, prepare_queue(kind), work.work)
@@ -100,9 +106,10 @@ class Dispatcher:
 
     def purge(self) -> None:
         """Remove all that waits, of an earlier life whose leases are forgotten. Raises redis.RedisError."""
-        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*")):
+        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*")):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)
+        self._redis.delete(VIEW_ANSWERS)
 
     def close(self) -> None:
         """Close the connections."""

@@ -142,6 +142,10 @@ class Engine:
             self._workers.pause(worker, why)
         self.changed("worker", worker)
 
+    def worker_log(self, worker: str) -> list[str] | None:
+        """The last lines of a worker's log; None where it does not tell them. Takes seconds. Raises redis.RedisError."""
+        return self._workers.log(worker)
+
     def denoise(self, job: str, frame: int, film: Film) -> Future[MadeAside]:
         """The frame as it is now, denoised by a worker. Raises Unavailable where none can."""
         return self._awaited(self._denoising.want(DenoiseFrame("", job, frame, film.width, film.height), film.version(frame)))
@@ -259,4 +263,5 @@ class Engine:
             preparing=dict(self._preparing.progress),
             counts={**self._answers.counts, "lost": self._scheduler.lost},
             batches_out=sum(1 for _ in self._scheduler.leases),
+            failures=dict(self._scheduler.suspicion.failures),
         )

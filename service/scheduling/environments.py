@@ -24,12 +24,16 @@ class Environments(Aside[ShowEnvironment]):
         self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
-        return self._workers.roster.best_kind()
+        return self._workers.roster.lighting_kind()
 
     def _send(self, wish: ShowEnvironment, kind: str) -> None:
         self._dispatcher.send_environment(wish, kind)
 
     def _nobody(self) -> Unavailable:
+        if self._workers.roster.best_kind() is not None:
+            return Unavailable(
+                "The workers are of an older release, which knows no environments. Update them, then upload it again."
+            )
         return Unavailable("An environment is looked at by a worker, and none is connected. Start one, then upload it again.")
 
     def _failed(self, why: str) -> FarmError:

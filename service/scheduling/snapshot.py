@@ -65,6 +65,7 @@ class Snapshot:
     preparing: Mapping[str, Progress] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)  # batches merged, dropped, failed, lost
     batches_out: int = 0
+    failures: Mapping[str, int] = field(default_factory=dict)  # of batches, by worker, since the service started
     made: float = field(default_factory=time.monotonic)
 
     @property

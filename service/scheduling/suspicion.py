@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Hashable
 from itertools import count
 
@@ -24,9 +24,11 @@ class Suspicion:
         self._row_began: dict[str, int] = {}
         self._success: dict[str, int] = {}
         self._clock = count()
+        self.failures: Counter[str] = Counter()  # of all batches, by worker, whoever was to blame
 
     def failed(self, worker: str, batch: Hashable) -> None:
         """A batch failed on a worker."""
+        self.failures[worker] += 1
         if not self._row[worker]:
             self._row_began[worker] = next(self._clock)
         self._row[worker].add(batch)

@@ -13,7 +13,9 @@ from typing import Any
 import redis
 from pydantic import TypeAdapter
 
+from service.scheduling.speeds import Speeds
 from worker.contract import WORKER_KEYS, WorkerReport, order_key
+from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
 __all__ = ["Roster", "Workers"]
 
@@ -21,6 +23,8 @@ LOOK_EVERY_S = 1.0
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
 MAX_SLOTS = 4096
+LOG_PATIENCE_S = 3.0
+MAX_LINES, MAX_LINE = 500, 2000
 
 _REPORT = TypeAdapter(WorkerReport)
 
@@ -33,6 +37,8 @@ class Roster:
 
     reports: Mapping[str, WorkerReport] = field(default_factory=dict)
     orders: Mapping[str, str] = field(default_factory=dict)  # why a worker is paused, by its name
+    vitals: Mapping[str, Vitals] = field(default_factory=dict)  # of those that tell
+    speeds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # as Speeds has them
 
     def ready(self) -> list[WorkerReport]:
         """The workers that take work."""
@@ -66,6 +72,15 @@ class Roster:
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
+    def lighting_kind(self) -> str | None:
+        """The kind of the workers that look at uploaded environments, with most slots, as `blurring_kind`; None where none is.
+
+        Those that render views do: both came with one release.
+        """
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.views}
+        return self._kind_of([report for report in ready if report.kind not in unable])
+
     def takes_several(self, kind: str) -> bool:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
@@ -93,6 +108,7 @@ class Workers:
         self._on_change = on_change
         self._looked = -math.inf
         self._strange: set[bytes] = set()  # keys whose reports make no sense, each named in the log once
+        self._speeds = Speeds()
         self.roster = Roster()
 
     def look(self, now: bool = False) -> None:
@@ -108,7 +124,10 @@ class Workers:
         names = sorted(reports)
         whys: Any = self._redis.mget([order_key(name) for name in names]) if names else []
         orders = {name: why.decode(errors="replace") for name, why in zip(names, whys, strict=True) if why is not None}
-        before, self.roster = self.roster, Roster(reports, orders)
+        told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
+        vitals = {name: one for name, value in zip(names, told, strict=True) if (one := _vitals(value)) is not None}
+        self._speeds.note(reports.values())
+        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest)
         for name in sorted(before.reports.keys() | reports.keys()):
             if (before.reports.get(name), before.orders.get(name)) != (reports.get(name), orders.get(name)):
                 self._on_change(name)
@@ -120,6 +139,20 @@ class Workers:
     def resume(self, name: str) -> None:
         """Let a worker take tasks again; from any thread. Raises redis.RedisError."""
         self._redis.delete(order_key(name))
+
+    def log(self, name: str) -> list[str] | None:
+        """The last lines of a worker's log; None where it does not tell them in time. Takes seconds; from any thread but the
+        engine's. Raises redis.RedisError.
+        """
+        self._redis.set(log_wanted_key(name), b"1", ex=LOG_TTL_S)
+        deadline = time.monotonic() + LOG_PATIENCE_S
+        while (found := self._redis.get(log_key(name))) is None and time.monotonic() < deadline:
+            time.sleep(0.1)
+        try:
+            lines = json.loads(found) if isinstance(found, bytes) else None
+        except (ValueError, RecursionError):
+            return None
+        return [str(line)[:MAX_LINE] for line in lines[-MAX_LINES:]] if isinstance(lines, list) else None
 
     def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
         """A report; None where it makes no sense here: it may be of a worker of another release."""
@@ -134,6 +167,13 @@ class Workers:
             return None
         self._strange.discard(key)
         return report
+
+
+def _vitals(value: bytes | None) -> Vitals | None:
+    try:
+        return Vitals.from_bytes(value) if value is not None else None
+    except ValueError:
+        return None
 
 
 def _no_number(constant: str) -> float:

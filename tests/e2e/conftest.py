@@ -11,7 +11,12 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from service.farm import Farm
+from service.settings import Settings
 from tests.e2e.site import Site
+from tests.helpers import running_redis
+from tests.many_jobs import many_jobs
+from tests.service.conftest import Service
 
 # SwiftShader draws WebGL on the CPU, and WebGL alone: the rest of the page takes it four times as long as the browser's own code
 # (measured). The colour profile makes a screenshot's bytes the canvas' bytes; the rest keeps the browser from calling home.
@@ -86,3 +91,19 @@ def page(watched: Watched, site: Site) -> Page:
     """An empty document on the page's origin, for its modules."""
     watched.page.goto(f"{site.url}/blank")
     return watched.page
+
+
+@pytest.fixture(scope="session")
+def many(tmp_path_factory: pytest.TempPathFactory, shared: ExitStack) -> Service:
+    """A service with ten thousand jobs and without workers."""
+    folder = tmp_path_factory.mktemp("many")
+    server = running_redis(folder)
+    shared.enter_context(server)
+    data = folder / "data"
+    data.mkdir()
+    farm = Farm(Settings(data=data, redis_url=server.url, token="token"))
+    many_jobs(farm.sessions, 10_000)
+    farm.stop()
+    service = Service(data, server)
+    shared.callback(service.stop)
+    return service

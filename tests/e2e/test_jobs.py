@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from service.farm import Farm
-from service.settings import Settings
+from service.store.models import Job
 from tests.e2e.conftest import Watched
-from tests.helpers import running_redis
-from tests.many_jobs import many_jobs
+from tests.e2e.site import Site, call
 from tests.service.conftest import Service, until
 
 pytestmark = pytest.mark.browser
-
-N = 10_000
-
-
-@pytest.fixture(scope="module")
-def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    folder = tmp_path_factory.mktemp("jobs")
-    data = folder / "data"
-    data.mkdir()
-    server = running_redis(folder)
-    with server:
-        farm = Farm(Settings(data=data, redis_url=server.url, token="token"))
-        many_jobs(farm.sessions, N)
-        farm.stop()
-        service = Service(data, server)
-        yield service
-        service.stop()
 
 
 def rows(page: Page) -> Locator:
@@ -124,4 +104,68 @@ def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many
     expect(page.get_by_role("button", name="Active 19")).to_be_visible()
     page.get_by_role("link", name="Scenes").click()
     expect(latest.locator("a.name")).to_have_text(before)
+    assert watched.errors == []
+
+
+def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: Watched) -> None:
+    page = watched.page
+    paused = f"{1001:020x}"
+    page.goto(f"{many.url}/#/jobs/{paused}")
+    expect(page.get_by_role("heading", name="Milk truck take 1001")).to_be_visible()
+    many.http.delete(f"/api/jobs/{paused}").raise_for_status()
+    expect(page.get_by_text("This picture was deleted")).to_be_visible()
+    page.wait_for_timeout(300)
+    expect(page.locator("#tray > *")).to_have_count(0)
+
+
+def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
+    page.goto(f"{site.url}/index.html")
+    body = "for (const text of a) m.showError(text[0], text[1], {ofPage: text[2]});"
+    call(page, "shell/tray", body, [["Lost", "No room.", False]] * 3 + [[f"Fault {i}", "Alas.", True] for i in range(4)])
+    titles = page.locator("#tray .title")
+    expect(titles).to_have_text(["Fault 1", "Fault 2", "Fault 3"])
+    call(page, "shell/tray", "m.clearPageErrors(); for (const t of a) m.showError(t, 'No room.');", ["Lost", "Lost"])
+    expect(titles).to_have_text(["Lost (2 times)"])
+
+
+STUB = """
+    window.told = [];
+    class Told { constructor(title, options) { window.told.push([title, options.body]); } close() {} }
+    Told.permission = "default";
+    Told.requestPermission = async () => (Told.permission = "granted");
+    window.Notification = Told;
+    Document.prototype.hasFocus = () => false;
+"""
+
+
+def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Watched) -> None:
+    page = watched.page
+    page.add_init_script(STUB)
+    ids = [f"{i:020x}" for i in (9994, 9999)]  # cancelled: the engine does not look at them
+
+    def turn(state: str) -> None:
+        with many.farm.sessions.begin() as session:
+            for id in ids:
+                session.get_one(Job, id).state = state
+        for id in ids:
+            many.farm.broadcast.tell("job", id)
+
+    page.goto(f"{many.url}/#/jobs")
+    bell = page.get_by_role("button", name="Tell me when a job ends")
+    for wanted in (False, True):
+        turn("running")
+        expect(page.get_by_role("link", name="Jobs", exact=False).locator(".tally").first).to_have_text("2")
+        if wanted:
+            bell.click()
+            expect(bell).to_have_attribute("aria-pressed", "true")
+        turn("finished")
+        if wanted:
+            until(lambda: bool(page.evaluate("window.told")), "it is told")
+            title, body = page.evaluate("window.told")[0]
+            assert title == "2 jobs ended" and "Cornell box take 9994: finished" in body
+        else:
+            expect(page.get_by_role("link", name="Jobs", exact=False).locator(".tally").first).to_be_hidden()
+            page.wait_for_timeout(1200)
+            assert page.evaluate("window.told") == []
+    turn("cancelled")
     assert watched.errors == []

@@ -32,6 +32,7 @@ from worker.contract import (
     RenderBatch,
     Result,
     SceneInfo,
+    ShowEnvironment,
     WorkerReport,
     denoise_queue,
     order_key,
@@ -40,6 +41,7 @@ from worker.contract import (
     worker_key,
 )
 from worker.sums import pack_sums
+from worker.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 
@@ -87,6 +89,7 @@ class PeerWorker:
         blurs: bool = True,
         knows_vectors: bool = True,
         several: bool = True,
+        views: bool = True,
     ) -> None:
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, verify=False)
@@ -98,6 +101,9 @@ class PeerWorker:
         self.blurs = blurs
         self.knows_vectors = knows_vectors
         self.several = several
+        self.views = views
+        self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: it is never answered
+        self.parts: list[tuple[ViewParts, Part]] = []  # rendered
         self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: they are never answered
         self.vectors: list[FrameVectors] = []  # made
         self.messages: list[int] = []  # how many batches each had
@@ -111,6 +117,7 @@ class PeerWorker:
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
+        self.shown: list[str] = []  # environments
         self.current: dict[str, Any] = {}
         self.beats = True
         self._stop = threading.Event()
@@ -142,6 +149,7 @@ class PeerWorker:
             blurs=self.blurs,
             vectors=self.knows_vectors,
             several=self.several,
+            views=self.views,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -174,7 +182,8 @@ class PeerWorker:
                 if self.redis.exists(order_key(self.name)):
                     time.sleep(0.05)
                     continue
-                queues = [denoise_queue(self.kind)] * self.denoises + [prepare_queue(self.kind), render_queue(self.kind)]
+                queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises
+                queues += [prepare_queue(self.kind), render_queue(self.kind)]
                 found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:
                 time.sleep(0.1)
@@ -183,8 +192,14 @@ class PeerWorker:
                 continue
             queue, message = found
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
-            if "frames" in arguments:
+            if "parts" in arguments:
+                self._view(ViewParts.from_json(arguments["parts"]))
+            elif queue == view_queue(self.kind).encode():
+                self._view_frame(ViewFrame.from_json(arguments["frame"]))
+            elif "frames" in arguments:
                 self._prepare_frames(PrepareFrames(**arguments["frames"]))
+            elif "environment" in arguments:
+                self._show(ShowEnvironment(**arguments["environment"]))
             elif "vectors" in arguments:
                 self._point(FrameVectors(**arguments["vectors"]))
             elif queue == prepare_queue(self.kind).encode():
@@ -213,6 +228,18 @@ class PeerWorker:
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
+
+    def _show(self, work: ShowEnvironment) -> None:
+        """A picture of an environment is its bytes, backwards; one that is called broken lights nothing."""
+        about = {"work": work.work, "worker": self.name}
+        content = self.http.get(f"/api/farm/blobs/{work.sha256}").raise_for_status().content
+        self.shown.append(work.path)
+        if "broken" in work.path:
+            self.send({"type": "environment-failed", **about, "error": f"{work.path}: is black all over; it lights nothing"})
+            return
+        sha256 = hashlib.sha256(content[::-1]).hexdigest()
+        self.http.put(f"/api/farm/blobs/{sha256}", content=content[::-1]).raise_for_status()
+        self.send({"type": "environment-shown", **about, "sha256": sha256})
 
     def _point(self, work: FrameVectors) -> None:
         """The vectors of a pixel are its column, its row, the frame (in halves), and minus its column."""
@@ -243,12 +270,48 @@ class PeerWorker:
         finally:
             self.current = {}
 
+    def _view(self, work: ViewParts) -> None:
+        """A view's samples are those of a batch."""
+        self.current = {"view": work.watch, "message": work.message}
+        self._tell(work, "begun")
+        try:
+            for part in work.parts:
+                if self._stop.is_set() or self.redis.get(view_key(work.watch)) != str(work.view).encode():
+                    break
+                if self.on_part(work, part) is False:
+                    return
+                sums = expected_sums(part.tile, part.first, part.count, work.settings.seed)
+                self.parts.append((work, part))
+                self._tell(work, "part", pack_sums(sums), number=part.number, seconds=1e-5 * part.tile.w * part.tile.h)
+            self._tell(work, "over")
+        except ValueError as error:
+            self._tell(work, "failed", error=str(error))
+        finally:
+            self.current = {}
+
+    def _tell(self, work: ViewParts | ViewFrame, type: str, sums: bytes = b"", **more: Any) -> None:
+        if not self._stop.is_set():
+            answer = ViewAnswer(type, work.watch, work.view, work.message, self.name, more, sums)
+            self.redis.rpush(VIEW_ANSWERS, answer.to_bytes())
+            self.redis.expire(VIEW_ANSWERS, ANSWERS_TTL_S)
+
+    def _view_frame(self, work: ViewFrame) -> None:
+        self._tell(work, "begun")
+        names = {"frame-prepared": "frame", "frame-failed": "failed"}
+
+        def send(event: dict[str, Any]) -> None:
+            self._tell(work, names[event["type"]], **{name: event[name] for name in ("frame", "info", "error") if name in event})
+
+        self._prepare_frames(work.work, send)
+        self._tell(work, "over")
+
     def _about(self, work: RenderBatch) -> dict[str, Any]:
         about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
         return {**about, "tile": list(work.tile), "worker": self.name}
 
-    def _prepare_frames(self, work: PrepareFrames) -> None:
+    def _prepare_frames(self, work: PrepareFrames, send: Callable[[dict[str, Any]], None] | None = None) -> None:
         """The camera goes a unit to the right with every frame. A frame that raises cannot be prepared."""
+        send = send or self.send
         about = {"work": work.work, "job": work.job, "kind": self.kind, "worker": self.name}
         self.current = {"scene": work.scene, "work": work.work}
         for key in work.frames:
@@ -265,9 +328,9 @@ class PeerWorker:
                 view = {**(work.view or work.base_auto), "eye": [frame, 0.0, 5.0]}
                 views = [{**view, "eye": [frame + shift, 0.0, 5.0]} for shift in (-0.25, 0.25)] if work.shutter else []
                 info = FrameInfo(ref, view, {}, [], 0.01, views)
-                self.send({"type": "frame-prepared", **about, "frame": key, "info": asdict(info)})
+                send({"type": "frame-prepared", **about, "frame": key, "info": asdict(info)})
             except ValueError as error:
-                self.send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
+                send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
         self.current = {}
 
     def _keep_shared(self) -> tuple[tuple[str, int], ...]:

@@ -63,10 +63,8 @@ def test_a_moment_saved_alone_has_the_same_parts(tmp_path):
 
 def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
     written = []
-    known = Saver._written
-    monkeypatch.setattr(
-        Saver, "_written", lambda self, slices, folder: written.append(set(slices)) or known(self, slices, folder)
-    )
+    known = parts_file._written
+    monkeypatch.setattr(parts_file, "_written", lambda slices, folder: written.append(set(slices)) or known(slices, folder))
     kept, saver = Kept(), Saver(tmp_path)
     for angle in (0.0, 33.0):
         written.clear()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.presets import PRESETS
 from renderer.scene.description import Sky
 from renderer.scene.geometry import flatten
 from renderer.scene.readers.metals import METALS
@@ -125,6 +126,14 @@ def test_a_sky(scene):
     assert environment.sky == Sky(sun_elevation=10, sun=False, dust=3, ground_albedo=(0.5, 0.5, 0.5))
     assert (environment.color, environment.rotation) == ((1, 2, 3), 30)
     assert scene("s.yaml", "environment: {sky: {}}\n" + QUAD).environment.sky == Sky()
+
+
+def test_light_by_name(scene):
+    for name, preset in PRESETS.items():
+        found = scene("s.yaml", f"environment: {{preset: {name}, strength: 2}}\n" + QUAD)
+        sky = None if preset.sky is None else Sky(*preset.sky)
+        assert (found.environment.sky, found.environment.strength) == (sky, 2)
+        assert len(found.images) == (sky is None and name != "even-white")
 
 
 def test_lights_and_cameras(scene):
@@ -268,7 +277,8 @@ def test_shapes_have_the_areas_of_what_they_are(scene):
             "shapes:\n  - type: quad\n    transform: [{rotate: {axis: [0, 0, 0], degrees: 3}}]",
             "line 3: shapes[0].transform[0].rotate",
         ),
-        ("environment: {image: sky.exr, sky: {}}\n" + QUAD, "line 1: environment: has one of image and sky"),
+        ("environment: {image: sky.exr, sky: {}}\n" + QUAD, "line 1: environment: has one of image, sky and preset"),
+        ("environment: {preset: candle}\n" + QUAD, "line 1: environment.preset: 'candle' is not one of"),
         ("environment:\n  sky: {sun_size: 0}\n" + QUAD, "line 2: environment.sky.sun_size: 0 is less than"),
         ("environment: {image: sky.exr}\n" + QUAD, "line 1: environment.image: sky.exr is not among"),
         ("textures: {t: {wrap: clamp}}\n" + QUAD, "one of image and checker"),

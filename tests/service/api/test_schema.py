@@ -16,6 +16,7 @@ import schemathesis
 from hypothesis import strategies as st
 from schemathesis.specs.openapi.checks import content_type_conformance, response_schema_conformance, status_code_conformance
 
+from service.errors import Unavailable
 from service.main import create_app
 from service.settings import Settings
 from tests.helpers import running_redis
@@ -35,6 +36,10 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
     service = Service(tmp_path_factory.mktemp("schema") / "data", redis_server, **limits)
     yield service
     service.stop()
+
+
+def _nobody(wish: Any) -> Any:
+    raise Unavailable("The worker has other things to do. Try again.")
 
 
 class Alive:
@@ -65,6 +70,7 @@ class Alive:
             service.wait_for(self.jobs[state], state, timeout=60)
         # The one slot is busy with this scene from now on; so jobs stay as they are.
         worker.on_prepare = lambda scene: bool(self.done.wait(LONGEST_S)) and None
+        service.farm.engine.show_environment = _nobody  # type: ignore[method-assign]
         self.scenes["preparing"] = service.upload(OBJ + b"# another")
         until(lambda: worker.prepared[-1] == self.scenes["preparing"], "the worker prepares")
         self.jobs["queued"] = service.submit(self.scenes["ready"], width=32, height=32, spp=8, priority=-100)

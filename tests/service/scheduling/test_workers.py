@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import time
 
 from service.scheduling.suspicion import FORGIVENESS, Suspicion
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 
 def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker: PeerWorker) -> None:
@@ -62,3 +64,17 @@ def test_a_row_of_failures_counts_once_another_can() -> None:
     assert suspicion.of("bad", []) == 0
     suspicion.succeeded("bad", [])
     assert suspicion.of("bad", ["good"]) == 0
+
+
+def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(service: Service, worker: PeerWorker) -> None:
+    until(lambda: bool(service.http.get("/api/workers").json()), "the worker is there")
+    assert service.http.get("/api/workers").json()[0]["memory_total"] is None, "one of an older release"
+    assert service.http.get("/api/workers/peer/log").status_code == 503
+    assert service.http.get("/api/workers/nobody/log").status_code == 404
+    worker.redis.set(vitals_key("peer"), Vitals(3, 8).to_bytes(), ex=60)
+    worker.redis.set(log_key("peer"), json.dumps(["one", "two"]), ex=60)
+    until(lambda: service.http.get("/api/workers").json()[0]["memory_total"] == 8, "its memory is told")
+    told = service.http.get("/api/workers").json()[0]
+    assert (told["memory_used"], told["failures"]) == (3, 0) and len(told["speeds"]) == 1
+    assert service.http.get("/api/workers/peer/log").json() == ["one", "two"]
+    assert worker.redis.exists(log_wanted_key("peer"))

@@ -145,6 +145,11 @@
  * @property {number} samples_per_s of one slot
  * @property {boolean} [denoises]
  * @property {Record<string, any>[]} current a slot each
+ * @property {string | null} [message] why it is paused
+ * @property {number | null} [memory_used] bytes
+ * @property {number | null} [memory_total]
+ * @property {number} [failures] of batches
+ * @property {number[]} [speeds] samples a second of all its slots, a minute each
  *
  * @typedef {{name: string, label: string, help: string}} Choice
  *

@@ -24,7 +24,7 @@ const CONFLICT = 409;
 
 /** @returns {Promise<Record<string, ExampleComparison[]>>} by the example's name */
 export async function getComparisons() {
-  const response = await fetch("examples/comparisons.json");
+  const response = await fetch(new URL("../../examples/comparisons.json", import.meta.url));
   return response.ok ? response.json() : {};
 }
 

@@ -9,7 +9,6 @@ import { LIGHT_FILES, takeLights } from "../shell/light-drop.js";
 import { Card, announce, showError } from "../shell/tray.js";
 import { field, numberInput, numberOf, setShown } from "./fields.js";
 import { lightChoices } from "./light-choices.js";
-import { withSlider } from "./light-sliders.js";
 import { settingField } from "./setting-field.js";
 import { sunDial } from "./sun-dial.js";
 
@@ -19,7 +18,7 @@ import { sunDial } from "./sun-dial.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: "The scene's own", help: "As its file says." },
+  { id: "own", label: "Its own", help: "As the scene's file says." },
   { id: "color", label: "One colour", help: "The same light from every direction." },
 ];
 /** @type {Light} */
@@ -86,7 +85,7 @@ export function environmentFields(first) {
     h("div", { class: "row spread" }, hint, remove),
     colourField,
     sky,
-    h("div", { class: "light-sliders" }, numbers.map(withSlider)),
+    h("div", { class: "light-sliders" }, numbers.map(({ element }) => element)),
   );
 
   /** @param {string} id @returns {EnvironmentRequest | undefined} */

@@ -94,7 +94,7 @@ export function sunDial(changed) {
     move(under(event), false);
   });
   element.addEventListener("pointermove", (event) => element.hasPointerCapture(event.pointerId) && move(under(event), false));
-  element.addEventListener("pointerup", (event) => move(under(event), true));
+  element.addEventListener("pointerup", () => changed(sun, true));
   element.addEventListener("keydown", (event) => {
     const step = event.shiftKey ? 10 : 1;
     const by = { ArrowUp: [step, 0], ArrowDown: [-step, 0], ArrowLeft: [0, -step], ArrowRight: [0, step] }[event.key];

@@ -29,11 +29,15 @@ export function viewFields(start = START, projected = () => {}) {
       const input = numberFor(setting, null);
       return { setting, input, element: field(labelOf(setting), input, setting.help) };
     });
+  const inputOf = (/** @type {string} */ name) =>
+    /** @type {HTMLInputElement} */ (lens.find(({ setting }) => setting.name === name)?.input);
+  const photographic = photographicFields(inputOf("fov"), inputOf("aperture"));
   const focus = /** @type {HTMLInputElement} */ (lens.find(({ setting }) => setting.name === "focus")?.input);
   const { label, choices } = settingOf("view", "projection");
   const projection = choiceField(label, choices ?? [], "perspective", () => chosen());
   const show = () => {
     for (const { setting, element } of lens) setShown(element, isSeen(setting, projection.get()));
+    for (const element of photographic.elements) setShown(element, projection.get() === "perspective");
   };
   const chosen = () => (show(), projected(projection.get()));
 
@@ -50,6 +54,7 @@ export function viewFields(start = START, projected = () => {}) {
       input.value = value == null ? "" : String(short(value));
     }
     focus.placeholder = String(short(distance(view)));
+    photographic.show();
     show();
     if (projection.get() !== before) projected(projection.get());
   };
@@ -80,6 +85,7 @@ export function viewFields(start = START, projected = () => {}) {
       "div",
       { class: "pairs" },
       projection.element,
+      photographic.elements,
       lens.map(({ element }) => element),
     ),
   );
@@ -99,6 +105,46 @@ export function viewFields(start = START, projected = () => {}) {
       fold.open = true; // where the distance, and the aperture that makes it seen, are
     },
     isChanged: () => unchanged() !== asSet,
+  };
+}
+
+/** Of a full-frame camera, whose pictures are 36 mm wide. */
+const SENSOR_MM = { width: 36, height: 24 };
+
+/**
+ * The lens as photographers call it, beside the fields that say the same: focal length in place of the angle, f-number in place of
+ * the radius. The scene's unit is taken for a metre.
+ *
+ * @param {HTMLInputElement} fov
+ * @param {HTMLInputElement} aperture
+ */
+function photographicFields(fov, aperture) {
+  const usual = { min: 0.1, step: /** @type {const} */ ("any"), required: false };
+  const length = numberInput({ ...usual, max: 5000 });
+  const stop = numberInput({ ...usual, max: 1e6, placeholder: "all sharp" });
+  const lengthOf = () => SENSOR_MM.height / 2 / Math.tan((numberOf(fov, 40) * Math.PI) / 360);
+  const show = () => {
+    if (document.activeElement !== length) length.value = String(Number(lengthOf().toPrecision(3)));
+    const radius = numberOf(aperture, 0);
+    if (document.activeElement !== stop) stop.value = radius > 0 ? String(Number((lengthOf() / 2000 / radius).toPrecision(2))) : "";
+  };
+  const toAperture = () => {
+    const number = numberOf(stop, 0);
+    aperture.value = number > 0 ? String(short(lengthOf() / 2000 / number)) : "0";
+  };
+  length.addEventListener("input", () => {
+    const mm = numberOf(length, 0);
+    if (mm > 0) fov.value = String(short((360 / Math.PI) * Math.atan(SENSOR_MM.height / 2 / mm)));
+    if (stop.value) toAperture();
+  });
+  stop.addEventListener("input", toAperture);
+  for (const input of [fov, aperture]) input.addEventListener("input", show);
+  return {
+    elements: [
+      field("Focal length, mm", length, `Of a lens before a sensor of ${SENSOR_MM.width} by ${SENSOR_MM.height} mm.`),
+      field("f-number", stop, "Smaller blurs more of what is out of focus. The scene's unit is taken for a metre."),
+    ],
+    show,
   };
 }
 

@@ -149,6 +149,12 @@ export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");
 
+/** @param {string} name @param {"running" | "paused"} state @returns {Promise<Worker>} */
+export const changeWorker = (name, state) => call("PATCH", `/workers/${encodeURIComponent(name)}`, { json: { state } });
+
+/** @param {string} name @returns {Promise<string[]>} its last lines */
+export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent(name)}/log`);
+
 /** @returns {Promise<Info>} */
 export const getInfo = () => call("GET", "/info");
 

@@ -13,6 +13,7 @@ import { Disposer, Store } from "../base/store.js";
 /** News come in bursts, and one look answers for all of them. */
 const GATHER_MS = 400;
 const AT_ONCE = 60;
+const AGAIN_MS = 2000;
 
 /** A list of jobs. */
 export class JobList {
@@ -29,8 +30,10 @@ export class JobList {
     this.query = {};
     /** @type {Map<string, Job>} */
     this.rows = new Map();
-    /** @type {Set<string>} */
+    /** To be asked for. @type {Set<string>} */
     this.wanted = new Set();
+    /** Asked for. @type {Set<string>} */
+    this.asked = new Set();
     this.turn = 0;
     this.life = new Disposer();
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -76,7 +79,7 @@ export class JobList {
   row(id) {
     if (!jobs.value) return null; // nor is it known yet how to speak of a job's settings
     const found = this.rows.get(id);
-    if (!found && !this.wanted.has(id)) {
+    if (!found && !this.wanted.has(id) && !this.asked.has(id)) {
       if (this.wanted.size === 0) queueMicrotask(() => this.fetch());
       this.wanted.add(id);
     }
@@ -85,6 +88,8 @@ export class JobList {
 
   async fetch() {
     const ids = [...this.wanted];
+    this.wanted.clear();
+    for (const id of ids) this.asked.add(id);
     for (let at = 0; at < ids.length; at += AT_ONCE) {
       const some = ids.slice(at, at + AT_ONCE);
       try {
@@ -92,7 +97,10 @@ export class JobList {
       } catch {
         // The banner says that the service does not answer; whoever looks again asks again.
       }
-      for (const id of some) this.wanted.delete(id);
+      for (const id of some.filter((each) => this.rows.has(each))) this.asked.delete(id);
+      const missing = some.filter((id) => this.asked.has(id));
+      // Gone meanwhile, or the service does not answer: not at once again.
+      if (missing.length) setTimeout(() => missing.forEach((id) => this.asked.delete(id)), AGAIN_MS);
       this.changed();
     }
   }

@@ -11,6 +11,9 @@ import { decodeTile } from "./tile-packet.js";
 /** A silent connection is dead: the service speaks at least every few seconds, and laptops wake up with dead sockets. */
 const SILENCE_MS = 20_000;
 
+/** What the service closes the connection of a job with that is deleted, or was never there. */
+const GONE = [4404, 4410];
+
 /**
  * @typedef {object} LiveHandlers
  * @property {(tile: TilePacket) => void} tile
@@ -72,6 +75,7 @@ export class Live {
     };
     socket.onclose = ({ code, reason }) => {
       if (this.socket !== socket) return;
+      if (GONE.includes(code)) return; // the farm's news say so too
       if (code === 1008 || (code >= 4000 && code < 5000)) {
         this.handlers.refused(reason || "The service closed the live picture.");
         return;

@@ -116,3 +116,26 @@ export function alongSight({ fov }, { width, height }, at, depth) {
   const y = ((2 * (at.y + 0.5) - height) / height) * half;
   return depth / Math.hypot(x, y, 1);
 }
+
+/**
+ * Moves eye and target, as one who walks or flies does.
+ *
+ * @param {View} view
+ * @param {number} right in scene units, as the others
+ * @param {number} up along the camera's `up`
+ * @param {number} ahead along the line of sight
+ * @returns {View}
+ */
+export function fly(view, right, up, ahead) {
+  const { right: side, forward } = axes(view);
+  const move = add(add(scale(side, right), scale(unit(view.up), up)), scale(forward, ahead));
+  return { ...view, eye: add(view.eye, move), target: add(view.target, move) };
+}
+
+/** Looks at a place from where the eye is: turning goes around it from now on. @param {View} view @param {Vec3} place @returns {View} */
+export function lookAt(view, place) {
+  if (distanceOf({ ...view, target: place }) < 1e-6 * distanceOf(view)) return view;
+  const next = { ...view, target: place };
+  const along = dot(unit(subtract(place, view.eye)), unit(view.up));
+  return Math.abs(along) > Math.sin(STEEPEST) ? view : next;
+}

@@ -5,6 +5,7 @@ import { lost, workers } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
 import { tallies } from "../news/job-list.js";
+import { notifyButton } from "./notify.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 
@@ -12,6 +13,9 @@ import { announce } from "./tray.js";
 
 /** A hiccup of a second or two is nobody's business. */
 const LOST_AFTER_MS = 1500;
+
+/** Beside the modules, and so of their version. */
+const ICON = new URL("../../icon.svg", import.meta.url).href;
 
 const THEMES = /** @type {const} */ ([
   ["system", "auto", "Theme: as the system"],
@@ -42,7 +46,7 @@ export function buildShell() {
     h(
       "a",
       { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" },
-      h("img", { src: "icon.svg", alt: "" }),
+      h("img", { src: ICON, alt: "" }),
       h("span", null, "Rayfarm"),
     ),
     h(
@@ -61,6 +65,7 @@ export function buildShell() {
       },
       "?",
     ),
+    notifyButton(),
     themeButton(),
   );
 

@@ -14,6 +14,7 @@ const STATES = {
   failed: ["warning", "Failed"],
   cancelled: ["stop", "Cancelled"],
   starting: ["clock", "Starting"],
+  draining: ["clock", "Draining"],
   "set-aside": ["warning", "Set aside"],
 };
 

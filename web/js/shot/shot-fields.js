@@ -41,7 +41,7 @@ export function shotFields(scene, like, changed, asShot = false) {
   explain(framesField, "Frames", [frames]);
   const everyField = field("Every", every);
   const turnField = field("Once around, s", turn, setting("turntable").help);
-  const stillField = field("Frame", moment, "The moment that is shown; halves are frames too. Turn the view to see it while you choose.");
+  const stillField = field("Frame", moment, "The moment that is shown; halves are frames too. The view follows.");
   const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": "Moment" });
   stillField.append(scrub);
   moment.addEventListener("input", () => (scrub.value = moment.value));

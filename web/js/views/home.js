@@ -6,7 +6,6 @@ import { fill, h, keyedList } from "../base/dom.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
 import { noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
-import { isPassing } from "../news/passing.js";
 import { linkTo, setTitle } from "../shell/router.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
@@ -47,7 +46,7 @@ export function homeView() {
   const refresh = () => {
     const seenScenes = (scenes.value ?? []).filter(({ id }) => !hidden.value.has(id));
     const seenJobs = (jobs.value ?? [])
-      .filter((job) => !hidden.value.has(job.id) && !isPassing(job))
+      .filter((job) => !hidden.value.has(job.id))
       .slice(0, RECENT_JOBS);
     showScenes(seenScenes);
     showJobs(seenJobs);
@@ -119,7 +118,7 @@ function dropZone() {
  */
 function exampleCard(example, comparisons) {
   // Rendered by Rayfarm; an example that has none yet shows the stand-in.
-  const picture = `examples/${encodeURIComponent(example.name)}.jpg`;
+  const picture = new URL(`../../examples/${encodeURIComponent(example.name)}.jpg`, import.meta.url).href;
   const length = example.frames && h("span", { class: "badge number" }, icon("play"), lengthOf(example.frames, example.fps));
   const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
   const open = async () => {

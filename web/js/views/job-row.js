@@ -6,6 +6,7 @@ import { scenes } from "../news/farm.js";
 import { remove as removeJobs } from "./job-deeds.js";
 import { ago, clock } from "../base/format.js";
 import { icon } from "../base/icons.js";
+import { lightWords } from "../base/light-words.js";
 import { linkTo } from "../shell/router.js";
 import { endOf } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
@@ -81,8 +82,9 @@ export function jobRow(job, lead) {
 
 /** @param {Job} job */
 function sizeLine(job) {
-  const fps = scenes.value?.find(({ id }) => id === job.scene)?.fps;
-  return [`${job.width}×${job.height}`, shotName(job, fps), endOf(job)].filter(Boolean).join(" · ");
+  const scene = scenes.value?.find(({ id }) => id === job.scene);
+  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), endOf(job), lightWords(job.environment, scene)];
+  return parts.filter(Boolean).join(" · ");
 }
 
 /** @param {Job} job */

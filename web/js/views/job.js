@@ -47,6 +47,7 @@ export function jobView(id) {
   life.add(
     jobs.subscribe((all) => {
       const job = all?.find((candidate) => candidate.id === id);
+      if (job) asked = false;
       if (job?.width && job.height) {
         update ??= open(element, job, life);
         update(job);
@@ -55,16 +56,18 @@ export function jobView(id) {
         instead(emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? "Waits for its scene.")));
       } else if (all && !asked) {
         asked = true;
-        getJob(id).then(adoptJob, (error) =>
+        getJob(id).then(adoptJob, (error) => {
+          const wasThere = update !== null && error.status === 404;
+          if (update && !wasThere) return; // what is shown stays; the banner says that the service does not answer
           instead(
             emptyState(
-              "image",
-              "This picture is not here",
-              h("p", null, error.message),
+              wasThere ? "trash" : "image",
+              wasThere ? "This picture was deleted" : "This picture is not here",
+              !wasThere && h("p", null, error.message),
               h("a", { href: linkTo("jobs") }, "To the jobs"),
             ),
-          ),
-        );
+          );
+        });
       }
     }),
   );

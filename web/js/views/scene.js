@@ -1,13 +1,12 @@
 /** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
 
-import { createJob, getScene, imageUrl } from "../news/api.js";
-import { fill, h, keyedList, setText } from "../base/dom.js";
-import { adoptJob, adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
+import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
+import { fill, h, setText } from "../base/dom.js";
+import { adoptJob, adoptScene, jobs, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
-import { isPassing } from "../news/passing.js";
-import { go, here, linkTo, setTitle } from "../shell/router.js";
+import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { settingsForm } from "../scene/settings-form.js";
 import { firstFrame } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
@@ -15,9 +14,10 @@ import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
 import { addFiles, choose } from "../shell/uploads.js";
-import { viewTurner } from "../scene/view-turner.js";
-import { jobRow } from "./job-row.js";
-import { removeScene, thumbnail } from "./scene-card.js";
+import { liveView } from "../scene/live-view.js";
+import { viewFromText, viewToText } from "../scene/view-url.js";
+import { renderStrip } from "../scene/render-strip.js";
+import { removeScene } from "./scene-card.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
@@ -134,35 +134,15 @@ function failed(page, scene) {
 }
 
 /**
+ * The workspace: the view, what it is rendered with, and what was rendered.
+ *
  * @param {HTMLElement} page
  * @param {Scene} scene
  * @param {Disposer} life
  * @returns {(scene: Scene) => void}
  */
 function ready(page, scene, life) {
-  const picture = thumbnail();
   const notice = h("div", { class: "notice-slot" });
-  const list = h("ul", { class: "rows" });
-  const pictures = h(
-    "section",
-    { class: "pictures", "aria-label": "Pictures of this scene" },
-    h("h2", null, "Pictures of this scene"),
-    list,
-  );
-  const showJobs = keyedList(
-    list,
-    (job) => job.id,
-    (job) => jobRow(job),
-  );
-  const listJobs = () => {
-    const own = (jobs.value ?? []).filter(
-      (job) => job.scene === scene.id && !hidden.value.has(job.id) && !isPassing(job),
-    );
-    showJobs(own);
-    pictures.hidden = own.length === 0;
-    const finished = own.find(({ state }) => state === "finished");
-    picture.update(scene, finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, v: finished.samples }));
-  };
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
@@ -176,62 +156,85 @@ function ready(page, scene, life) {
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
   const form = settingsForm(scene, submit, like, here().params.has("shot"));
   life.add(form.dispose);
-  const view = turnable(picture.element, form, life);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
-  life.add(jobs.subscribe(() => (form.update(), listJobs())));
-  life.add(hidden.subscribe(listJobs));
+  life.add(jobs.subscribe(() => form.update()));
   life.add(
     addShortcuts([
       { keys: "R", does: "Render", run: () => form.element.requestSubmit() },
       { keys: "Enter", does: "Render", run: () => form.element.requestSubmit() },
     ]),
   );
+  page.classList.add("workspace");
+  life.add(() => page.classList.remove("workspace"));
   fill(
     page,
     heading(scene),
     notice,
     h(
       "div",
-      { class: "scene-columns" },
-      h("div", { class: "scene-about" }, view, warnings(scene), facts(scene), pictures),
-      h("section", { class: "panel", "aria-label": "Render" }, form.element),
+      { class: "workspace-columns" },
+      h("div", { class: "workspace-view" }, viewOf(scene, form, life), renderStrip(scene.id, life)),
+      h(
+        "div",
+        { class: "workspace-side" },
+        h("section", { class: "panel", "aria-label": "Render" }, form.element),
+        warnings(scene),
+        facts(scene),
+      ),
     ),
   );
   return () => {};
 }
 
 /**
- * The scene's picture, with a button that takes the view into the hand.
+ * The live view, which the form and the URL's `view` turn, and which writes itself there.
  *
- * @param {HTMLElement} picture
+ * @param {Scene} scene
  * @param {import("../scene/settings-form.js").SettingsForm} form
  * @param {Disposer} life
  */
-function turnable(picture, form, life) {
-  /** @type {ReturnType<typeof viewTurner> | null} */
-  let turner = null;
-  const stop = () => {
-    turner?.dispose();
-    turner = null;
-    fill(box, picture, button);
+function viewOf(scene, form, life) {
+  let written = here().params.get("view");
+  const linked = viewFromText(written);
+  if (linked) form.turn(linked);
+  const finished = (jobs.value ?? []).find((job) => job.scene === scene.id && job.state === "finished");
+  const seen = finished
+    ? imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, v: finished.samples })
+    : (scene.thumbnail ? thumbnailUrl(scene.id) : "");
+
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  const path = here().path.join();
+  const write = () => {
+    // Browsers throttle history changes; a moving hand makes sixty a second.
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      if (here().path.join() !== path) return;
+      const { view } = form.request();
+      written = view ? viewToText(view) : null;
+      setParams({ view: written });
+    }, 400);
   };
-  const start = () => {
-    const { width = 1, height = 1 } = form.request();
-    const seen = picture.querySelector("img")?.src ?? "";
-    turner = viewTurner(form, width / height, seen, () => (stop(), button.focus()));
-    fill(box, turner.element);
-    /** @type {HTMLElement | null} */ (turner.element.querySelector(".turner"))?.focus({ preventScroll: true });
+  const live = liveView(scene, form, seen, write);
+  const changed = () => (live.refresh(), write());
+  form.element.addEventListener("change", changed);
+  form.element.addEventListener("input", live.refresh);
+  const follow = () => {
+    if (here().path.join() !== path) return;
+    const text = here().params.get("view");
+    const view = viewFromText(text);
+    if (text === written || !view) return;
+    written = text;
+    form.turn(view);
+    live.refresh();
   };
-  const button = h(
-    "button",
-    { class: "button turn-button", type: "button", onclick: start },
-    icon("turn"),
-    "Turn the view",
-  );
-  const box = h("div", { class: "view-box" }, picture, button);
-  form.element.addEventListener("change", () => turner?.refresh());
-  life.add(stop);
-  return box;
+  addEventListener("hashchange", follow);
+  life.add(() => {
+    clearTimeout(timer);
+    removeEventListener("hashchange", follow);
+    live.dispose();
+  });
+  return live.element;
 }
 
 /**

@@ -1,30 +1,47 @@
-/** The workers: who they are, how fast they are, what each slot does at this moment, and how to add one. */
+/** The machines: how each is, what its slots work on at this moment, and how to add one. */
 
+import { getJobsOf } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
-import { jobs, workers } from "../news/farm.js";
+import { adoptJob, jobs, workers } from "../news/farm.js";
 import { compact, plural } from "../base/format.js";
 import { addMachineHint, emptyState } from "../shell/hints.js";
-import { linkTo, setTitle } from "../shell/router.js";
-import { stateChip } from "../shell/state-chip.js";
+import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
+import { machineCard } from "./machine.js";
 
-/** @typedef {import("../base/types.js").Worker} Worker */
+/** @type {Set<string>} */
+const asked = new Set();
+
+/** @param {import("../base/types.js").Worker[]} all */
+function fetchUnknown(all) {
+  const known = new Set(jobs.value?.map(({ id }) => id));
+  const unknown = new Set(all.flatMap(({ current }) => current.map(({ job }) => job)).filter((id) => id && !known.has(id) && !asked.has(id)));
+  if (!jobs.value || unknown.size === 0) return;
+  for (const id of unknown) asked.add(id);
+  getJobsOf([...unknown].slice(0, 60)).then(
+    (found) => found.forEach(adoptJob),
+    () => unknown.forEach((id) => asked.delete(id)),
+  );
+}
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function workersView() {
   setTitle("Workers");
   const life = new Disposer();
   const summary = h("p", { class: "quiet number summary" });
-  const list = h("ul", { class: "rows" });
+  const list = h("ul", { class: "machines" });
   const empty = h("div", null);
-  const show = keyedList(list, (worker) => worker.name, workerRow);
+  const show = keyedList(list, (/** @type {import("../base/types.js").Worker} */ worker) => worker.name, machineCard);
+  // Pictures of slots are those of jobs, which may be older than all that the page knows.
+  life.add(workers.subscribe((all) => all && fetchUnknown(all)));
+  life.add(jobs.subscribe(() => workers.value && show(workers.value)));
   life.add(
     workers.subscribe((all) => {
       if (!all) return;
       show(all);
       list.hidden = all.length === 0;
       const slots = all.reduce((sum, w) => sum + w.slots, 0);
-      const speed = all.reduce((sum, w) => sum + w.slots * w.samples_per_s, 0);
+      const speed = all.reduce((sum, w) => sum + (w.speeds?.at(-1) ?? 0), 0);
       setText(
         summary,
         all.length
@@ -51,7 +68,7 @@ export function workersView() {
   );
   const element = h(
     "div",
-    { class: "page" },
+    { class: "page wide" },
     h("h1", { class: "page-title" }, "Workers"),
     summary,
     list,
@@ -59,41 +76,4 @@ export function workersView() {
     h("section", { class: "section" }, h("header", null, h("h2", null, "Add a machine")), addMachineHint()),
   );
   return { element, dispose: () => life.dispose() };
-}
-
-/** @returns {import("../base/dom.js").Row<Worker>} */
-function workerRow() {
-  const name = h("span", { class: "name" });
-  const cpu = h("div", { class: "quiet small" });
-  const chip = stateChip("starting");
-  const slots = h("span", { class: "small number" });
-  const speed = h("span", { class: "small number" });
-  const doing = h("ul", { class: "slots number" });
-  return {
-    element: h("li", { class: "worker-row" }, h("div", null, name, cpu), chip.element, slots, speed, doing),
-    update(worker) {
-      setText(name, worker.name);
-      setText(cpu, worker.cpu);
-      chip.update(worker.state);
-      setText(slots, plural(worker.slots, "slot"));
-      setText(speed, worker.samples_per_s ? `${compact(worker.samples_per_s * worker.slots)} samples/s` : "");
-      fill(doing, worker.current.map(slotLine));
-    },
-  };
-}
-
-/** @param {Record<string, any>} slot */
-function slotLine(slot) {
-  if (slot.job) {
-    const job = jobs.value?.find(({ id }) => id === slot.job);
-    const [x, y] = slot.tile ?? [0, 0];
-    return h(
-      "li",
-      null,
-      h("a", { href: linkTo("jobs", slot.job) }, job?.name ?? slot.job),
-      h("span", { class: "quiet" }, slot.compiling ? " compiles its kernel" : ` tile ${x}, ${y}`),
-    );
-  }
-  if (slot.scene) return h("li", null, "prepares ", h("a", { href: linkTo("scenes", slot.scene) }, "a scene"));
-  return h("li", { class: "quiet" }, "idle");
 }

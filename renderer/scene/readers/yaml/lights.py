@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, Sky, Vec3
+from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
 from renderer.scene.files import SceneFiles
+from renderer.scene.presets import light_by_name
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, radiance, vec3
 from renderer.scene.textures import TextureShelf
@@ -57,8 +59,8 @@ def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Pat
 
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
     """What is under `environment`."""
-    if "image" in source and "sky" in source:
-        raise document.error(("environment",), "has one of image and sky")
+    if sum(name in source for name in ("image", "sky", "preset")) > 1:
+        raise document.error(("environment",), "has one of image, sky and preset")
     image = None
     if "image" in source:
         name = files.find(source["image"], document.file)
@@ -66,6 +68,12 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
             raise document.error(("environment", "image"), f"{source['image'][:120]} is not among the files; add it")
         image = shelf.image_file(name)
     fields = dict(source["sky"]) if "sky" in source else None
+    if "preset" in source:
+        by_name = SceneDescription(name="light")
+        light_by_name(source["preset"], by_name)
+        light = by_name.environment or Environment()
+        image = shelf.add(by_name.images[light.image]) if light.image is not None else None
+        fields = asdict(light.sky) if light.sky is not None else None
     if fields and "ground_albedo" in fields:
         fields["ground_albedo"] = color(fields["ground_albedo"])
     return Environment(

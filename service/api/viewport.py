@@ -1,0 +1,229 @@
+"""WS /api/scenes/{id}/viewport: send a camera, get pictures. No job is made, and nothing stays when the page leaves.
+
+The page sends JSON:
+
+    {"id": n, ...}        a view to be seen from now on, in place of all earlier ones: what a job's request has (POST /api/jobs),
+                          of which size, camera or view, settings, and frame, clip, fps, turntable count; spp bounds the samples
+                          a pixel (256 at most)
+    {"ack": seq}          the picture of this number, and all before, have been shown
+    {"pick": [x, y]}      what lies under a pixel of the view?
+    {"paused": true}      nobody sees the page now; false: somebody does again
+
+and gets JSON:
+
+    {"type": "state", "id", "samples", "bound", "slots", "message"}   message: why nothing new comes; null: it does
+    {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, makes no sense
+    {"type": "picked", "x", "y", "depth", "position"}                 null: nothing is there
+
+and pictures (service/viewing/view_packet.py): a small one first, then the whole view with ever more samples, of which each brings
+the tiles that have changed. At most two of them are unacknowledged: a slow watcher gets fewer pictures, never older ones.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections import deque
+from typing import Any
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from pydantic import Field, ValidationError
+from starlette.concurrency import run_in_threadpool
+
+from service.api.lookup import find_scene
+from service.api.schemas import JobIn
+from service.errors import FarmError, NotFound
+from service.farm import Farm, FarmDependency
+from service.viewing.look import Look, look_at
+from service.viewing.watch import Watch
+
+__all__ = ["router"]
+
+router = APIRouter()
+
+MAX_UNACKNOWLEDGED = 2
+STATE_EVERY_S = 0.2
+SPEAK_EVERY_S = 5.0
+WAIT_S = 0.25
+PREPARING_S = 0.1
+AGAIN_S = 1.0  # after which a view that cannot be rendered yet is looked at again
+MOST_BYTES = 1 << 16  # of a message
+NOT_FOUND = 4404
+
+
+class ViewIn(JobIn):
+    """What the page wants to see: a job's request, and the page's number for it."""
+
+    id: int = Field(ge=0, lt=1 << 32)
+    scene: str = Field("", max_length=100)
+
+
+@router.websocket("/api/scenes/{id}/viewport")
+async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
+    """Look at a scene."""
+    await socket.accept()
+    try:
+        await run_in_threadpool(find_scene, id, farm)
+    except NotFound as error:
+        await socket.close(NOT_FOUND, str(error)[:120])
+        return
+    except FarmError as error:
+        await socket.close(1013, str(error)[:120])
+        return
+    viewer = _Viewer(socket, id, farm)
+    tasks = [asyncio.create_task(each) for each in (viewer.receive(), viewer.settle(), viewer.send())]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        farm.desk.leave(viewer.watch)
+        for task in tasks:
+            task.cancel()
+        for task in tasks:
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                await task
+        viewer.release()
+
+
+class _Viewer:
+    def __init__(self, socket: WebSocket, scene: str, farm: Farm) -> None:
+        self._socket = socket
+        self._scene = scene
+        self._farm = farm
+        self._changed = asyncio.Event()
+        self._asked = asyncio.Event()
+        self._ask: ViewIn | None = None
+        self._errors: deque[dict[str, Any]] = deque(maxlen=16)
+        self._unacknowledged: deque[int] = deque()
+        self._seq = 0
+        self._told: dict[str, Any] = {}
+        self._told_at = 0.0
+        self._notice: str | None = None  # why the view that was asked for is not looked at yet
+        self._rests_s = AGAIN_S
+        self._held: str | None = None  # the scene's row
+        loop = asyncio.get_running_loop()
+
+        def wake() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(self._changed.set)
+
+        self.watch = Watch(wake)
+
+    async def receive(self) -> None:
+        """Take in messages until the page leaves."""
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(message["code"])
+            try:
+                self._hear(message.get("text") or "")
+            except ValidationError as error:
+                first = error.errors()[0]
+                self._refuse(f"{'.'.join(map(str, first['loc'])) or 'the message'}: {first['msg'].removeprefix('Value error, ')}")
+            except (ValueError, TypeError, RecursionError) as error:
+                self._refuse(f"The message is not understood ({error}).")
+
+    def _hear(self, text: str) -> None:
+        """Raises ValueError, TypeError or RecursionError."""
+        if len(text) > MOST_BYTES:
+            raise ValueError(f"it has {len(text)} characters")
+        said = json.loads(text)
+        if not isinstance(said, dict):
+            raise ValueError("it is no JSON object")
+        if "ack" in said:
+            while self._unacknowledged and self._unacknowledged[0] <= int(said["ack"]):
+                self._unacknowledged.popleft()
+            self._changed.set()
+        elif "pick" in said:
+            x, y = said["pick"]
+            self._farm.desk.pick(self.watch, int(x), int(y))
+        elif "paused" in said:
+            self._farm.desk.pause(self.watch, bool(said["paused"]))
+        else:
+            self._ask = ViewIn.model_validate(said)
+            self._asked.set()
+
+    def _refuse(self, detail: str, id: int | None = None) -> None:
+        self._errors.append({"type": "error", "id": id, "detail": detail})
+        self._changed.set()
+
+    async def settle(self) -> None:
+        """Find out what the newest view that was asked for means, and have it rendered."""
+        while True:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._asked.wait(), self._rests_s)
+            is_new = self._asked.is_set()
+            self._asked.clear()
+            ask = self._ask
+            if ask is None or not (is_new or self._is_unprepared()):
+                continue
+            self._notice, self._rests_s = None, AGAIN_S
+            try:
+                look = await run_in_threadpool(self._look, ask)
+            except FarmError as error:
+                self._refuse(str(error), ask.id)
+                continue
+            if look is None:
+                self._notice, self._rests_s = "The scene is prepared for this light.", PREPARING_S
+            else:
+                self._farm.desk.show(self.watch, look)
+
+    def _is_unprepared(self) -> bool:
+        """Whether the scene may have been compiled meanwhile for the workers that are here."""
+        return self._notice is not None or (self.watch.look is not None and self.watch.message is not None)
+
+    def _look(self, ask: ViewIn) -> Look | None:
+        """What is to be rendered; None while the scene is prepared for it. Raises FarmError."""
+        request = ask.model_dump(mode="json", exclude={"id"})
+        lighting = self._farm.lighting
+        row = lighting.row(self._scene, request["environment"], request["variant"])
+        if row.id != self._held:
+            lighting.hold(row.id)
+            self.release()
+            self._held = row.id
+        return None if row.status == "preparing" else look_at(ask.id, request, row, ask.is_shot, ask.numbers()[0])
+
+    def release(self) -> None:
+        """What is looked at need not be kept any longer."""
+        if self._held is not None:
+            self._farm.lighting.release(self._held)
+            self._held = None
+
+    async def send(self) -> None:
+        """Speak until the service ends."""
+        while not self._farm.broadcast.closing:
+            while self._errors:
+                await self._socket.send_text(json.dumps(self._errors.popleft()))
+            while self.watch.picked:
+                await self._socket.send_text(json.dumps({"type": "picked", **self.watch.picked.pop(0)}))
+            picture = None
+            if len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.watch.is_due():
+                picture = await run_in_threadpool(self.watch.take, self._seq + 1)
+            if picture is not None:
+                self._seq += 1
+                self._unacknowledged.append(self._seq)
+                await self._socket.send_bytes(picture)
+            await self._send_state()
+            if picture is None:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._changed.wait(), WAIT_S)
+                self._changed.clear()
+        await self._socket.close(1012, "The service is going down.")
+
+    async def _send_state(self) -> None:
+        watch, now = self.watch, time.monotonic()
+        state: dict[str, Any]
+        if watch.look is None:
+            state = {"id": None, "samples": 0, "bound": 0, "slots": 0, "message": self._notice}
+        else:
+            about = {"id": watch.look.id, "samples": watch.samples, "bound": watch.bound}
+            state = {**about, "slots": watch.slots, "message": self._notice or watch.message}
+            if watch.error is not None and self._told.get("error") != (watch.look.id, watch.error):
+                self._told["error"] = (watch.look.id, watch.error)
+                await self._socket.send_text(json.dumps({"type": "error", "id": watch.look.id, "detail": watch.error}))
+        has_changed = state != self._told.get("state")
+        is_urgent = has_changed and state["message"] != (self._told.get("state") or {}).get("message")
+        if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
+            self._told["state"], self._told_at = state, now
+            await self._socket.send_text(json.dumps({"type": "state", **state}))

@@ -1,0 +1,54 @@
+"""How fast the workers were during the last hour: a few numbers each, in memory alone."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping
+
+from worker.contract import WorkerReport
+
+__all__ = ["KEPT", "Speeds"]
+
+EVERY_S = 60.0
+KEPT = 60
+FORGOTTEN_AFTER_S = 3600.0
+
+
+class Speeds:
+    """Samples a second of all a worker's slots that render, a mean over each minute; the minute that runs comes last."""
+
+    def __init__(self, now: float | None = None) -> None:
+        self._begun = time.monotonic() if now is None else now
+        self._running: dict[str, list[float]] = {}
+        self._past: dict[str, deque[float]] = {}
+        self._seen: dict[str, float] = {}
+
+    def note(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
+        """What the workers say now."""
+        now = time.monotonic() if now is None else now
+        if now - self._begun >= EVERY_S:
+            self._begun = now
+            self._close(now)
+        for report in reports:
+            busy = sum(1 for doing in report.current if "batch" in doing and not doing.get("compiling"))
+            self._running.setdefault(report.name, []).append(busy * report.samples_per_s)
+            self._seen[report.name] = now
+
+    @property
+    def latest(self) -> Mapping[str, tuple[float, ...]]:
+        """Of each worker, the oldest first; as many as there are minutes since it came, at most KEPT."""
+        return {name: (*self._past.get(name, ()), *_mean(self._running.get(name))) for name in self._seen}
+
+    def _close(self, now: float) -> None:
+        for name, seen in list(self._seen.items()):
+            if now - seen > FORGOTTEN_AFTER_S:
+                del self._seen[name]
+                self._past.pop(name, None)
+            else:
+                self._past.setdefault(name, deque(maxlen=KEPT - 1)).extend(_mean(self._running.get(name)) or (0.0,))
+        self._running = {}
+
+
+def _mean(said: list[float] | None) -> tuple[float, ...]:
+    return (float(round(sum(said) / len(said))),) if said else ()

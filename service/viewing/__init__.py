@@ -1,0 +1,1 @@
+"""Views that somebody looks at now: pictures without jobs, which leave nothing behind."""

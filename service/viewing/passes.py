@@ -1,0 +1,126 @@
+"""In which pieces a view is rendered: small at first, then whole, then ever more samples.
+
+The first picture is as large as the farm renders in FIRST_S, by what a sample of this scene costs; where the whole view takes
+much longer than that, one of a size between follows. Of the whole view come 1, 2, 4, 8 ... samples a pixel. Pieces take about
+PIECE_S, so that a new view does not wait long for those of the last one; what is handed out together is worth the way there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from renderer.settings import Tile, tiles_of
+
+__all__ = ["FIRST_S", "Level", "Passes", "Piece", "levels_of"]
+
+FIRST_S = 0.035
+PIECE_S = 0.03
+MESSAGE_S = 0.1
+SMALLEST = 32 * 32  # pixels
+STEP = 8.0  # between two levels, in pixels: beyond, there is one between
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Sample numbers first ... first + count - 1 of a tile of a level."""
+
+    level: int
+    tile: int
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
+class Level:
+    """A size at which the view is rendered, cut into tiles from the middle outwards, and with how many samples."""
+
+    width: int
+    height: int
+    samples: int
+    tiles: list[Tile]
+
+
+def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) -> list[Level]:
+    """The sizes, the view's own last. cost_s: of a sample of a pixel on one slot."""
+    whole = width * height
+    first = max(SMALLEST, slots * FIRST_S / cost_s)
+    sizes = []
+    if whole > 1.5 * first:
+        sizes.append(first)
+        if whole > STEP * first:
+            sizes.append(math.sqrt(first * whole))
+    levels = []
+    for number, pixels in enumerate(sizes):
+        scale = math.sqrt(pixels / whole)
+        w, h = max(1, round(width * scale)), max(1, round(height * scale))
+        levels.append(Level(w, h, 1, _tiles(w, h, cost_s, 2 * slots if number == 0 else slots)))
+    return [*levels, Level(width, height, samples, _tiles(width, height, cost_s, 2 * slots))]
+
+
+class Passes:
+    """What of a view is to be handed out next."""
+
+    def __init__(self, levels: list[Level], cost_s: float) -> None:
+        self.levels = levels
+        self._cost_s = cost_s
+        self._pieces = self._all()
+        self._lost: deque[Piece] = deque()
+        self._held: Piece | None = None
+
+    def next(self) -> list[Piece]:
+        """Pieces of one level for one message; none where all are handed out."""
+        chosen: list[Piece] = []
+        expected = 0.0
+        while (piece := self._take()) is not None:
+            if chosen and (piece.level != chosen[0].level or expected >= self._together(piece.level)):
+                self._held = piece
+                break
+            chosen.append(piece)
+            expected += self.expected_s(piece)
+        return chosen
+
+    def lose(self, pieces: list[Piece]) -> None:
+        """They did not come back: they are the next to be handed out."""
+        self._lost.extend(pieces)
+
+    def expected_s(self, piece: Piece) -> float:
+        """How long it is expected to take on one slot."""
+        tile = self.levels[piece.level].tiles[piece.tile]
+        return self._cost_s * tile.w * tile.h * piece.count
+
+    def _together(self, level: int) -> float:
+        return 0.0 if level == 0 and len(self.levels) > 1 else MESSAGE_S
+
+    def _take(self) -> Piece | None:
+        if self._held is not None:
+            piece, self._held = self._held, None
+            return piece
+        if self._lost:
+            return self._lost.popleft()
+        return next(self._pieces, None)
+
+    def _all(self) -> Iterator[Piece]:
+        for number, level in enumerate(self.levels):
+            first = 0
+            while first < level.samples:
+                count = min(max(first, 1), level.samples - first)
+                for tile, rect in enumerate(level.tiles):
+                    at_once = max(1, int(PIECE_S * 1.5 / (self._cost_s * rect.w * rect.h)))
+                    for begin in range(first, first + count, at_once):
+                        yield Piece(number, tile, begin, min(at_once, first + count - begin))
+                first += count
+
+
+def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:
+    """Tiles that take PIECE_S for a sample each, and at least so many where the picture is not tiny."""
+    pixels = min(PIECE_S / cost_s, width * height / at_least)
+    side = min(256, max(16, 4 * round(math.sqrt(pixels) / 4)))
+    middle = (width / 2, height / 2)
+
+    def from_the_middle(tile: Tile) -> float:
+        return (tile.x + tile.w / 2 - middle[0]) ** 2 + (tile.y + tile.h / 2 - middle[1]) ** 2
+
+    return sorted(tiles_of(width, height, side), key=from_the_middle)

@@ -1,0 +1,151 @@
+"""The live view of a scene: how soon a new camera shows, and how fast the picture clears up.
+
+    python3 farm.py bench view [--scene spheres] [--slots 2] [--views 60] [--size 960x540] [--busy]
+
+A farm with so many slots, one watcher. First each camera is sent when the last picture rests: the time until its first picture
+is here. Then cameras come 30 a second, as from a moving hand: the age of the camera that each picture shows. At last the time to
+1, 4, 16 and 64 samples a pixel. --busy: while a job renders, for whose batches the views wait. Target: a new view within 150 ms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import struct
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+from websockets.sync.client import ClientConnection, connect
+
+from tests.helpers import ROOT, Farm, start_farm, stop_farm
+
+HEADER = struct.Struct("<BBHIIHHHH")
+
+
+class Viewer:
+    """A watcher that acknowledges at once, and sees to it that the pictures are of the views that it asked for."""
+
+    def __init__(self, socket: ClientConnection, view: dict[str, Any], size: tuple[int, int]) -> None:
+        self.socket, self.view, self.size = socket, view, size
+        self.id = 0
+        self.sent: dict[int, float] = {}
+        self.bytes = 0
+
+    def send(self, angle: float) -> int:
+        """Another camera: the scene's own, turned."""
+        (ex, ey, ez), (tx, _, tz) = self.view["eye"], self.view["target"]
+        x, z = ex - tx, ez - tz
+        c, s = math.cos(angle), math.sin(angle)
+        view = {**self.view, "eye": [tx + c * x - s * z, ey, tz + s * x + c * z]}
+        self.id += 1
+        self.sent[self.id] = time.perf_counter()
+        self.socket.send(json.dumps({"id": self.id, "view": view, "width": self.size[0], "height": self.size[1]}))
+        return self.id
+
+    def picture(self, timeout: float = 240.0) -> tuple[int, tuple[int, int]] | None:
+        """The next picture: whose it is and its size; None where none comes in time."""
+        until = time.perf_counter() + timeout
+        while (left := until - time.perf_counter()) > 0:
+            try:
+                message = self.socket.recv(timeout=left)
+            except TimeoutError:
+                return None
+            if isinstance(message, bytes):
+                _, _, _, id, seq, width, height, _, _ = HEADER.unpack_from(message)
+                self.bytes += len(message)
+                self.socket.send(json.dumps({"ack": seq}))
+                return id, (width, height)
+            said = json.loads(message)
+            assert said["type"] != "error", said
+            self.state = said
+        return None
+
+    def until_samples(self, wanted: int) -> float:
+        """When the view has so many."""
+        while True:
+            message = self.socket.recv(timeout=240)
+            if isinstance(message, bytes):
+                self.bytes += len(message)
+                self.socket.send(json.dumps({"ack": HEADER.unpack_from(message)[4]}))
+                continue
+            said = json.loads(message)
+            if said["type"] == "state" and said["id"] == self.id and said["samples"] >= wanted:
+                return time.perf_counter()
+
+
+def main() -> None:
+    """Measure, print, done."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--scene", default="spheres")
+    parser.add_argument("--slots", type=int, default=2)
+    parser.add_argument("--views", type=int, default=60)
+    parser.add_argument("--size", default="960x540")
+    parser.add_argument("--busy", action="store_true")
+    options = parser.parse_args()
+    size = tuple(map(int, options.size.split("x")))
+    with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name:
+        farm = start_farm(Path(name) / "farm", options.slots)
+        try:
+            measure(farm, options.scene, (size[0], size[1]), options.views, options.busy)
+        finally:
+            stop_farm(farm)
+
+
+def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: bool) -> None:
+    """Three tables of a line each."""
+    with farm.client() as client:
+        scene = httpx.post(f"{farm.url}/api/examples/{name}", verify=False).raise_for_status().json()["id"]
+        client.wait_for_scene(scene)
+        view = httpx.get(f"{farm.url}/api/scenes/{scene}", verify=False).json()["cameras"][0]["view"]
+        job = client.submit(scene, width=1920, height=1080, spp=1 << 16, name="bench").id if is_busy else ""
+    with connect(f"ws{farm.url[4:]}/api/scenes/{scene}/viewport", proxy=None, max_size=None) as socket:
+        viewer = Viewer(socket, view, size)
+        viewer.send(0.0)
+        viewer.until_samples(4)  # the kernel is ready, and the scene's speed is known
+        firsts = []
+        for number in range(views):
+            id = viewer.send(0.05 * (number + 1))
+            while (picture := viewer.picture()) is None or picture[0] != id:
+                pass
+            firsts.append(time.perf_counter() - viewer.sent[id])
+            viewer.picture(0.15)
+        print(
+            f"{name} at {size[0]}x{size[1]}, first pictures of {picture[1][0]}x{picture[1][1]}{', while a job renders' * is_busy}"
+        )
+        print(f"  a new view shows after      {told(firsts)}   (target < 150)")
+        print(f"  while the hand moves        {told(moving(viewer, views))}   old, of what is shown")
+        begun, viewer.bytes = time.perf_counter(), 0
+        viewer.send(9.0)
+        times = [f"{samples}: {viewer.until_samples(samples) - begun:.2f} s" for samples in (1, 4, 16, 64)]
+        print(f"  samples a pixel after       {', '.join(times)}   ({viewer.bytes / 1e6:.1f} MB)")
+    if job:
+        httpx.delete(f"{farm.url}/api/jobs/{job}", verify=False)
+
+
+def moving(viewer: Viewer, views: int) -> list[float]:
+    """Ages of what is shown, while a camera comes every 33 ms."""
+    ages, begun = [], time.perf_counter()
+    for number in range(views):
+        viewer.send(0.02 * number)
+        while (left := begun + (number + 1) / 30 - time.perf_counter()) > 0:
+            picture = viewer.picture(left)
+            if picture is not None:
+                ages.append(time.perf_counter() - viewer.sent[picture[0]])
+    return ages
+
+
+def told(seconds: list[float]) -> str:
+    """Percentiles in milliseconds."""
+    p50, p95 = np.percentile(np.array(seconds) * 1000, (50, 95))
+    return f"p50 {p50:4.0f} ms, p95 {p95:4.0f} ms of {len(seconds)}"
+
+
+if __name__ == "__main__":
+    os.chdir(ROOT)
+    main()

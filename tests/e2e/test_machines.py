@@ -1,0 +1,60 @@
+"""The board of machines in a browser, of workers that only say they are there."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+import redis
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import Watched
+from tests.service.conftest import Service, until
+from worker.contract import WorkerReport, order_key, worker_key
+from worker.vitals import Vitals, log_key, log_wanted_key, vitals_key
+
+pytestmark = pytest.mark.browser
+
+OLD = f"{2001:020x}"  # a job that is not among those that the page knows
+
+
+def say(store: redis.Redis, name: str, current: list[dict[str, Any]], **more: Any) -> None:
+    report = WorkerReport(name, "host", 1, len(current), "A processor", "kind", "ready", time.time(), 1e6, current, **more)
+    store.set(worker_key(name), report.to_bytes(), ex=60)
+
+
+def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service, watched: Watched) -> None:
+    page = watched.page
+    with redis.Redis.from_url(many.options["redis_url"]) as store:
+        batch = {"batch": "b", "job": OLD, "frame": 0, "tile": [64, 128, 64, 64], "first": 0, "count": 8}
+        say(store, "alpha", [batch, {}])
+        say(store, "beta", [{}])
+        store.set(vitals_key("alpha"), Vitals(16_000_000_000, 64_000_000_000).to_bytes(), ex=60)
+        store.set(order_key("beta"), "Set aside: 3 of its batches failed while others rendered theirs.")
+        page.goto(f"{many.url}/#/workers")
+        alpha, beta = (page.locator(".machine").filter(has_text=name) for name in ("alpha", "beta"))
+        expect(alpha).to_contain_text("16 GB of 64 GB")
+        expect(alpha.get_by_role("link", name="Milk truck take 2001")).to_be_visible()
+        box = alpha.locator(".tile-box").first
+        expect(box).to_have_attribute("style", "left: 10%; top: 35.5556%; width: 10%; height: 17.7778%;")
+        expect(alpha).to_contain_text("Slot 2, idle")
+        expect(beta).to_contain_text("Set aside: 3 of its batches failed")
+
+        alpha.get_by_role("button", name="Pause").click()
+        expect(alpha).to_contain_text("Draining")
+        expect(alpha).to_contain_text("1 slot still finishes what it has in hand.")
+        say(store, "alpha", [{}, {}])
+        expect(alpha.locator(".chip")).to_have_text("Paused")
+        beta.get_by_role("button", name="Take back").click()
+        expect(beta.locator(".chip")).to_have_text("Ready")
+        until(lambda: not store.exists(order_key("beta")), "it may take work again")
+
+        alpha.get_by_text("Log").click()
+        until(lambda: bool(store.exists(log_wanted_key("alpha"))), "the worker is asked")
+        store.set(log_key("alpha"), json.dumps(["a line", "the last line"]), ex=60)
+        expect(alpha.locator("pre")).to_have_text("a line\nthe last line")
+        for name in ("alpha", "beta"):
+            store.delete(worker_key(name), order_key(name))
+    assert watched.errors == []

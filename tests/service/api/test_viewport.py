@@ -1,0 +1,311 @@
+"""Looking at a scene: pictures over the WebSocket, by a worker that speaks the contract, and nothing left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from renderer import film as film_math
+from renderer.image import rgbe9995
+from renderer.settings import Tile
+from service.scheduling.records import Records
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_sums
+from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_queue
+
+HEADER, TILE = struct.Struct("<BBHIIHHHH"), struct.Struct("<HHHHI")
+SIZE = {"width": 96, "height": 64}
+
+
+class Viewer:
+    """Reads what comes, and puts the picture together as the page does."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection = connection
+        self.acknowledges = True
+        self.states: list[dict[str, Any]] = []
+        self.errors: list[dict[str, Any]] = []
+        self.picked: list[dict[str, Any]] = []
+        self.pictures: list[tuple[int, tuple[int, int]]] = []  # whose, and their sizes
+        self.seq = 0
+        self.words = np.zeros((0, 0), np.uint32)
+        self.samples = np.zeros((0, 0), np.uint32)
+
+    def say(self, **message: Any) -> None:
+        self.connection.send(json.dumps(message))
+
+    def show(self, id: int, **view: Any) -> None:
+        self.say(id=id, **{**SIZE, **view})
+
+    def read(self, seconds: float = 0.05) -> None:
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            try:
+                message = self.connection.recv(timeout=left)
+            except TimeoutError:
+                return
+            if isinstance(message, bytes):
+                self._take(message)
+                continue
+            said = json.loads(message)
+            {"state": self.states, "error": self.errors, "picked": self.picked}[said.pop("type")].append(said)
+
+    def _take(self, message: bytes) -> None:
+        version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)
+        assert (version, kind) == (1, 2)
+        assert seq == self.seq + 1
+        self.seq = seq
+        if self.words.shape != (height, width) or (self.pictures and self.pictures[-1][0] != id):
+            self.words, self.samples = np.zeros((2, height, width), np.uint32)
+        self.pictures.append((id, (width, height)))
+        at = HEADER.size + count * TILE.size
+        for number in range(count):
+            x, y, w, h, samples = TILE.unpack_from(message, HEADER.size + number * TILE.size)
+            self.words[y : y + h, x : x + w] = np.frombuffer(message, "<u4", w * h, at).reshape(h, w)
+            assert (self.samples[y : y + h, x : x + w] <= samples).all(), "never an older picture"
+            self.samples[y : y + h, x : x + w] = samples
+            at += 4 * w * h
+        assert at == len(message)
+        if self.acknowledges:
+            self.say(ack=seq)
+
+    def wait(self, id: int, samples: int) -> None:
+        """Until the whole view has so many samples, and is seen so."""
+
+        def has_come() -> bool:
+            self.read()
+            is_whole = self.pictures and self.pictures[-1][0] == id and self.words.shape == (64, 96)
+            return bool(is_whole and self.samples.min() >= samples)
+
+        until(has_come, f"view {id} has {samples} samples", say=lambda: (self.states[-2:], self.errors, self.pictures[-3:]))
+
+
+@contextlib.contextmanager
+def look(service: Service, scene: str) -> Iterator[Viewer]:
+    address = f"ws://127.0.0.1:{service.port}/api/scenes/{scene}/viewport"
+    with connect(address, max_size=None) as connection:
+        yield Viewer(connection)
+
+
+def left_behind(service: Service) -> list[str]:
+    """All keys of views in Redis, files of films, and jobs."""
+    redis = service.farm.desk._redis
+    keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
+    films = [str(path) for path in (service.options["data"] / "films").iterdir()]
+    return keys + films + [job["id"] for job in service.http.get("/api/jobs").json()]
+
+
+def blobs(service: Service) -> set[str]:
+    return {path.name for path in (service.options["data"] / "blobs").rglob("*") if path.is_file()}
+
+
+def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    before = blobs(service)
+    with look(service, scene) as viewer:
+        viewer.show(7, spp=16, seed=3)
+        viewer.wait(7, 16)
+        np.testing.assert_array_equal(
+            viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 16, 3), 24)), "sums added once each"
+        )
+        until(lambda: (viewer.read(), viewer.states[-1]["samples"] == 16)[1], "the state says so")
+        assert viewer.states[-1] == {"id": 7, "samples": 16, "bound": 16, "slots": 2, "message": None}
+        # The worker takes 10 us a sample of a pixel: the next view is known to be too large for the first picture.
+        viewer.show(8, view={"eye": [1, 2, 3], "target": [0, 0, 0]}, max_depth=11)
+        viewer.wait(8, 1)
+        settings = worker.parts[-1][0].settings
+        assert (settings.max_depth, settings.view.eye) == (11, (1.0, 2.0, 3.0))
+    until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
+    assert blobs(service) == before
+
+
+def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, spp=1)
+        viewer.wait(1, 1)
+        viewer.show(2, spp=1, width=480, height=320)
+        until(lambda: (viewer.read(), viewer.pictures[-1] == (2, (480, 320)))[1], "the whole view comes")
+    sizes = [size for id, size in viewer.pictures if id == 2]
+    width, height = sizes[0]
+    assert 2 * 0.02 < 1e-5 * width * height < 2 * 0.06, "seconds of two slots"
+    assert width / height == pytest.approx(1.5, rel=0.05)
+    assert sizes == sorted(sizes)
+
+
+def test_a_newer_view_takes_the_place_of_an_older_one_at_once(service: Service, worker: PeerWorker) -> None:
+    def slow(work: ViewParts, part: Part) -> None:
+        time.sleep(0.02)
+
+    worker.on_part = slow
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1)
+        viewer.wait(1, 1)
+        viewer.show(2, seed=5)
+        viewer.wait(2, 1)
+        rendered = [work.settings.seed for work, _ in worker.parts]
+        switch = rendered.index(5)
+        assert set(rendered[switch:]) == {5}, "what was handed out for the first view is dropped"
+        ids = [id for id, _ in viewer.pictures]
+        assert ids == sorted(ids)
+
+
+def test_a_slow_watcher_gets_fewer_pictures(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.acknowledges = False
+        viewer.show(1, spp=64)
+        until(lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["samples"] == 64)[1], "all is rendered")
+        viewer.read(0.3)
+        assert len(viewer.pictures) <= 2
+        viewer.acknowledges = True
+        viewer.say(ack=viewer.seq)
+        viewer.wait(1, 64)
+
+
+def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.connection.send("what?")
+        viewer.say(id=1, width=0)
+        viewer.say(id=2, widht=3)
+        viewer.say(id=3, camera="nobody's")
+        until(lambda: (viewer.read(), len(viewer.errors) == 4)[1], "each is answered", say=lambda: viewer.errors)
+        viewer.say(id=4, width=16000, height=16000)
+        viewer.say(pick=["x"])
+        viewer.connection.send(b"\0\1")
+        until(lambda: (viewer.read(), len(viewer.errors) >= 7)[1], "all are answered", say=lambda: viewer.errors)
+        details = " ".join(error["detail"] for error in viewer.errors)
+        assert "not understood" in details
+        assert "width" in details
+        assert "widht" in details
+        assert "nobody's" in details
+        viewer.show(5, spp=2)
+        viewer.wait(5, 2)
+    with look(service, "there-is-none") as viewer, pytest.raises(ConnectionClosed, match="no scene"):
+        viewer.connection.recv(timeout=5)
+
+
+def test_a_failure_is_told_and_the_next_view_goes_on(service: Service, worker: PeerWorker) -> None:
+    def fail(work: ViewParts, part: Part) -> None:
+        if work.settings.seed == 13:
+            raise ValueError("The renderer does not like 13.")
+
+    worker.on_part = fail
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, seed=13)
+        until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes")
+        assert viewer.errors == [{"id": 1, "detail": "The renderer does not like 13."}]
+        viewer.show(2, spp=2)
+        viewer.wait(2, 2)
+
+
+def test_a_worker_that_vanishes_only_costs_its_part(service: Service) -> None:
+    with service.worker(name="first") as first:
+        scene = service.ready_scene()
+        with look(service, scene) as viewer:
+            first.on_part = lambda work, part: False if len(first.parts) > 6 else None
+            viewer.show(1, spp=8)
+            until(lambda: (viewer.read(), len(first.parts) > 6)[1], "it has begun")
+            first.stop()
+            until(
+                lambda: (viewer.read(), "worker" in (viewer.states[-1]["message"] or ""))[1],
+                "the state says so",
+                say=lambda: viewer.states[-3:],
+            )
+            with service.worker(name="second"):
+                viewer.wait(1, 8)
+            expected = film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 8, 0), 24)
+            np.testing.assert_array_equal(viewer.words, rgbe9995.pack(expected))
+
+
+def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service, worker: PeerWorker) -> None:
+    worker.on_part = lambda work, part: time.sleep(0.002)
+    scene = service.ready_scene()
+    with look(service, scene) as one, look(service, scene) as other:
+        one.show(1, seed=1)
+        other.show(1, seed=2)
+        one.wait(1, 4)
+        other.wait(1, 4)
+        seeds = [work.settings.seed for work, _ in worker.parts]
+        share = seeds.count(1) / len(seeds)
+        assert 0.25 < share < 0.75
+        other.say(paused=True)
+        time.sleep(0.3)
+        begun = len(worker.parts)
+        until(lambda: (one.read(), len(worker.parts) > begun + 10)[1], "the other goes on")
+        assert {work.settings.seed for work, _ in worker.parts[begun:]} == {1}
+        other.say(paused=False)
+        other.wait(1, 8)
+
+
+def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    scene = service.ready_scene()
+    job = service.submit(scene, spp=4000, width=256, height=256)
+    service.wait_for(job, "running")
+    with look(service, scene) as viewer:
+        viewer.show(1, spp=256)
+        viewer.wait(1, 1)
+        worker.on_part = lambda work, part: time.sleep(0.05)
+        viewer.connection.socket.close()  # as a killed browser: without a word
+    service.http.delete(f"/api/jobs/{job}").raise_for_status()
+    until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
+    assert service.farm.desk._watches == {}
+
+
+def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, view={"eye": [0, 0, 5], "target": [0, 0, 0], "aperture": 0.5, "focus": 3})
+        viewer.wait(1, 1)
+        viewer.say(pick=[5, 60])
+        until(lambda: (viewer.read(), bool(viewer.picked))[1], "it is answered")
+        assert viewer.picked == [{"x": 5, "y": 60, "depth": 2.0, "position": [0.0, 0.0, 0.0]}]
+        (asked,) = [(work, part) for work, part in worker.parts if work.is_whole]
+        assert asked[1].tile == (5, 60, 1, 1)
+        assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
+
+
+def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, worker: PeerWorker) -> None:
+    worker.on_frame = lambda frame: b"compiled for frame %d" % frame if frame else None
+    scene = service.ready_scene()
+    before = blobs(service)
+    with look(service, scene) as viewer:
+        for id, frame in enumerate((3, 4, 3)):
+            viewer.show(id, frame=frame, spp=2)
+            viewer.wait(id, 2)
+            assert worker.parts[-1][0].settings.view.eye == (float(frame), 0.0, 5.0)
+        assert worker.frames == [3.0, 4.0], "a frame that was seen is there"
+        assert len(blobs(service) - before) == 2
+        assert worker.parts[-1][0].compiled in blobs(service)
+    until(lambda: blobs(service) == before, "what was compiled for them goes", say=lambda: blobs(service) - before)
+    assert not left_behind(service)
+
+
+def test_nobody_who_can_render_it_is_said(service: Service) -> None:
+    with service.worker():
+        scene = service.ready_scene()
+    with look(service, scene) as viewer:
+        viewer.show(1)
+        until(
+            lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["message"] == "Waits for a worker.")[1], "it waits"
+        )
+        with service.worker(name="old", views=False):
+            until(lambda: (viewer.read(), "older release" in (viewer.states[-1]["message"] or ""))[1], "it is too old")
+            with service.worker(name="other", kind="another-kind"):  # the scene is compiled for it, as for a job
+                viewer.wait(1, 2)
+
+
+def test_a_restarted_service_forgets_old_views(service: Service, worker: PeerWorker) -> None:
+    redis = service.farm.desk._redis
+    redis.lpush(view_queue("gone"), b"{}")
+    redis.rpush(VIEW_ANSWERS, b"old news")
+    service.restart()
+    until(lambda: not left_behind(service), "it is forgotten", say=lambda: left_behind(service))
+    assert isinstance(service.farm.records, Records)

@@ -1,0 +1,136 @@
+"""The page's files: kept for good by browsers under their version's address, compressed, and never of two versions at once."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import httpx
+import pytest
+from starlette.applications import Starlette
+
+from service.pages import WebPages
+
+INDEX = """<!doctype html>
+<link rel="icon" href="icon.svg" />
+<link rel="stylesheet" href="css/a.css" />
+<script src="js/theme.js"></script>
+<script type="module" src="js/main.js"></script>
+<a href="/docs">docs</a>
+"""
+
+
+@pytest.fixture
+def web(tmp_path: Path) -> Path:
+    files = {
+        "index.html": INDEX,
+        "icon.svg": "<svg/>",
+        "css/a.css": "a {}",
+        "js/theme.js": "0;",
+        "js/main.js": 'import { b } from "./base/b.js";\nimport {\n  c,\n} from "./base/c.js";\nb(c);\n',
+        "js/base/b.js": 'import { c } from "./c.js";\nexport const b = (x) => x + c;\n',
+        "js/base/c.js": "export const c = 1;\n",
+        "js/base/unused.js": "",
+        "examples/a.jpg": "a picture",
+        "node_modules/x.js": "no",
+        ".hidden.js": "no",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+class Pages:
+    """Asks the application itself; no server is needed."""
+
+    def __init__(self, web: Path) -> None:
+        self.app = Starlette()
+        self.app.mount("/", WebPages(web))
+
+    def get(self, path: str, headers: Mapping[str, str] | None = None) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            async with httpx.AsyncClient(transport=httpx.ASGITransport(self.app), base_url="http://page") as client:
+                return await client.get(path, headers={"Accept-Encoding": "identity", **(headers or {})})
+
+        return asyncio.run(ask())
+
+    def version(self) -> str:
+        found = re.search(r'src="v/(\w+)/js/main.js"', self.get("/").text)
+        assert found
+        return found[1]
+
+
+@pytest.fixture
+def pages(web: Path) -> Pages:
+    return Pages(web)
+
+
+def test_the_index_names_all_files_by_their_version_and_all_modules_at_once(pages: Pages) -> None:
+    html = pages.get("/").text
+    v = f"v/{pages.version()}"
+    assert re.findall(r'(?:href|src)="([^"]+)"', html) == [
+        f"{v}/icon.svg",
+        f"{v}/css/a.css",
+        *(f"{v}/js/{name}.js" for name in ("main", "base/b", "base/c")),
+        f"{v}/js/theme.js",
+        f"{v}/js/main.js",
+        "/docs",
+    ]
+    assert pages.get("/index.html").text == html
+
+
+def test_a_file_of_this_version_is_never_asked_about_again_and_the_index_always_is(pages: Pages) -> None:
+    answer = pages.get(f"/v/{pages.version()}/js/base/b.js")
+    assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
+    assert answer.headers["content-type"].startswith("text/javascript")
+    assert "immutable" in pages.get(f"/v/{pages.version()}/examples/a.jpg").headers["cache-control"]
+    index = pages.get("/")
+    assert index.headers["cache-control"] == "no-cache"
+    assert pages.get("/", {"If-None-Match": index.headers["etag"]}).status_code == 304
+
+
+def test_what_is_compressed_is_the_same(pages: Pages) -> None:
+    path = f"/v/{pages.version()}/js/main.js"
+    plain, packed = pages.get(path), pages.get(path, {"Accept-Encoding": "gzip, br"})
+    assert packed.headers["content-encoding"] == "gzip" and packed.content == plain.content
+    assert packed.headers["vary"] == plain.headers["vary"] == "Accept-Encoding"
+    assert packed.headers["etag"] != plain.headers["etag"]
+    assert int(packed.headers["content-length"]) == len(gzip.compress(plain.content, 9))
+
+
+def test_another_release_has_another_address_and_the_older_one_gives_what_there_is(pages: Pages, web: Path) -> None:
+    before = pages.version()
+    (web / "js/base/c.js").write_text("export const c = 2;\n")
+    os.utime(web / "js/base/c.js", (1, 1))
+    after = pages.version()
+    assert after != before
+    old = pages.get(f"/v/{before}/js/base/c.js")
+    assert old.text == "export const c = 2;\n" and old.headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize("path", ["/js/main.js", "/css/a.css", "/icon.svg"])
+def test_files_have_their_plain_addresses_too(pages: Pages, path: str) -> None:
+    answer = pages.get(path)
+    assert answer.status_code == 200 and answer.headers["cache-control"] == "no-cache"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/v",
+        "/v/",
+        "/v/x",
+        "/v/x/js/none.js",
+        "/v/x/../../secret",
+        "/v/x/%2e%2e/%2e%2e/secret",
+        "/v/x/node_modules/x.js",
+        "/v/x/.hidden.js",
+    ],
+)
+def test_there_is_nothing_else(pages: Pages, path: str) -> None:
+    assert pages.get(path).status_code == 404

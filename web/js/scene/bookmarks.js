@@ -1,0 +1,84 @@
+/** Views of one's own, kept in this browser: a button each, and one that keeps the view of the moment. */
+
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { viewFromText, viewToText } from "./view-url.js";
+
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {{name: string, view: string}} Bookmark */
+
+const MOST = 24;
+
+/**
+ * @param {string} scene
+ * @param {() => View} view
+ * @param {(view: View) => void} turn
+ */
+export function bookmarks(scene, view, turn) {
+  const key = `rayfarm.views.${scene}`;
+  let kept = read(key);
+  const keep = () => {
+    const taken = new Set(kept.map(({ name }) => name));
+    let number = kept.length + 1;
+    while (taken.has(`View ${number}`)) number += 1;
+    kept = [...kept, { name: `View ${number}`, view: viewToText(view()) }].slice(-MOST);
+    write();
+  };
+  const write = () => {
+    try {
+      localStorage.setItem(key, JSON.stringify(kept));
+    } catch {
+      // No room, or a browser that keeps nothing: the views last as long as the page.
+    }
+    show();
+  };
+  const element = h("div", { class: "bookmarks", role: "group", "aria-label": "Views of your own" });
+  const show = () =>
+    fill(
+      element,
+      kept.map((bookmark) =>
+        h(
+          "span",
+          { class: "bookmark" },
+          h(
+            "button",
+            {
+              class: "chip-button",
+              type: "button",
+              onclick: () => {
+                const found = viewFromText(bookmark.view);
+                if (found) turn(found);
+              },
+            },
+            bookmark.name,
+          ),
+          h(
+            "button",
+            {
+              class: "chip-button drop",
+              type: "button",
+              "aria-label": `Forget ${bookmark.name}`,
+              onclick: () => {
+                kept = kept.filter((other) => other !== bookmark);
+                write();
+              },
+            },
+            icon("close"),
+          ),
+        ),
+      ),
+      h("button", { class: "chip-button", type: "button", onclick: keep }, icon("plus"), "Keep this view"),
+    );
+  show();
+  return element;
+}
+
+/** @param {string} key @returns {Bookmark[]} */
+function read(key) {
+  try {
+    const found = JSON.parse(localStorage.getItem(key) ?? "[]");
+    return Array.isArray(found) ? found.filter((each) => typeof each?.name === "string" && viewFromText(each.view)) : [];
+  } catch {
+    return [];
+  }
+}

@@ -1,0 +1,86 @@
+/** A notification when a job ends while one looks elsewhere, for whoever wants that. */
+
+import { fill, h } from "../base/dom.js";
+import { jobs } from "../news/farm.js";
+import { plural } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { linkTo } from "./router.js";
+import { announce, showError } from "./tray.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+
+const KEY = "rayfarm.notify";
+/** Jobs that end together are told together. */
+const GATHER_MS = 1000;
+const UNDER_WAY = ["queued", "running", "paused"];
+
+function isWanted() {
+  try {
+    return localStorage.getItem(KEY) === "on" && Notification.permission === "granted";
+  } catch {
+    return false; // storage is blocked
+  }
+}
+
+/** @param {boolean} wanted */
+function keep(wanted) {
+  try {
+    localStorage.setItem(KEY, wanted ? "on" : "off");
+  } catch {
+    // Storage is blocked: there is nothing to remember it by.
+  }
+}
+
+/** Asks for and takes back what `tellOfEnds` needs. Hidden where a browser has no notifications, as on plain HTTP. */
+export function notifyButton() {
+  const button = h("button", { class: "icon-button notify", type: "button", "aria-label": "Tell me when a job ends" });
+  button.hidden = !("Notification" in window) || !isSecureContext;
+  const show = () => {
+    const on = !button.hidden && isWanted();
+    fill(button, icon(on ? "bell" : "bellOff"));
+    button.setAttribute("aria-pressed", String(on));
+    button.title = on ? "A notification comes when a job ends" : "Tell me when a job ends";
+  };
+  button.addEventListener("click", async () => {
+    if (isWanted()) keep(false);
+    else if ((await Notification.requestPermission()) === "granted") keep(true);
+    else
+      showError("There will be no notifications", "The browser does not allow them for this page.", {
+        remedy: "Allow them beside the address, then press the bell again.",
+      });
+    show();
+    announce(button.title);
+  });
+  show();
+  return button;
+}
+
+/** Watches the jobs for ends. */
+export function tellOfEnds() {
+  /** @type {Map<string, string>} */
+  const before = new Map();
+  /** @type {Job[]} */
+  let ended = [];
+  const tell = () => {
+    const [first, ...others] = ended;
+    ended = [];
+    if (!first || !isWanted() || (document.visibilityState === "visible" && document.hasFocus())) return;
+    const title = others.length ? `${plural(others.length + 1, "job")} ended` : `${first.name}: ${first.state}`;
+    const body = others.length ? [first, ...others].map(({ name, state }) => `${name}: ${state}`).slice(0, 4).join("\n") : (first.error ?? "");
+    const notification = new Notification(title, { body, tag: first.id });
+    notification.onclick = () => {
+      focus();
+      location.hash = others.length ? linkTo("jobs") : linkTo("jobs", first.id);
+      notification.close();
+    };
+  };
+  jobs.subscribe((all) => {
+    for (const job of all ?? []) {
+      const wasUnderWay = UNDER_WAY.includes(before.get(job.id) ?? "");
+      before.set(job.id, job.state);
+      if (!wasUnderWay || (job.state !== "finished" && job.state !== "failed")) continue;
+      if (ended.length === 0) setTimeout(tell, GATHER_MS);
+      ended.push(job);
+    }
+  });
+}

@@ -1,0 +1,165 @@
+/** A machine of the farm: what each of its slots works on, how it is, and what can be done about it. */
+
+import { changeWorker, getWorkerLog, imageUrl } from "../news/api.js";
+import { fill, h, keyedList, setText } from "../base/dom.js";
+import { jobs } from "../news/farm.js";
+import { bytes, compact, plural } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { linkTo } from "../shell/router.js";
+import { sparkline } from "./sparkline.js";
+import { stateChip } from "../shell/state-chip.js";
+import { showError } from "../shell/tray.js";
+
+/** @typedef {import("../base/types.js").Worker} Worker */
+/** @typedef {Worker["current"][number]} Slot */
+
+const PICTURE_EVERY_MS = 5000;
+
+/** @returns {import("../base/dom.js").Row<Worker>} */
+export function machineCard() {
+  const name = h("h2", { class: "name" });
+  const cpu = h("p", { class: "quiet small cpu" });
+  const chip = stateChip("starting");
+  const why = h("p", { class: "small why" });
+  const speed = h("dd");
+  const memory = h("dd");
+  const gauge = h("div", { class: "gauge", "aria-hidden": "true" }, h("div"));
+  const failures = h("dd");
+  const line = sparkline();
+  const slots = h("ul", { class: "slot-tiles" });
+  const showSlots = keyedList(
+    slots,
+    (/** @type {{key: string, slot: Slot}} */ { key }) => key,
+    () => slotTile(),
+  );
+  const button = h("button", { class: "button small", type: "button", onclick: () => turn() });
+  const log = h("details", { class: "log", ontoggle: () => showLog() }, h("summary", null, "Log"), h("pre", { tabindex: "0" }));
+  const lines = /** @type {HTMLElement} */ (log.lastElementChild);
+  /** @type {Worker | null} */
+  let latest = null;
+
+  const turn = async () => {
+    if (!latest) return;
+    button.disabled = true;
+    try {
+      update(await changeWorker(latest.name, latest.state === "paused" ? "running" : "paused"));
+    } catch (error) {
+      showError(`${latest.name} could not be told`, error, { ofPage: true });
+    } finally {
+      button.disabled = false;
+    }
+  };
+  const showLog = async () => {
+    if (!log.open || !latest) return;
+    setText(lines, "Asking the worker …");
+    try {
+      setText(lines, (await getWorkerLog(latest.name)).join("\n") || "It has said nothing yet.");
+      lines.scrollTop = lines.scrollHeight;
+    } catch (error) {
+      setText(lines, error instanceof Error ? error.message : String(error));
+    }
+  };
+
+  /** @param {Worker} worker */
+  const update = (worker) => {
+    latest = worker;
+    const busy = worker.current.filter((slot) => Object.keys(slot).length > 0).length;
+    const isAside = worker.state === "paused" && Boolean(worker.message?.startsWith("Set aside"));
+    const state = isAside ? "set-aside" : worker.state === "paused" && busy ? "draining" : worker.state;
+    setText(name, worker.name);
+    setText(cpu, worker.cpu);
+    cpu.title = worker.cpu;
+    chip.update(state);
+    const draining = busy ? ` ${plural(busy, "slot")} still ${busy === 1 ? "finishes what it has" : "finish what they have"} in hand.` : "";
+    setText(why, worker.state === "paused" ? `${worker.message ?? ""}${draining}` : "");
+    setText(speed, worker.speeds?.length ? `${compact(worker.speeds.at(-1) ?? 0)} samples/s` : "–");
+    line.update(worker.speeds ?? []);
+    const { memory_used: used, memory_total: total } = worker;
+    setText(memory, used != null && total ? `${bytes(used)} of ${bytes(total)}` : "not told");
+    gauge.hidden = used == null || !total;
+    if (used != null && total) {
+      /** @type {HTMLElement} */ (gauge.firstElementChild).style.transform = `scaleX(${Math.min(1, used / total)})`;
+      gauge.classList.toggle("full", used / total > 0.9);
+    }
+    setText(failures, worker.failures ?? 0);
+    failures.classList.toggle("bad", (worker.failures ?? 0) > 0);
+    const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
+    showSlots(all);
+    fill(button, icon(worker.state === "paused" ? "play" : "pause"), worker.state === "paused" ? "Take back" : "Pause");
+    button.title = worker.state === "paused" ? "It takes work again" : "It finishes what it has in hand and takes no more";
+  };
+  const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...said) => h("div", null, h("dt", null, title), ...said);
+  return {
+    element: h(
+      "li",
+      { class: "machine" },
+      h("header", null, h("div", null, name, cpu), chip.element),
+      why,
+      h(
+        "dl",
+        { class: "vitals number" },
+        fact("Speed", speed),
+        fact("Last hour", line.element),
+        fact("Memory", memory, gauge),
+        fact("Failures", failures),
+      ),
+      slots,
+      h("footer", null, button, log),
+    ),
+    update,
+  };
+}
+
+/** @returns {import("../base/dom.js").Row<{key: string, slot: Slot}>} */
+function slotTile() {
+  const image = h("img", { alt: "", hidden: true });
+  image.addEventListener("load", () => (image.hidden = false));
+  image.addEventListener("error", () => (image.hidden = true));
+  const box = h("div", { class: "tile-box", hidden: true });
+  const frame = h("div", { class: "frame" }, image, box);
+  const label = h("span", { class: "small" });
+  const element = h("li", null, frame, label);
+  return {
+    element,
+    update({ key, slot }) {
+      const job = jobs.value?.find(({ id }) => id === slot.job);
+      element.classList.toggle("idle", Object.keys(slot).length === 0);
+      sayWhat(label, slot, job?.name, key);
+      const isKnown = Boolean(job?.width && job.height);
+      frame.style.aspectRatio = isKnown ? `${job?.width} / ${job?.height}` : "";
+      const [x, y, w, tall] = slot.tile ?? [];
+      box.hidden = !isKnown || w === undefined;
+      if (job?.width && job.height && w !== undefined) {
+        box.style.left = `${(100 * x) / job.width}%`;
+        box.style.top = `${(100 * y) / job.height}%`;
+        box.style.width = `${(100 * w) / job.width}%`;
+        box.style.height = `${(100 * tall) / job.height}%`;
+      }
+      // Slots that work on one picture ask for it once: their addresses are the same.
+      const turn = Math.floor(Date.now() / PICTURE_EVERY_MS);
+      const source = job && job.samples > 0 ? imageUrl({ job: job.id, frame: slot.frame ?? 0 }, "jpg", { width: 320, v: turn }) : "";
+      if (!source) image.hidden = true;
+      else if (image.getAttribute("src") !== source) image.src = source;
+    },
+  };
+}
+
+/**
+ * @param {HTMLElement} label
+ * @param {Slot} slot
+ * @param {string | undefined} name of its job
+ * @param {string} key
+ */
+function sayWhat(label, slot, name, key) {
+  const [href, text] = slot.job
+    ? [linkTo("jobs", slot.job), name ?? "A picture"]
+    : slot.scene
+      ? [linkTo("scenes", slot.scene), "Prepares a scene"]
+      : ["", slot.denoise ? "Denoises" : slot.vectors ? "Motion vectors" : slot.view ? "Live view" : `Slot ${Number(key) + 1}, idle`];
+  const said = slot.compiling ? `${text}, compiling` : text;
+  if (label.title === `${href} ${said}`) return;
+  label.title = `${href} ${said}`;
+  fill(label, href ? h("a", { href }, said) : said);
+  if (!href) label.classList.add("quiet");
+  else label.classList.remove("quiet");
+}

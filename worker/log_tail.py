@@ -1,0 +1,56 @@
+"""The end of a worker's log, of the parent and all its slots: a nameless file that they append to and the parent reads."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import tempfile
+
+__all__ = ["LogTail"]
+
+KEPT = 1 << 16  # bytes that are read
+LARGEST = 1 << 20  # bytes; then all but the last of it is dropped
+LONGEST = 2000  # bytes of a line
+
+
+class LogTail(logging.Handler):
+    """Made by the parent before it forks. Each line is one write at the file's end, so no lock is needed between processes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - it stays open
+        fd = self._file.fileno()
+        fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) | os.O_APPEND)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line; a full disk must not end the work."""
+        with contextlib.suppress(OSError, ValueError):
+            self._file.write(self.format(record).encode(errors="replace")[:LONGEST] + b"\n")
+
+    def lines(self, most: int = 200) -> list[str]:
+        """The last lines, the newest last."""
+        with contextlib.suppress(OSError, ValueError):
+            text = self._end().decode(errors="replace")
+            return text.splitlines()[-most:]
+        return []
+
+    def trim(self) -> None:
+        """Drop what nobody will read; in the parent alone."""
+        with contextlib.suppress(OSError, ValueError):
+            if os.fstat(self._file.fileno()).st_size > LARGEST:
+                kept = self._end()
+                os.ftruncate(self._file.fileno(), 0)
+                self._file.write(kept)
+
+    def close(self) -> None:
+        """Let the file go."""
+        self._file.close()
+        super().close()
+
+    def _end(self) -> bytes:
+        fd = self._file.fileno()
+        size = os.fstat(fd).st_size
+        data = os.pread(fd, KEPT, max(0, size - KEPT))
+        return data if size <= KEPT else data.partition(b"\n")[2]
