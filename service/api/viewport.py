@@ -78,12 +78,14 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         farm.desk.leave(viewer.watch)
-        for task in tasks:
-            task.cancel()
-        for task in tasks:
-            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
-                await task
-        viewer.release()
+        try:
+            for task in tasks:
+                task.cancel()
+            for task in tasks:
+                with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                    await task
+        finally:
+            viewer.release()
 
 
 class _Viewer:
@@ -121,11 +123,11 @@ class _Viewer:
             except ValidationError as error:
                 first = error.errors()[0]
                 self._refuse(f"{'.'.join(map(str, first['loc'])) or 'the message'}: {first['msg'].removeprefix('Value error, ')}")
-            except (ValueError, TypeError, RecursionError) as error:
+            except (ValueError, TypeError, OverflowError, RecursionError) as error:
                 self._refuse(f"The message is not understood ({error}).")
 
     def _hear(self, text: str) -> None:
-        """Raises ValueError, TypeError or RecursionError."""
+        """Raises ValueError, TypeError, OverflowError or RecursionError."""
         if len(text) > MOST_BYTES:
             raise ValueError(f"it has {len(text)} characters")
         said = json.loads(text)

@@ -120,6 +120,8 @@ class Desk:
             watch.is_paused = is_paused
             if is_paused:
                 self._withdraw(watch)
+            elif watch.view:  # the key may have expired, without which slots take it for a view that nobody looks at
+                self._redis.set(view_key(watch.id), watch.view, ex=KEY_TTL_S)
 
         self._order(order)
 
@@ -177,7 +179,7 @@ class Desk:
         for watch in list(self._watches.values()):
             self._turn(watch)
         self._fill()
-        if self._is_awake and not self._ordered.is_set():
+        if self._is_awake:
             self._take_in()
         if time.monotonic() - self._reviewed >= REVIEW_EVERY_S:
             self._reviewed = time.monotonic()
@@ -217,7 +219,8 @@ class Desk:
     def _fill(self) -> None:
         """Hand out what is to be rendered, so that every slot has something in hand and something to go on with."""
         for watch in list(self._watches.values()):
-            if watch.pick is not None and watch.settings is not None:
+            is_asked = any(out.pick is not None and out.watch is watch for out in self._out.values())
+            if watch.pick is not None and watch.settings is not None and not is_asked:
                 self._send_pick(watch)
         hungry = {watch.id: watch for watch in self._watches.values() if watch.passes is not None and not watch.is_paused}
         while hungry:
@@ -276,8 +279,12 @@ class Desk:
             self._dispatcher.take_back(view_queue(kind), {out.id for out in gone})
 
     def _take_in(self) -> None:
-        found: Any = self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
-        data: Any = found[1] if found else None
+        data: Any
+        if self._ordered.is_set():  # an answer at least: orders may come without end
+            data = self._redis.lpop(VIEW_ANSWERS)
+        else:
+            found: Any = self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
+            data = found[1] if found else None
         while data is not None:
             if data:
                 try:
@@ -389,7 +396,3 @@ class Desk:
         if (watch.message, watch.slots) != (message, slots):
             watch.message, watch.slots = message, slots
             watch.wake()
-
-    def _tell_all(self, message: str) -> None:
-        for watch in self._watches.values():
-            self._tell(watch, message)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import struct
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -20,7 +21,7 @@ from renderer.settings import Tile
 from service.scheduling.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
-from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_queue
+from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
 
 HEADER, TILE = struct.Struct("<BBHIIHHHH"), struct.Struct("<HHHHI")
 SIZE = {"width": 96, "height": 64}
@@ -179,8 +180,9 @@ def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorke
         until(lambda: (viewer.read(), len(viewer.errors) == 4)[1], "each is answered", say=lambda: viewer.errors)
         viewer.say(id=4, width=16000, height=16000)
         viewer.say(pick=["x"])
+        viewer.connection.send('{"pick": [1e999, 0]}')
         viewer.connection.send(b"\0\1")
-        until(lambda: (viewer.read(), len(viewer.errors) >= 7)[1], "all are answered", say=lambda: viewer.errors)
+        until(lambda: (viewer.read(), len(viewer.errors) >= 8)[1], "all are answered", say=lambda: viewer.errors)
         details = " ".join(error["detail"] for error in viewer.errors)
         assert "not understood" in details
         assert "width" in details
@@ -241,8 +243,14 @@ def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service
         begun = len(worker.parts)
         until(lambda: (one.read(), len(worker.parts) > begun + 10)[1], "the other goes on")
         assert {work.settings.seed for work, _ in worker.parts[begun:]} == {1}
+        one.say(paused=True)
+        until(lambda: not service.farm.desk._out, "nothing is handed out")
+        redis = service.farm.desk._redis
+        redis.delete(view_key(next(each.id for each in service.farm.desk._watches.values() if each.is_paused)))
+        worker.unwanted.clear()
         other.say(paused=False)
         other.wait(1, 8)
+        assert not worker.unwanted, "its key expired meanwhile, and is renewed before anything is handed out"
 
 
 def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, worker: PeerWorker) -> None:
@@ -270,6 +278,27 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         (asked,) = [(work, part) for work, part in worker.parts if work.is_whole]
         assert asked[1].tile == (5, 60, 1, 1)
         assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
+
+
+def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Service, worker: PeerWorker) -> None:
+    worker.on_part = lambda work, part: time.sleep(0.02) if work.is_whole else None
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, spp=8)
+        stop = threading.Event()
+
+        def click() -> None:
+            while not stop.is_set():
+                viewer.say(pick=[5, 60])
+
+        clicking = threading.Thread(target=click)
+        clicking.start()
+        try:
+            viewer.wait(1, 8)
+            until(lambda: (viewer.read(), len(viewer.picked) > 3)[1], "some are answered")
+            assert service.farm.desk._redis.llen(view_queue(worker.kind)) <= 5
+        finally:
+            stop.set()
+            clicking.join()
 
 
 def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, worker: PeerWorker) -> None:
