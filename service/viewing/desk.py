@@ -26,6 +26,7 @@ from service.viewing.hands import Hands
 from service.viewing.look import Look
 from service.viewing.moments import Moments
 from service.viewing.picking import picked, picking
+from service.viewing.room import FULL, has_room
 from service.viewing.watch import Watch
 from worker.contract import FrameInfo
 from worker.sums import unpack_sums
@@ -132,6 +133,7 @@ class Desk:
         def order() -> None:
             self._watches.pop(watch.id, None)
             self._withdraw(watch)
+            watch.forget()
             self._lingers_until = time.monotonic() + (LINGER_FOR_FRAMES_S if self._frames else LINGER_S)
             self._losses.pop(watch.id, None)
             self._redis.delete(view_key(watch.id))
@@ -193,7 +195,7 @@ class Desk:
             self._losses.pop(watch.id, None)
             watch.turn_to(watch.wanted, self._views)
             self._redis.set(view_key(watch.id), watch.view, ex=KEY_TTL_S)
-        if watch.look is None or watch.settings is not None or watch.error is not None:
+        if watch.look is None or watch.settings is not None or watch.error is not None or watch.is_paused:
             return
         kind = self._hands.kind(watch.look)
         if kind is None:
@@ -212,6 +214,9 @@ class Desk:
                 self._fail(watch, f"{error}.")
                 return
             compiled = info.compiled.sha256 if info.compiled else base
+        if not has_room(settings.width * settings.height, self._watches.values()):
+            self._tell(watch, FULL)
+            return
         slots = self._hands.slots(kind)
         watch.begin(settings, compiled, kind, self._costs.of(watch.look, kind, self._roster()), slots)
         self._tell(watch, None, slots)
@@ -279,12 +284,8 @@ class Desk:
             self._dispatcher.take_back(view_queue(kind), {out.id for out in gone})
 
     def _take_in(self) -> None:
-        data: Any
-        if self._ordered.is_set():  # an answer at least: orders may come without end
-            data = self._redis.lpop(VIEW_ANSWERS)
-        else:
-            found: Any = self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
-            data = found[1] if found else None
+        found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
+        data: Any = found[1] if found else self._redis.lpop(VIEW_ANSWERS)  # one at least: orders may come without end
         while data is not None:
             if data:
                 try:

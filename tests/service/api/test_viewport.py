@@ -19,6 +19,7 @@ from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.scheduling.records import Records
+from service.viewing import room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
@@ -46,6 +47,10 @@ class Viewer:
 
     def show(self, id: int, **view: Any) -> None:
         self.say(id=id, **{**SIZE, **view})
+
+    def begin_again(self) -> None:
+        """The service may forget what it has shown."""
+        self.words = np.zeros((0, 0), np.uint32)
 
     def read(self, seconds: float = 0.05) -> None:
         deadline = time.monotonic() + seconds
@@ -261,11 +266,72 @@ def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, 
     with look(service, scene) as viewer:
         viewer.show(1, spp=256)
         viewer.wait(1, 1)
+        (watch,) = service.farm.desk._watches.values()
+        assert watch.pixels == 96 * 64
         worker.on_part = lambda work, part: time.sleep(0.05)
         viewer.connection.socket.close()  # as a killed browser: without a word
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
     assert service.farm.desk._watches == {}
+    assert watch.pixels == 0 and not watch._canvases, "not even in memory"
+
+
+def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    before = len(worker.prepared)
+    worker.on_prepare = lambda scene: time.sleep(0.2)
+    with look(service, scene) as viewer:
+        for id in range(1, 81):
+            viewer.show(id, spp=1, environment={"sky": {"elevation": 5 + id / 10}})
+            viewer.read(0.02)
+        seen = {id for id, _ in viewer.pictures}
+        assert len(seen) > 1, "while it moves"
+        viewer.wait(80, 1)
+        assert len(worker.prepared) - before <= len(seen) + 3, "and no others are asked for"
+
+
+def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    tried = []
+
+    def fail(scene: str) -> None:
+        tried.append(scene)
+        raise ValueError("The sun does not shine.")
+
+    worker.on_prepare = fail
+    with look(service, scene) as viewer:
+        viewer.show(1, environment={"sky": {"elevation": 77}})
+        until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes", say=lambda: viewer.states[-2:])
+        viewer.read(1.5)
+        assert [error["detail"] for error in viewer.errors] == ["The scene cannot be rendered: The sun does not shine."]
+        assert len(tried) == 1
+        worker.on_prepare = lambda scene: None
+        viewer.show(2, spp=2, environment={"sky": {"elevation": 77}})
+        viewer.wait(2, 2)
+
+
+def test_where_memory_is_full_a_view_waits_for_another_to_leave(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "MOST_TOGETHER", 96 * 64)
+    scene = service.ready_scene()
+    with look(service, scene) as other:
+        with look(service, scene) as one:
+            one.show(1, spp=2)
+            one.wait(1, 2)
+            other.show(1, spp=2)
+            until(lambda: (other.read(), room.FULL in [each["message"] for each in other.states])[1], "it is told")
+            one.say(paused=True)
+            other.wait(1, 2)
+            other.say(paused=True)
+            one.begin_again()
+            one.say(paused=False)
+            one.show(2, spp=2)
+            one.wait(2, 2)
+        other.begin_again()
+        other.say(paused=False)
+        other.show(2, spp=2)
+        other.wait(2, 2)
 
 
 def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> None:
