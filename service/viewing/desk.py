@@ -1,7 +1,8 @@
 """The desk that serves all who look at scenes: one thread that hands out pieces of views, and takes in what comes back.
 
 Views go past jobs, films and the database: their pieces wait in a queue of their own, from which a slot takes before all others;
-their sums are added in memory; whoever leaves takes everything along. What is lost on the way is asked for again.
+their sums are added in memory; whoever leaves takes everything along. What is lost on the way is asked for again. A view that is
+whole shares the slots with what waits beside it, of which may be the next light to look at.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from service.viewing.moments import Moments
 from service.viewing.picking import picked, picking
 from service.viewing.room import FULL, has_room
 from service.viewing.watch import Watch
-from worker.contract import FrameInfo
+from worker.contract import FrameInfo, prepare_queue, render_queue
 from worker.sums import unpack_sums
 from worker.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
@@ -67,6 +68,7 @@ class Desk:
         self._losses: Counter[str] = Counter()  # of watches, since their view began
         self._orders: deque[Callable[[], None]] = deque()
         self._frames: dict[str, tuple[str, str]] = {}  # what messages about frames are about: their name, and the scene
+        self._shared: set[str] = set()  # kinds of workers for which other work waits
         self._lingers_until = 0.0
         self._views = 0
         self._messages = 0
@@ -230,7 +232,8 @@ class Desk:
         hungry = {watch.id: watch for watch in self._watches.values() if watch.passes is not None and not watch.is_paused}
         while hungry:
             watch = min(hungry.values(), key=lambda each: each.served)
-            room = 2 * self._hands.slots(watch.kind) - sum(out.kind == watch.kind for out in self._out.values())
+            ahead = 1 if watch.kind in self._shared and watch.samples else 2  # a slot that is done finds other work first
+            room = ahead * self._hands.slots(watch.kind) - sum(out.kind == watch.kind for out in self._out.values())
             pieces = watch.passes.next() if room > 0 and watch.passes is not None else []
             if not pieces:
                 del hungry[watch.id]
@@ -252,11 +255,8 @@ class Desk:
         self._out[out.id] = out
 
     def _send_frame(self, watch: Watch, kind: str) -> None:
-        if (
-            watch.look is None
-            or watch.look.moment is None
-            or any(out.is_frame and out.watch is watch for out in self._out.values())
-        ):
+        is_out = any(out.is_frame and out.watch is watch for out in self._out.values())
+        if watch.look is None or watch.look.moment is None or is_out:
             return
         out = Handed(watch, watch.view, kind, is_frame=True)
         base = watch.look.compiled[kind]
@@ -371,6 +371,7 @@ class Desk:
                     keys.set(view_key(watch.id), watch.view, ex=KEY_TTL_S)
             keys.execute()
         waiting = {kind: bool(self._redis.llen(view_queue(kind))) for kind in {out.kind for out in self._out.values()}}
+        self._shared = {kind for kind in waiting if any(map(self._redis.llen, (prepare_queue(kind), render_queue(kind))))}
         for out in list(self._out.values()):
             if out.id in in_hand or (not out.has_begun and waiting[out.kind] and self._hands.slots(out.kind)):
                 out.heard = now
