@@ -150,7 +150,7 @@ def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
         samples=sums.samples,
-        samples_per_s=live.samples_per_s if live else 0.0,
+        samples_per_s=round(live.samples_per_s, 1) if live else 0.0,
         bad_samples=sums.bad_samples,
         width=size.get("width"),
         height=size.get("height"),
