@@ -187,8 +187,13 @@ def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Brows
     drag()
     wait_until(lambda: page.evaluate("scrollY") > 20, 5, "the page scrolls")
     assert "view=" not in page.evaluate("location.href")
-    page.evaluate("scrollTo(0, 0)")
-    page.wait_for_timeout(300)
+
+    def rests_at_the_top() -> bool:  # what was flung goes on for a while
+        page.evaluate("scrollTo(0, 0)")
+        page.wait_for_timeout(150)
+        return page.evaluate("scrollY") == 0
+
+    wait_until(lambda: rests_at_the_top() and rests_at_the_top(), 10, "the page rests")
     page.locator(".live-view").tap()
     assert "held" in (page.locator(".live-view").get_attribute("class") or "")
     drag()
