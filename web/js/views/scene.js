@@ -173,13 +173,18 @@ function ready(page, scene, life) {
     h(
       "div",
       { class: "workspace-columns" },
-      h("div", { class: "workspace-view" }, viewOf(scene, form, life), renderStrip(scene.id, life)),
+      h(
+        "div",
+        { class: "workspace-view" },
+        viewOf(scene, form, life),
+        warnings(scene),
+        renderStrip(scene.id, life),
+        facts(scene),
+      ),
       h(
         "div",
         { class: "workspace-side" },
         h("section", { class: "panel", "aria-label": "Render" }, form.element),
-        warnings(scene),
-        facts(scene),
       ),
     ),
   );
