@@ -58,6 +58,8 @@ class WebPages(Pages):
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """The index, a file of a version, or any other file."""
+        if scope["method"] not in ("GET", "HEAD"):
+            return await super().get_response(path, scope)  # which says what can be done
         if path in (".", "index.html"):
             shelf = await run_in_threadpool(self._latest)
             return _answer(shelf.index, "index.html", "no-cache", scope)

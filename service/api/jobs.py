@@ -7,7 +7,7 @@ import uuid
 from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Header, Query, Response
-from pydantic import TypeAdapter
+from pydantic import BaseModel, Field, TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 
@@ -22,12 +22,37 @@ from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
+from service.scheduling.history import History
 from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 
 __all__ = ["router"]
+
+
+class HistoryPoint(BaseModel):
+    """A moment of rendering."""
+
+    seconds: float = Field(description="of rendering, pauses left out")
+    spp: float = Field(description="samples of a pixel; of a shot those of all frames together")
+    noise: float | None = Field(description="relative; of a shot the greatest of its frames; null while it is not known")
+
+
+class HistoryEvent(BaseModel):
+    """Something that happened."""
+
+    at: float = Field(description="unix time")
+    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed")
+    words: str = Field(description="of whom, or why")
+
+
+class HistoryOut(BaseModel):
+    """How a job came to its picture; some hundred points and events at most."""
+
+    points: list[HistoryPoint]
+    events: list[HistoryEvent]
+
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 _JOBS = TypeAdapter(list[JobOut])
@@ -90,10 +115,11 @@ def list_jobs(
     offset: int = Query(0, ge=0, le=1 << 31),
 ) -> Response:
     """The jobs, or those that are chosen, a page of them. The header X-Total-Count has their number."""
+    view = farm.engine.snapshot
     with farm.sessions() as session:
         rows = chosen.rows(sort, session, limit, offset)
         total = chosen.count(session)
-        body = _JOBS.dump_json(jobs_out(rows, session, farm.engine))
+        body = _JOBS.dump_json(jobs_out(rows, session, farm.engine, view))
     return Response(body, media_type="application/json", headers={"X-Total-Count": str(total)})
 
 
@@ -126,8 +152,22 @@ def change_jobs(changes: ChangesIn, farm: FarmDependency) -> ChangesOut:
 @router.get("/{id}", response_model=JobOut)
 def get_job(id: str, farm: FarmDependency) -> JobOut:
     """One job: its state, progress, speed and errors."""
+    view = farm.engine.snapshot
     with farm.sessions() as session:
-        return job_out(find_job(id, farm), session, farm.engine)
+        return job_out(find_job(id, farm), session, farm.engine, view)
+
+
+@router.get("/{id}/history", response_model=HistoryOut)
+def job_history(id: str, farm: FarmDependency) -> HistoryOut:
+    """How a job came to its picture: noise and samples against the time of rendering, and what happened."""
+    job = find_job(id, farm)
+    size = job.settings or {}
+    pixels = max(int(size.get("width", 1)) * int(size.get("height", 1)), 1)
+    history = History.of(farm.records.history(id))
+    return HistoryOut(
+        points=[HistoryPoint(seconds=s or 0.0, spp=(n or 0.0) / pixels, noise=e) for s, n, e in history.points],
+        events=[HistoryEvent(at=at, kind=kind, words=words) for at, kind, words in history.events],
+    )
 
 
 @router.patch("/{id}", response_model=JobOut)

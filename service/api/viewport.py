@@ -158,15 +158,18 @@ class _Viewer:
             ask = self._ask
             if ask is None or not (is_new or self._is_unprepared()):
                 continue
-            self._notice, self._rests_s = None, AGAIN_S
             try:
                 look = await run_in_threadpool(self._look, ask)
             except FarmError as error:
+                self._notice, self._rests_s = None, AGAIN_S
                 self._refuse(str(error), ask.id)
                 continue
             if look is None:
-                self._notice, self._rests_s = "The scene is prepared for this light.", PREPARING_S
+                of_light = self._held != self._scene
+                self._notice = f"The scene is prepared{' for this light' * of_light}."
+                self._rests_s = PREPARING_S
             else:
+                self._notice, self._rests_s = None, AGAIN_S
                 self._farm.desk.show(self.watch, look)
 
     def _is_unprepared(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
+from service.scheduling.history import History
 from service.scheduling.plan import Range
 from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
@@ -64,6 +65,7 @@ class ActiveJob:
         self.frames = {frame.number: self._frame(frame) for frame in frames}
         self.focus_on(row.focus)
         self._totals = Totals(self.frames)
+        self.history = History()
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
         self.agenda.first = self.shot.first if self.shot else None
@@ -83,7 +85,7 @@ class ActiveJob:
     def _frame(self, row: Frame) -> ActiveFrame:
         assert self.spp is not None
         if self.shot is None:
-            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise)
+            frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True)
             frame.state = "queued"  # the job's state is the frame's
             frame.plan  # noqa: B018 - a film that cannot be read is found out now
             return frame
@@ -105,10 +107,11 @@ class ActiveJob:
                 return True
         elif self._totals.renewed().over == len(self.frames):
             return True
-        return self.seconds is not None and self.active_s >= self.seconds and self._has_first_wave
+        return self.seconds is not None and self.active_s >= self.seconds and self.has_first_wave
 
     @property
-    def _has_first_wave(self) -> bool:
+    def has_first_wave(self) -> bool:
+        """Whether every tile of every frame has a sample; frames that failed are left out."""
         return all(frame.has_first_wave for frame in self.frames.values() if frame.state != "failed")
 
     @property

@@ -20,6 +20,7 @@ from service.scheduling.active_job import ActiveJob
 from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
+from service.scheduling.history import History
 from service.scheduling.measured import measured
 from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
@@ -111,6 +112,8 @@ class Lifecycle:
         if row.state == "paused" != job.state:
             self._scheduler.withdraw(job)
             self._records.progress(job)
+        if row.state != job.state and "paused" in (row.state, job.state):
+            job.history.happened("paused" if row.state == "paused" else "resumed")
         job.state, job.priority = row.state, row.priority
         job.focus_on(row.focus)
         if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
@@ -140,6 +143,7 @@ class Lifecycle:
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
+        job.history = History.of(self._records.history(row.id))
         self._scheduler.jobs[row.id] = job
         if job.shot is not None:
             self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
@@ -156,6 +160,7 @@ class Lifecycle:
             if not self._records.started(job.id, kind):
                 return False
             job.started, job.state = True, "running"
+            job.history.happened("begun", kind)
             job.kind = job.kind or kind
             self._tell("job", job.id)
         return True
@@ -171,6 +176,12 @@ class Lifecycle:
         if is_over:
             job.tick(job.started)
             job.finish_frames()
+        if job.has_first_wave and not any(kind == "picture" for _, kind, _ in job.history.events):
+            job.history.happened("picture")
+        job.history.left(self._scheduler.connected())
+        if job.shot is None:
+            next(iter(job.frames.values())).renew_noise()
+        job.history.measured(job.active_s, job.samples, job.noise_now)
         gone = job.release()
         self._records.progress(job)
         if gone:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, replace
+from typing import Any
 
 from sqlalchemy import func, select, update
 
@@ -66,6 +67,11 @@ class Records:
         with self._sessions() as session:
             return session.get(Job, id)
 
+    def history(self, id: str) -> dict[str, Any] | None:
+        """How a job has come so far."""
+        with self._sessions() as session:
+            return session.scalar(select(Job.history).where(Job.id == id))
+
     def samples(self, job: str, frame: int = 0) -> int:
         """The samples of a job's frame that are in its film, as they were last written down."""
         with self._sessions() as session:
@@ -113,6 +119,8 @@ class Records:
         """Write down how far a job is: of a shot those of its frames that have changed."""
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job.id).values(active_s=job.active_s))
+            if job.history.has_changed:
+                session.execute(update(Job).where(Job.id == job.id).values(history=job.history.to_json()))
             changed = [frame for frame in job.frames.values() if frame.has_changed or job.shot is None]
             row = session.get(Job, job.id) if changed and job.shot is not None else None
             shot = Shot.of(row.shot) if row is not None else None
@@ -134,6 +142,7 @@ class Records:
                         frame.state, frame.error = each.state, each.error
         for each in changed:
             each.has_changed = False
+        job.history.has_changed = False
 
     def forgot(self, id: str, keys: list[int]) -> None:
         """The samples of these frames are removed from the film."""

@@ -136,6 +136,7 @@ class Scheduler:
             job.lose(ended.batch)
         if batch is None:
             return
+        job.history.rendered_by(worker)
         trouble = job.trouble.pop(batch, None)
         failed_on = trouble.workers if trouble else []
         self.suspicion.succeeded(worker, failed_on)
@@ -156,6 +157,7 @@ class Scheduler:
         is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
         if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
             return trouble
+        job.history.happened("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
         job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
         self._set_aside_if_alone(worker)
@@ -238,6 +240,7 @@ class Scheduler:
         self.lost += 1
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.losses += blame
+        job.history.happened("lost", lease.holder or "")
         log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch)
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
@@ -264,6 +267,10 @@ class Scheduler:
         late = time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
         idle = self._workers.roster.slots(lease.kind) > self.leases.messages(lease.kind)
         return late and idle and not lease.doubled
+
+    def connected(self) -> set[str]:
+        """The names of the workers that report themselves."""
+        return set(self._workers.roster.reports)
 
     def ahead(self) -> dict[str, int]:
         """Of every job that waits for others: how many jobs of a higher priority are rendered before it."""

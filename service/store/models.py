@@ -97,6 +97,9 @@ class Job(Base):
     reproduce: Mapped[str | None] = mapped_column(Text)  # a command that shows the error again
     shot: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # see service/shot.py; None: a still at frame 0
     focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h that is rendered first
+    history: Mapped[dict[str, Any] | None] = mapped_column(
+        JSON(none_as_null=True), deferred=True
+    )  # see service/scheduling/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
 
     @property

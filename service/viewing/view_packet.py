@@ -1,6 +1,6 @@
 """A view's picture on the wire, little-endian:
 
-u8 version = 1, u8 kind = 2, u16 tiles, u32 id (as the page named the view, modulo 2**32), u32 seq, u16 width, u16 height (of this
+u8 version = 1, u8 kind = 3, u16 tiles, u32 id (as the page named the view, modulo 2**32), u32 seq, u16 width, u16 height (of this
 picture), u16 width, u16 height (of the view when it is whole), then of each tile u16 x, y, w, h and u32 samples a pixel, and then
 their RGB9E5 words one tile behind the other, rows from the top.
 """
@@ -14,7 +14,7 @@ from service.viewing.canvas import Canvas
 __all__ = ["HEADER", "KIND_VIEW", "TILE", "VERSION", "packet"]
 
 VERSION = 1
-KIND_VIEW = 2
+KIND_VIEW = 3
 HEADER = struct.Struct("<BBHIIHHHH")
 TILE = struct.Struct("<HHHHI")
 

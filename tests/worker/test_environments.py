@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from PIL import Image
 
+from renderer.image import encode
+from renderer.presets import PRESETS
+from scenes import light_pictures
 from worker import environments
 from worker.contract import BlobRef, ShowEnvironment
 from worker.environments import show_environment, small_picture
@@ -72,3 +76,11 @@ def test_a_lamp_does_not_darken_what_is_around_it() -> None:
     np.testing.assert_allclose(np.median(lit), np.median(plain), rtol=0.1)
     assert lit.shape == (16, 32, 3)
     assert environments.small_picture(np.ones((2, 4, 3), np.float32), 32).shape == (16, 32, 3)
+
+
+def test_the_pictures_that_the_service_has_are_those_of_the_presets(tmp_path: Path) -> None:
+    assert {path.stem for path in light_pictures.FOLDER.iterdir()} == set(PRESETS)
+    for name in PRESETS:
+        encode.write(tmp_path / "now.jpg", small_picture(light_pictures.radiance(name), light_pictures.WIDTH))
+        now, kept = (np.asarray(Image.open(path), int) for path in (tmp_path / "now.jpg", light_pictures.FOLDER / f"{name}.jpg"))
+        assert np.abs(now - kept).mean() < 2, f"{name}: python -m scenes.light_pictures"

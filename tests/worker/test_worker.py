@@ -22,6 +22,7 @@ import redis
 from celery import Celery
 
 from renderer.denoise import denoise, is_available
+from renderer.film import COLOR, DEPTH, SAMPLES
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
@@ -46,6 +47,7 @@ from worker.contract import (
     render_queue,
 )
 from worker.sums import unpack_sums
+from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
 
 pytestmark = pytest.mark.farm
 
@@ -133,6 +135,39 @@ def test_batches_add_up_to_the_whole_to_the_bit(bench: Bench, info: SceneInfo) -
     sums = dict(parts)
     assert np.array_equal(sums["a"] + sums["b"], sums["whole"])
     assert sums["whole"].any()
+
+
+def test_parts_of_a_view_are_exact_and_stale_ones_are_dropped(bench: Bench, info: SceneInfo) -> None:
+    kind = bench.report().kind  # type: ignore[union-attr]
+    assert bench.report().views  # type: ignore[union-attr]
+    bench.store.delete(VIEW_ANSWERS)
+    settings = batch_of(info, "", 0, 1).settings
+    parts = [Part(number, Tile(0, 32 * number, 64, 32), 0, 4) for number in range(2)]
+    bench.store.set(view_key("me"), 2)
+    for view in (1, 2):  # 1 is not looked at any more
+        work = ViewParts(f"message {view}", "me", view, info.compiled.sha256, settings, parts)
+        bench.celery.send_task(RENDER_VIEW, kwargs={"parts": work.to_json()}, queue=view_queue(kind))
+    answers: list[ViewAnswer] = []
+
+    def over() -> bool:
+        while (data := bench.store.lpop(VIEW_ANSWERS)) is not None:
+            answers.append(ViewAnswer.from_bytes(data))  # type: ignore[arg-type]
+        return bool(answers) and answers[-1].type == "over"
+
+    wait_until(over, 60, "the view is rendered")
+    assert {answer.view for answer in answers} == {2}
+    assert [answer.type for answer in answers if answer.type != "compiling"] == ["begun", "part", "part", "over"]
+    assert bench.store.ttl(VIEW_ANSWERS) in (-2, *range(1, 21)), "it goes where nobody reads it"
+    bench.render(batch_of(info, "whole", 0, 4))
+    whole = bench.next("batch").sums
+    assert whole is not None
+    expected = unpack_sums(whole, Tile(0, 0, 64, 64))
+    for part, answer in zip(parts, [answer for answer in answers if answer.type == "part"], strict=True):
+        got = unpack_sums(answer.sums, part.tile)
+        rows = slice(part.tile.y, part.tile.y + 32)
+        np.testing.assert_array_equal(got[COLOR], expected[COLOR][:, rows])
+        np.testing.assert_array_equal(got[SAMPLES], expected[SAMPLES][rows])
+        assert not got[DEPTH].any(), "what a view does not show does not travel"
 
 
 def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench, tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ class Viewer:
 
     def _take(self, message: bytes) -> None:
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)
-        assert (version, kind) == (1, 2)
+        assert (version, kind) == (1, 3)
         assert seq == self.seq + 1
         self.seq = seq
         if self.words.shape != (height, width) or (self.pictures and self.pictures[-1][0] != id):

@@ -64,6 +64,7 @@
  * @property {Shot | null} [shot] null: a still
  * @property {number} priority -100 to 100
  * @property {number} created unix seconds
+ * @property {number | null} [finished] likewise
  * @property {number | null} width null until the scene is ready, where the request leaves it to the scene
  * @property {number | null} height
  * @property {number | null} spp at most

@@ -93,7 +93,7 @@ export function progressPanel() {
       setText(of, goal(job));
       bar.update(job.progress, job.state);
       const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? job.samples / job.active_s : 0);
-      setText(speed, rate > 0 ? compact(rate) : "–");
+      setText(speed, rate >= 1 ? compact(rate) : "–");
       message.hidden = !job.message;
       setText(message, job.message ?? "");
       error.hidden = !job.error;

@@ -165,6 +165,15 @@ export const getExamples = () => call("GET", "/examples");
 /** @param {string} name @returns {Promise<Scene>} the scene that the example became */
 export const openExample = (name) => call("POST", `/examples/${encodeURIComponent(name)}`);
 
+/**
+ * How a job came to its picture. Seconds are of rendering; events at unix times.
+ *
+ * @typedef {{points: {seconds: number, spp: number, noise: number | null}[], events: {at: number, kind: string, words: string}[]}} History
+ */
+
+/** @param {string} id @param {AbortSignal} signal @returns {Promise<History>} */
+export const getHistory = (id, signal) => call("GET", `/jobs/${id}/history`, { signal });
+
 /** A picture of a job. @typedef {{job: string, frame: number}} Place */
 
 /**

@@ -12,6 +12,7 @@ import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { plural } from "../base/format.js";
 import { bookmarks } from "./bookmarks.js";
+import { enlarged } from "./enlarge.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { viewHand } from "./view-hand.js";
 import { ViewLink } from "./view-link.js";
@@ -93,11 +94,10 @@ export function liveView(scene, form, meanwhile, turned) {
   const link = new ViewLink(scene.id, {
     picture(next) {
       if (!film || film.width !== next.width || film.height !== next.height) {
-        const earlier = film;
-        film = new Film(next.width, next.height);
         // Tiles that are still to come show what was seen before.
-        if (earlier && next.tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0) < next.width * next.height)
-          film.restart(earlier);
+        const covered = next.tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0);
+        const isWhole = covered === next.width * next.height;
+        film = film && !isWhole ? enlarged(film, next.width, next.height) : new Film(next.width, next.height);
         fit(next.width, next.height);
         for (const tile of next.tiles) film.put(tile);
         picture.layers[0].setFilm(film);

@@ -1,12 +1,12 @@
 /**
  * A view's picture as it comes over the WebSocket. Little-endian:
  *
- *     u8 version = 1, u8 kind = 2, u16 tiles, u32 id, u32 seq, u16 width, u16 height, u16 whole width, u16 whole height,
+ *     u8 version = 1, u8 kind = 3, u16 tiles, u32 id, u32 seq, u16 width, u16 height, u16 whole width, u16 whole height,
  *     of each tile u16 x, y, w, h and u32 samples a pixel, then their RGB9E5 words, rows from the top
  */
 
 const VERSION = 1;
-const KIND_VIEW = 2;
+const KIND_VIEW = 3;
 const HEADER_BYTES = 20;
 const TILE_BYTES = 12;
 

@@ -208,8 +208,8 @@ function viewOf(scene, form, life) {
   const path = here().path.join();
   const write = () => {
     // Browsers throttle history changes; a moving hand makes sixty a second.
-    clearTimeout(timer);
-    timer = setTimeout(() => {
+    timer ??= setTimeout(() => {
+      timer = undefined;
       if (here().path.join() !== path) return;
       const { view } = form.request();
       written = view ? viewToText(view) : null;

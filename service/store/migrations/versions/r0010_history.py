@@ -1,0 +1,17 @@
+"""How a job came to its picture."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0010"
+down_revision = "0009"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Of jobs of before nothing is known."""
+    with op.batch_alter_table("jobs") as jobs:
+        jobs.add_column(sa.Column("history", sa.JSON()))

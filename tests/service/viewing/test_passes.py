@@ -1,0 +1,50 @@
+"""In which pieces a view is rendered."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from service.viewing.passes import FIRST_S, Passes, Piece, levels_of
+
+
+def all_of(passes: Passes) -> list[list[Piece]]:
+    found = []
+    while pieces := passes.next():
+        found.append(pieces)
+    return found
+
+
+@pytest.mark.parametrize("cost", [1e-8, 1e-6, 1e-4, 1e-2])
+@pytest.mark.parametrize("slots", [1, 2, 64])
+def test_every_sample_of_every_tile_is_in_one_piece(cost: float, slots: int) -> None:
+    levels = levels_of(160, 90, 11, cost, slots)
+    assert (levels[-1].width, levels[-1].height, levels[-1].samples) == (160, 90, 11)
+    passes = Passes(levels, cost)
+    samples = [{tile: [] for tile in range(len(level.tiles))} for level in levels]
+    for pieces in all_of(passes):
+        assert len({piece.level for piece in pieces}) == 1
+        for piece in pieces:
+            samples[piece.level][piece.tile] += range(piece.first, piece.first + piece.count)
+    for level, of in zip(levels, samples, strict=True):
+        assert all(numbers == list(range(level.samples)) for numbers in of.values())
+        covered = np.zeros((level.height, level.width), int)
+        for tile in level.tiles:
+            covered[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += 1
+        assert (covered == 1).all()
+
+
+def test_the_first_picture_takes_its_time_and_no_more() -> None:
+    for slots, cost in ((2, 1e-6), (16, 1e-5)):
+        first = levels_of(1920, 1080, 256, cost, slots)[0]
+        assert first.width * first.height * cost / slots == pytest.approx(FIRST_S, rel=0.05)
+        assert len(first.tiles) >= slots, "work for all of them"
+    assert len(levels_of(320, 180, 4, 1e-7, 2)) == 1, "what is quick is whole at once"
+
+
+def test_what_is_lost_comes_next() -> None:
+    passes = Passes(levels_of(64, 64, 4, 1e-6, 1), 1e-6)
+    first = passes.next()
+    passes.next()
+    passes.lose(first)
+    assert passes.next()[: len(first)] == first

@@ -1,0 +1,108 @@
+/** How a picture came about: its noise against time with what is to be expected, and what happened on the way. */
+
+import { getHistory } from "../news/api.js";
+import { fill, h, setText } from "../base/dom.js";
+import { clock, roughly } from "../base/format.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../news/api.js").History} History */
+
+const RENEW_MS = 3000;
+const WIDTH = 240;
+const HEIGHT = 120;
+/** Noise that a picture is taken for clean with. */
+const CLEAN = 0.01;
+
+/** @type {Record<string, (words: string) => string>} */
+const WORDS = {
+  begun: (kind) => `Rendering begun by workers of ${kind}`,
+  picture: () => "First picture: every tile has a sample",
+  worker: (name) => `${name} renders it`,
+  left: (name) => `${name} has left`,
+  paused: () => "Paused",
+  resumed: () => "Resumed",
+  lost: (name) => `A batch did not come back${name && ` from ${name}`}; tried again`,
+  failed: (words) => `A batch failed, and is tried again. ${words}`,
+};
+
+/** @param {number} noise */
+const percent = (noise) => `${(noise * 100).toPrecision(2)} %`;
+
+/** @param {() => Job} job @param {import("../base/store.js").Disposer} life */
+export function historyPanel(job, life) {
+  const said = h("p", { class: "quiet small number" });
+  const chart = h("div", { class: "chart" });
+  const events = h("ol", { class: "timeline number" });
+  const element = h("details", { class: "side-section history" }, h("summary", null, h("h2", null, "History")), h("div", { class: "stack tight" }, said, chart, events));
+  let asking = new AbortController();
+  life.add(() => asking.abort());
+  let shown = "";
+  const renew = async () => {
+    if (!element.open) return;
+    asking.abort();
+    asking = new AbortController();
+    try {
+      const history = await getHistory(job().id, asking.signal);
+      const key = JSON.stringify([history, job().state]);
+      if (key !== shown) show(history);
+      shown = key;
+    } catch {
+      // Cut off or gone, which the page says elsewhere.
+    }
+  };
+  element.addEventListener("toggle", () => void renew());
+  life.every(RENEW_MS, () => (job().state === "running" || !shown) && void renew());
+
+  /** @param {History} history */
+  const show = (history) => {
+    const points = history.points.flatMap(({ seconds, noise }) => (noise && seconds > 0 ? [{ seconds, noise }] : []));
+    const last = points.at(-1);
+    // The error falls with the square root of the samples.
+    const left = last ? last.seconds * ((last.noise / CLEAN) ** 2 - 1) : 0;
+    const open = job().state === "running" && last && last.noise > CLEAN;
+    setText(said, last ? `Noise ${percent(last.noise)} after ${clock(last.seconds)}${open ? `; ${percent(CLEAN)} in ${roughly(left)}` : ""}.` : "The noise is not known yet.");
+    fill(chart, points.length > 1 && last ? plot(points, left) : null);
+    const { created, finished, state } = job();
+    const all = [
+      { at: created, text: "Asked for" },
+      ...history.events.map(({ at, kind, words }) => ({ at, text: (WORDS[kind] ?? (() => kind))(words) })),
+      ...(finished ? [{ at: finished, text: state === "finished" ? "Finished" : state === "failed" ? "Failed" : "Cancelled" }] : []),
+    ];
+    fill(events, ...all.map(({ at, text }) => h("li", null, h("span", { class: "quiet" }, clock(Math.max(at - created, 0))), h("span", null, text))));
+  };
+  return {
+    element,
+    update: () => void (job().state === "running" || renew()),
+  };
+}
+
+/**
+ * Both axes logarithmic: a picture that converges as it should is a straight line.
+ *
+ * @param {{seconds: number, noise: number}[]} points
+ * @param {number} left seconds until it is clean; 0 or less: it is
+ */
+function plot(points, left) {
+  const first = /** @type {{seconds: number, noise: number}} */ (points[0]);
+  const last = /** @type {{seconds: number, noise: number}} */ (points.at(-1));
+  const end = Math.max(last.seconds + Math.max(left, 0), first.seconds * 2);
+  const noises = points.map(({ noise }) => noise);
+  const [most, least] = [Math.max(...noises), Math.min(...noises, CLEAN)];
+  const x = (/** @type {number} */ s) => (Math.log(s / first.seconds) / Math.log(end / first.seconds)) * WIDTH;
+  const y = (/** @type {number} */ n) => (Math.log(most / n) / Math.log(most / least || 2)) * HEIGHT;
+  const line = points.map(({ seconds, noise }, i) => `${i ? "L" : "M"}${x(seconds).toFixed(1)} ${y(noise).toFixed(1)}`).join("");
+  const label = `Noise against time: ${percent(first.noise)} after ${clock(first.seconds)}, ${percent(last.noise)} after ${clock(last.seconds)}`;
+  const svg = shape("svg", { viewBox: `-2 -4 ${WIDTH + 4} ${HEIGHT + 8}`, role: "img", "aria-label": label });
+  svg.append(shape("path", { d: `M0 ${y(CLEAN).toFixed(1)}H${WIDTH}`, class: "goal" }));
+  if (left > 0) svg.append(shape("path", { d: `M${x(last.seconds).toFixed(1)} ${y(last.noise).toFixed(1)}L${x(end).toFixed(1)} ${y(CLEAN).toFixed(1)}`, class: "forecast" }));
+  svg.append(shape("path", { d: line, class: "line" }));
+  const ends = [clock(first.seconds), percent(most), clock(end)];
+  return h("figure", null, h("span", { class: "quiet small" }, `${ends[1]} to ${percent(least)}, logarithmic`), svg, h("div", { class: "ticks quiet small", "aria-hidden": "true" }, h("span", null, ends[0]), h("span", null, ends[2])));
+}
+
+/** @param {string} name @param {Record<string, string>} attributes */
+function shape(name, attributes) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  return element;
+}
