@@ -43,17 +43,6 @@ export function count(value) {
   return value.toLocaleString("en");
 }
 
-/**
- * "1 camera", "2 cameras".
- *
- * @param {number} n
- * @param {string} noun
- * @param {string} [plural]
- */
-export function plural(n, noun, plural = `${noun}s`) {
-  return `${count(n)} ${n === 1 ? noun : plural}`;
-}
-
 /** @param {number} n */
 export function bytes(n) {
   if (n < 1000) return `${n} B`;

@@ -168,7 +168,7 @@ function comparisonButton(example, comparison) {
   };
   const button = h(
     "button",
-    { class: "button small", type: "button", title: t(comparison.about), onclick: run },
+    { class: "button small", type: "button", title: t(comparison.about ?? ""), onclick: run },
     icon("compare"),
     t(comparison.title),
   );
