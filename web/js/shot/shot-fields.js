@@ -138,7 +138,7 @@ function clipChoices(clips) {
     // By number where it has no name, or that of one before it.
     const plain = clip.name && !known.has(clip.name);
     known.add(clip.name);
-    return { name: plain ? clip.name : String(i), label: plain ? clip.name : `${clip.name || "Clip"} (${i})`, help: seconds(clip) };
+    return { name: plain ? clip.name : String(i), label: plain ? clip.name : `${clip.name || t("Clip")} (${i})`, help: seconds(clip) };
   });
   return [...each, { name: "all", label: t("All at once"), help: t("As files mean it that have a clip for each object.") }];
 }

@@ -111,7 +111,7 @@ export function selectionBar(selection) {
       priority,
       h("button", { class: "button small", type: "submit" }, t("Set priority")),
     ),
-    h("button", { class: "button small danger", type: "button", onclick: removeAll }, icon("trash"), "Delete"),
+    h("button", { class: "button small danger", type: "button", onclick: removeAll }, icon("trash"), t("Delete")),
     h("span", { class: "grow" }),
     h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all")),
     h(
