@@ -18,6 +18,8 @@ HEADINGS = {
     "de-AT": ("Szene irgendwo auf diese Seite ziehen", "Rendern", "Speichern", "Jobs", "de"),
     "zh-CN": ("将场景拖到页面任意位置", "渲染", "保存", "作业", "zh-Hans"),
 }
+# What the example scene is called, by its file and so in every language.
+NAME = "Spheres"
 TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
 
 
@@ -48,7 +50,8 @@ def assert_nothing_is_english(page: Page, locale: str) -> None:
         ])""",
         TEXTS,
     )
-    assert not english & {text.strip() for text in shown}
+    left = english & {text.strip() for text in shown} - {NAME}
+    assert not left
 
 
 def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:

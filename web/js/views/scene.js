@@ -271,12 +271,25 @@ function warnings(scene) {
   );
 }
 
+/** What the service counts in a scene. @type {Record<string, string>} */
+const COUNTED = {
+  triangles: t("Triangles"),
+  unique_triangles: t("Unique triangles"),
+  vertices: t("Vertices"),
+  spheres: t("Spheres"),
+  meshes: t("Meshes"),
+  instances: t("Instances"),
+  materials: t("Materials"),
+  textures: t("Textures"),
+  lights: t("Lights"),
+};
+
 /** @param {Scene} scene */
 function facts(scene) {
   /** @type {[string, string][]} */
   const rows = Object.entries(scene.counts)
     .filter(([, n]) => n > 0)
-    .map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
+    .map(([name, n]) => [COUNTED[name] ?? name, count(n)]);
   if (scene.cameras.length > 1) rows.push([t("Cameras"), count(scene.cameras.length - 1)]); // the automatic one left out
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
   if (end) rows.push([t("Moves"), t("{n} s at {fps} fps", { n: Number(end.toFixed(2)), fps: scene.fps ?? "" })]);
