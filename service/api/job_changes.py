@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, model_validator
 from sqlalchemy import select
@@ -24,7 +24,7 @@ AT_A_TIME = 100  # in one transaction: the engine waits for a moment only, and f
 class ChangesIn(Strict):
     """What is to become of many jobs."""
 
-    jobs: list[str] = Field(min_length=1, max_length=MOST_JOBS)
+    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MOST_JOBS)
     state: Literal["running", "paused", "cancelled", "deleted"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
     of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")

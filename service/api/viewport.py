@@ -48,6 +48,7 @@ STATE_EVERY_S = 0.2
 SPEAK_EVERY_S = 5.0
 WAIT_S = 0.25
 PREPARING_S = 0.1
+PATIENCE_S = 3.0  # with a light that is prepared though another is wanted by now
 AGAIN_S = 1.0  # after which a view that cannot be rendered yet is looked at again
 MOST_BYTES = 1 << 16  # of a message
 NOT_FOUND = 4404
@@ -78,12 +79,14 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         farm.desk.leave(viewer.watch)
-        for task in tasks:
-            task.cancel()
-        for task in tasks:
-            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
-                await task
-        viewer.release()
+        try:
+            for task in tasks:
+                task.cancel()
+            for task in tasks:
+                with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                    await task
+        finally:
+            viewer.release()
 
 
 class _Viewer:
@@ -94,6 +97,8 @@ class _Viewer:
         self._changed = asyncio.Event()
         self._asked = asyncio.Event()
         self._ask: ViewIn | None = None
+        self._awaited: ViewIn | None = None  # whose light is prepared
+        self._patient_until = 0.0
         self._errors: deque[dict[str, Any]] = deque(maxlen=16)
         self._unacknowledged: deque[int] = deque()
         self._seq = 0
@@ -121,11 +126,11 @@ class _Viewer:
             except ValidationError as error:
                 first = error.errors()[0]
                 self._refuse(f"{'.'.join(map(str, first['loc'])) or 'the message'}: {first['msg'].removeprefix('Value error, ')}")
-            except (ValueError, TypeError, RecursionError) as error:
+            except (ValueError, TypeError, OverflowError, RecursionError) as error:
                 self._refuse(f"The message is not understood ({error}).")
 
     def _hear(self, text: str) -> None:
-        """Raises ValueError, TypeError or RecursionError."""
+        """Raises ValueError, TypeError, OverflowError or RecursionError."""
         if len(text) > MOST_BYTES:
             raise ValueError(f"it has {len(text)} characters")
         said = json.loads(text)
@@ -149,38 +154,56 @@ class _Viewer:
         self._changed.set()
 
     async def settle(self) -> None:
-        """Find out what the newest view that was asked for means, and have it rendered."""
+        """Find out what the newest view that was asked for means, and have it rendered.
+
+        Lights are prepared one after the other: a hand on the sun asks for new ones faster than that, and sees every one that is.
+        """
         while True:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._asked.wait(), self._rests_s)
             is_new = self._asked.is_set()
             self._asked.clear()
-            ask = self._ask
-            if ask is None or not (is_new or self._is_unprepared()):
+            newest, awaited = self._ask, self._awaited
+            if newest is None or not (is_new or self._is_unprepared()):
                 continue
-            try:
-                look = await run_in_threadpool(self._look, ask)
-            except FarmError as error:
-                self._notice, self._rests_s = None, AGAIN_S
-                self._refuse(str(error), ask.id)
-                continue
+            self._notice, self._rests_s = None, AGAIN_S
+            if awaited is None or awaited is newest or time.monotonic() > self._patient_until:
+                if not await self._settles(newest, makes=True, tries_again=is_new) and self._awaited is not newest:
+                    self._awaited, self._patient_until = newest, time.monotonic() + PATIENCE_S
+            elif not await self._settles(newest, makes=False) and await self._settles(awaited, makes=True):
+                self._asked.set()
+
+    async def _settles(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
+        """Whether it is known what comes of a view: it is rendered, or refused. Raises nothing."""
+        try:
+            look = await run_in_threadpool(self._look, ask, makes, tries_again)
+        except FarmError as error:
+            self._refuse(str(error), ask.id)
+            self._ask = None if ask is self._ask else self._ask
+        else:
             if look is None:
                 of_light = self._held != self._scene
-                self._notice = f"The scene is prepared{' for this light' * of_light}."
-                self._rests_s = PREPARING_S
-            else:
-                self._notice, self._rests_s = None, AGAIN_S
-                self._farm.desk.show(self.watch, look)
+                self._notice, self._rests_s = f"The scene is prepared{' for this light' * of_light}.", PREPARING_S
+                return False
+            self._farm.desk.show(self.watch, look)
+            self._notice = None
+        self._awaited = None
+        return True
 
     def _is_unprepared(self) -> bool:
         """Whether the scene may have been compiled meanwhile for the workers that are here."""
         return self._notice is not None or (self.watch.look is not None and self.watch.message is not None)
 
-    def _look(self, ask: ViewIn) -> Look | None:
-        """What is to be rendered; None while the scene is prepared for it. Raises FarmError."""
+    def _look(self, ask: ViewIn, makes: bool, tries_again: bool) -> Look | None:
+        """What is to be rendered; None while the scene is prepared for it, or has to be and is not made. Raises FarmError."""
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
-        row = lighting.row(self._scene, request["environment"], request["variant"])
+        about = self._scene, request["environment"], request["variant"]
+        row = None if tries_again else lighting.known(*about)
+        if row is None and makes:
+            row = lighting.row(*about)
+        if row is None or (row.status == "preparing" and not makes):
+            return None
         if row.id != self._held:
             lighting.hold(row.id)
             self.release()

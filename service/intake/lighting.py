@@ -96,6 +96,15 @@ class Lighting:
             self.clear()
         return made
 
+    def known(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene | None:
+        """As `row`, of what is there, failed or not; None where it would have to be made."""
+        base = self._upload(scene)
+        stored = self._wanted(base, environment, variant)
+        if stored is None or stored.id == base.id:
+            return base
+        with self._sessions() as session:
+            return session.get(Scene, stored.id)
+
     @contextmanager
     def held(self, id: str) -> Iterator[None]:
         """Keep a lit scene and its blobs while it is used by something else than a job."""

@@ -26,6 +26,7 @@ from service.viewing.hands import Hands
 from service.viewing.look import Look
 from service.viewing.moments import Moments
 from service.viewing.picking import picked, picking
+from service.viewing.room import FULL, has_room
 from service.viewing.watch import Watch
 from worker.contract import FrameInfo
 from worker.sums import unpack_sums
@@ -120,6 +121,8 @@ class Desk:
             watch.is_paused = is_paused
             if is_paused:
                 self._withdraw(watch)
+            elif watch.view:  # the key may have expired, without which slots take it for a view that nobody looks at
+                self._redis.set(view_key(watch.id), watch.view, ex=KEY_TTL_S)
 
         self._order(order)
 
@@ -130,6 +133,7 @@ class Desk:
         def order() -> None:
             self._watches.pop(watch.id, None)
             self._withdraw(watch)
+            watch.forget()
             self._lingers_until = time.monotonic() + (LINGER_FOR_FRAMES_S if self._frames else LINGER_S)
             self._losses.pop(watch.id, None)
             self._redis.delete(view_key(watch.id))
@@ -177,7 +181,7 @@ class Desk:
         for watch in list(self._watches.values()):
             self._turn(watch)
         self._fill()
-        if self._is_awake and not self._ordered.is_set():
+        if self._is_awake:
             self._take_in()
         if time.monotonic() - self._reviewed >= REVIEW_EVERY_S:
             self._reviewed = time.monotonic()
@@ -191,7 +195,7 @@ class Desk:
             self._losses.pop(watch.id, None)
             watch.turn_to(watch.wanted, self._views)
             self._redis.set(view_key(watch.id), watch.view, ex=KEY_TTL_S)
-        if watch.look is None or watch.settings is not None or watch.error is not None:
+        if watch.look is None or watch.settings is not None or watch.error is not None or watch.is_paused:
             return
         kind = self._hands.kind(watch.look)
         if kind is None:
@@ -210,6 +214,9 @@ class Desk:
                 self._fail(watch, f"{error}.")
                 return
             compiled = info.compiled.sha256 if info.compiled else base
+        if not has_room(settings.width * settings.height, self._watches.values()):
+            self._tell(watch, FULL)
+            return
         slots = self._hands.slots(kind)
         watch.begin(settings, compiled, kind, self._costs.of(watch.look, kind, self._roster()), slots)
         self._tell(watch, None, slots)
@@ -217,7 +224,8 @@ class Desk:
     def _fill(self) -> None:
         """Hand out what is to be rendered, so that every slot has something in hand and something to go on with."""
         for watch in list(self._watches.values()):
-            if watch.pick is not None and watch.settings is not None:
+            is_asked = any(out.pick is not None and out.watch is watch for out in self._out.values())
+            if watch.pick is not None and watch.settings is not None and not is_asked:
                 self._send_pick(watch)
         hungry = {watch.id: watch for watch in self._watches.values() if watch.passes is not None and not watch.is_paused}
         while hungry:
@@ -276,8 +284,8 @@ class Desk:
             self._dispatcher.take_back(view_queue(kind), {out.id for out in gone})
 
     def _take_in(self) -> None:
-        found: Any = self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
-        data: Any = found[1] if found else None
+        found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
+        data: Any = found[1] if found else self._redis.lpop(VIEW_ANSWERS)  # one at least: orders may come without end
         while data is not None:
             if data:
                 try:
@@ -389,7 +397,3 @@ class Desk:
         if (watch.message, watch.slots) != (message, slots):
             watch.message, watch.slots = message, slots
             watch.wake()
-
-    def _tell_all(self, message: str) -> None:
-        for watch in self._watches.values():
-            self._tell(watch, message)

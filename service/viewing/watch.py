@@ -72,6 +72,16 @@ class Watch:
             self.begun, self.has_picture = time.monotonic(), False
             self._canvases, self._shown, self._shown_samples = [], -1, 0
 
+    def forget(self) -> None:
+        """Nobody looks any more. Its pictures go now, whoever still refers to it."""
+        with self._lock:
+            self.settings, self.passes, self._canvases = None, None, []
+
+    @property
+    def pixels(self) -> int:
+        """Of the picture that lies in memory."""
+        return self.settings.width * self.settings.height if self.settings else 0
+
     def begin_again(self) -> None:
         """What is rendered so far is of workers that are gone."""
         if self.look is not None:

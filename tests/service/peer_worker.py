@@ -104,6 +104,7 @@ class PeerWorker:
         self.views = views
         self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: it is never answered
         self.parts: list[tuple[ViewParts, Part]] = []  # rendered
+        self.unwanted: list[ViewParts] = []  # of views that nobody looked at any more
         self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: they are never answered
         self.vectors: list[FrameVectors] = []  # made
         self.messages: list[int] = []  # how many batches each had
@@ -272,6 +273,9 @@ class PeerWorker:
 
     def _view(self, work: ViewParts) -> None:
         """A view's samples are those of a batch."""
+        if self.redis.get(view_key(work.watch)) != str(work.view).encode():
+            self.unwanted.append(work)
+            return
         self.current = {"view": work.watch, "message": work.message}
         self._tell(work, "begun")
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -122,7 +123,14 @@ def test_many_are_changed_at_once_and_the_answer_says_how_they_were(service: Ser
 
 
 @pytest.mark.parametrize(
-    "body", [{"jobs": ["a"]}, {"jobs": []}, {"jobs": ["a"] * 1001, "priority": 1}, {"jobs": ["a"], "priority": 101}]
+    "body",
+    [
+        {"jobs": ["a"]},
+        {"jobs": []},
+        {"jobs": ["a"] * 1001, "priority": 1},
+        {"jobs": ["a"], "priority": 101},
+        {"jobs": ["\ud800"], "priority": 1},
+    ],
 )
 def test_a_change_that_makes_no_sense_is_refused(service: Service, body: dict[str, Any]) -> None:
-    assert service.http.post("/api/jobs/changes", json=body).status_code == 422
+    assert service.http.post("/api/jobs/changes", content=json.dumps(body)).status_code == 422

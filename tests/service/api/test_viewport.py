@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import struct
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -18,9 +19,10 @@ from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.scheduling.records import Records
+from service.viewing import room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
-from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_queue
+from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
 
 HEADER, TILE = struct.Struct("<BBHIIHHHH"), struct.Struct("<HHHHI")
 SIZE = {"width": 96, "height": 64}
@@ -45,6 +47,10 @@ class Viewer:
 
     def show(self, id: int, **view: Any) -> None:
         self.say(id=id, **{**SIZE, **view})
+
+    def begin_again(self) -> None:
+        """The service may forget what it has shown."""
+        self.words = np.zeros((0, 0), np.uint32)
 
     def read(self, seconds: float = 0.05) -> None:
         deadline = time.monotonic() + seconds
@@ -179,8 +185,9 @@ def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorke
         until(lambda: (viewer.read(), len(viewer.errors) == 4)[1], "each is answered", say=lambda: viewer.errors)
         viewer.say(id=4, width=16000, height=16000)
         viewer.say(pick=["x"])
+        viewer.connection.send('{"pick": [1e999, 0]}')
         viewer.connection.send(b"\0\1")
-        until(lambda: (viewer.read(), len(viewer.errors) >= 7)[1], "all are answered", say=lambda: viewer.errors)
+        until(lambda: (viewer.read(), len(viewer.errors) >= 8)[1], "all are answered", say=lambda: viewer.errors)
         details = " ".join(error["detail"] for error in viewer.errors)
         assert "not understood" in details
         assert "width" in details
@@ -241,8 +248,14 @@ def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service
         begun = len(worker.parts)
         until(lambda: (one.read(), len(worker.parts) > begun + 10)[1], "the other goes on")
         assert {work.settings.seed for work, _ in worker.parts[begun:]} == {1}
+        one.say(paused=True)
+        until(lambda: not service.farm.desk._out, "nothing is handed out")
+        redis = service.farm.desk._redis
+        redis.delete(view_key(next(each.id for each in service.farm.desk._watches.values() if each.is_paused)))
+        worker.unwanted.clear()
         other.say(paused=False)
         other.wait(1, 8)
+        assert not worker.unwanted, "its key expired meanwhile, and is renewed before anything is handed out"
 
 
 def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, worker: PeerWorker) -> None:
@@ -253,11 +266,72 @@ def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, 
     with look(service, scene) as viewer:
         viewer.show(1, spp=256)
         viewer.wait(1, 1)
+        (watch,) = service.farm.desk._watches.values()
+        assert watch.pixels == 96 * 64
         worker.on_part = lambda work, part: time.sleep(0.05)
         viewer.connection.socket.close()  # as a killed browser: without a word
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
     assert service.farm.desk._watches == {}
+    assert watch.pixels == 0 and not watch._canvases, "not even in memory"
+
+
+def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    before = len(worker.prepared)
+    worker.on_prepare = lambda scene: time.sleep(0.2)
+    with look(service, scene) as viewer:
+        for id in range(1, 81):
+            viewer.show(id, spp=1, environment={"sky": {"elevation": 5 + id / 10}})
+            viewer.read(0.02)
+        seen = {id for id, _ in viewer.pictures}
+        assert len(seen) > 1, "while it moves"
+        viewer.wait(80, 1)
+        assert len(worker.prepared) - before <= len(seen) + 3, "and no others are asked for"
+
+
+def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    tried = []
+
+    def fail(scene: str) -> None:
+        tried.append(scene)
+        raise ValueError("The sun does not shine.")
+
+    worker.on_prepare = fail
+    with look(service, scene) as viewer:
+        viewer.show(1, environment={"sky": {"elevation": 77}})
+        until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes", say=lambda: viewer.states[-2:])
+        viewer.read(1.5)
+        assert [error["detail"] for error in viewer.errors] == ["The scene cannot be rendered: The sun does not shine."]
+        assert len(tried) == 1
+        worker.on_prepare = lambda scene: None
+        viewer.show(2, spp=2, environment={"sky": {"elevation": 77}})
+        viewer.wait(2, 2)
+
+
+def test_where_memory_is_full_a_view_waits_for_another_to_leave(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "MOST_TOGETHER", 96 * 64)
+    scene = service.ready_scene()
+    with look(service, scene) as other:
+        with look(service, scene) as one:
+            one.show(1, spp=2)
+            one.wait(1, 2)
+            other.show(1, spp=2)
+            until(lambda: (other.read(), room.FULL in [each["message"] for each in other.states])[1], "it is told")
+            one.say(paused=True)
+            other.wait(1, 2)
+            other.say(paused=True)
+            one.begin_again()
+            one.say(paused=False)
+            one.show(2, spp=2)
+            one.wait(2, 2)
+        other.begin_again()
+        other.say(paused=False)
+        other.show(2, spp=2)
+        other.wait(2, 2)
 
 
 def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> None:
@@ -270,6 +344,27 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         (asked,) = [(work, part) for work, part in worker.parts if work.is_whole]
         assert asked[1].tile == (5, 60, 1, 1)
         assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
+
+
+def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Service, worker: PeerWorker) -> None:
+    worker.on_part = lambda work, part: time.sleep(0.02) if work.is_whole else None
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, spp=8)
+        stop = threading.Event()
+
+        def click() -> None:
+            while not stop.is_set():
+                viewer.say(pick=[5, 60])
+
+        clicking = threading.Thread(target=click)
+        clicking.start()
+        try:
+            viewer.wait(1, 8)
+            until(lambda: (viewer.read(), len(viewer.picked) > 3)[1], "some are answered")
+            assert service.farm.desk._redis.llen(view_queue(worker.kind)) <= 5
+        finally:
+            stop.set()
+            clicking.join()
 
 
 def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, worker: PeerWorker) -> None:
