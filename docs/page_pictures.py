@@ -1,7 +1,8 @@
-"""Takes the pictures of the page that README.md and animation.md show, while a farm renders: page-dark.jpg and shot-page.jpg.
+"""Takes the pictures of the page that README.md and animation.md show, while a farm renders.
 
-    python3 farm.py up                 in one terminal
-    python3 farm.py page-pictures      in another: some minutes, as both are rendered until there is something to see
+    python3 farm.py up                           in one terminal
+    python3 farm.py page-pictures                in another: some minutes, as they are rendered until there is something to see
+    python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, to be looked at
 
 It drives Debian's Chromium, as the tests do, and asks for its pictures as a person would by the page.
 """
@@ -10,6 +11,8 @@ from __future__ import annotations
 
 import argparse
 import io
+import json
+import math
 import shutil
 import sys
 import time
@@ -18,7 +21,7 @@ from typing import Any
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 __all__ = ["main"]
 
@@ -28,25 +31,33 @@ SIZE = {"width": 1360, "height": 850}
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader", "--disable-gpu-compositing"]
 PATIENCE_S = 3600
 SETTLE_MS = 3000
+WIDTHS = {375: 800, 1440: 900, 2560: 1300}
+TOUR, RECORDING = "tour", "recording"
+RECORDED_S = 9.0  # of them a third turning, the rest clearing up
 
 
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="name", help=f"{' or '.join(TAKEN)}; both unless told")
+    known = ", ".join([*TAKEN, RECORDING])
+    parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; all unless told; or {TOUR}")
     parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="docs/pictures unless told")
     parser.add_argument("--server", default="http://127.0.0.1:8000", help="the farm's address")
     parser.add_argument("--job", help="of one picture: a job that is there, in place of a new one")
     options = parser.parse_args()
-    names = options.names or list(TAKEN)
-    if not set(names) <= set(TAKEN) or (options.job and len(names) > 1):
-        parser.error(f"pictures are {', '.join(TAKEN)}; --job is of one of them")
+    names = options.names or [*TAKEN, RECORDING]
+    if not set(names) <= {*TAKEN, RECORDING, TOUR} or (options.job and len(names) > 1):
+        parser.error(f"pictures are {', '.join([*TAKEN, RECORDING, TOUR])}; --job is of one of them")
+    options.output.mkdir(parents=True, exist_ok=True)
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
         sys.exit("There is no Chromium on the PATH. On Debian: apt install chromium")
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=browser, args=FLAGS)
         for name in names:
+            if name in (TOUR, RECORDING):
+                (_tour if name == TOUR else _record)(chromium, options.server, options.output)
+                continue
             request, enough, pose = TAKEN[name]
             job = options.job or _asked(options.server, **request)
             _wait(options.server, job, enough)
@@ -60,10 +71,72 @@ def main() -> None:
             print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 
+def _tour(chromium: Browser, server: str, folder: Path) -> None:
+    """Every page at every width in both themes."""
+    request = {"example": "still-life", "width": 640, "height": 400, "spp": 32}
+    own, other = _asked(server, **request), _asked(server, **request, environment={"preset": "noon"})
+    for job in (own, other):
+        _wait(server, job, 1.0)
+    scene = _scene(server, "still-life")
+    pages = {"home": "", "scene": f"scenes/{scene}", "job": f"jobs/{own}", "jobs": "jobs", "workers": "workers"}
+    pages["compare"] = f"compare/{own}/{other}"
+    for width, height in WIDTHS.items():
+        for theme in ("light", "dark"):
+            page = chromium.new_page(viewport={"width": width, "height": height}, color_scheme=theme, reduced_motion="reduce")
+            for name, place in pages.items():
+                page.goto(f"{server}/#/{place}")
+                page.wait_for_timeout(2 * SETTLE_MS)
+                page.screenshot(path=folder / f"{name}-{width}-{theme}.png", full_page=name != "job")
+            page.close()
+    print(f"{len(pages) * len(WIDTHS) * 2} pictures in {folder}", flush=True)
+
+
+def _record(chromium: Browser, server: str, folder: Path) -> None:
+    """A hand turns the view of a scene, and it clears up: an animated WebP that runs as fast as it was."""
+    page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="dark")
+    page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
+    view = page.locator(".live-view canvas").first
+    view.wait_for()
+    page.wait_for_timeout(5 * SETTLE_MS)
+    box = view.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    begun = time.monotonic()
+    frames: list[tuple[float, Image.Image]] = []
+    is_down = True
+    while (passed := time.monotonic() - begun) < RECORDED_S:
+        turn = min(passed / (RECORDED_S / 3), 1.0)
+        if is_down:
+            page.mouse.move(x - 0.25 * box["width"] * math.sin(math.pi / 2 * turn), y - 0.04 * box["height"] * turn)
+        if is_down and turn == 1.0:
+            page.mouse.up()
+            is_down = False
+        frames.append((passed, Image.open(io.BytesIO(page.screenshot())).convert("RGB").resize((900, 525))))
+    page.close()
+    ends = [*(at for at, _ in frames[1:]), RECORDED_S + 1.0]
+    durations = [round(1000 * (end - at)) for (at, _), end in zip(frames, ends, strict=True)]
+    path = folder / "live-view.webp"
+    images = [image for _, image in frames]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=70, method=4)
+    print(f"{path.name}: {len(frames)} pictures, {path.stat().st_size / 1024:.0f} kB", flush=True)
+
+
+def _scene(server: str, example: str) -> str:
+    scene = str(httpx.post(f"{server}/api/examples/{example}", timeout=60).raise_for_status().json()["id"])
+    deadline = time.monotonic() + PATIENCE_S
+    while httpx.get(f"{server}/api/scenes/{scene}", timeout=60).raise_for_status().json()["status"] != "ready":
+        if time.monotonic() > deadline:
+            sys.exit(f"{example} was not ready after {PATIENCE_S} s.")
+        time.sleep(1)
+    return scene
+
+
 def _asked(server: str, example: str, **request: Any) -> str:
     """The id of a job of an example; asked for again, it is the same one."""
-    scene = httpx.post(f"{server}/api/examples/{example}", timeout=60).raise_for_status().json()["id"]
-    key = {"Idempotency-Key": f"page-pictures-{scene}"}
+    scene = _scene(server, example)
+    key = {"Idempotency-Key": f"page-pictures-{scene}-{json.dumps(request, sort_keys=True)}"}
     answer = httpx.post(f"{server}/api/jobs", json={"scene": scene, **request}, headers=key, timeout=60)
     return str(answer.raise_for_status().json()["id"])
 

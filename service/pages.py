@@ -25,7 +25,7 @@ from starlette.types import Scope
 __all__ = ["Pages", "WebPages"]
 
 FOLDER = "v"  # v/HASH/js/main.js
-PARTS = ("js", "css", "examples")
+PARTS = ("js", "css", "words", "examples")
 FOREVER = "public, max-age=31536000, immutable"
 PACKED = (".js", ".css", ".svg", ".html", ".json")
 _NAMED = re.compile(r'\b(href|src)="((?:js|css)/[^"]+|icon\.svg)"')

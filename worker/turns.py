@@ -1,19 +1,35 @@
-"""From which queue a worker takes next: views that somebody looks at come first, and the others have their turn."""
+"""From which queue a worker takes next: views that somebody looks at come first, and the others have their turn.
+
+Preparing has a turn after each view: what is looked at may wait for it, as a scene under another light does.
+"""
 
 from __future__ import annotations
 
 from kombu.utils.scheduling import round_robin_cycle
 
+from worker.contract import prepare_queue
 from worker.view_parts import VIEW_QUEUES
 
 __all__ = ["STRATEGY", "ViewsFirst"]
 
 STRATEGY = "worker.turns:ViewsFirst"  # as kombu names it
+PREPARE_QUEUES = prepare_queue("")
 
 
 class ViewsFirst(round_robin_cycle):
-    """Kombu's round robin, with the queues of views before the others whoever had the last turn."""
+    """Kombu's round robin of the queues, but for those of views."""
+
+    _was_view = False
+
+    def rotate(self, last_used: str) -> str:
+        """A queue has had its turn."""
+        self._was_view = last_used.startswith(VIEW_QUEUES)
+        super().rotate(last_used)
+        return last_used
 
     def consume(self, n: int) -> list[str]:
         """The queues in the order in which they are looked into."""
-        return sorted(super().consume(n), key=lambda queue: not queue.startswith(VIEW_QUEUES))
+        first = (PREPARE_QUEUES, VIEW_QUEUES) if self._was_view else (VIEW_QUEUES,)
+        return sorted(
+            super().consume(n), key=lambda queue: next((i for i, name in enumerate(first) if queue.startswith(name)), 9)
+        )

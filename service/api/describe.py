@@ -55,16 +55,21 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
         return _scene_out(plain, engine)
 
 
-def job_out(job: Job, session: Session, engine: Engine) -> JobOut:
+def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = None) -> JobOut:
     """A job, with the engine's latest numbers where it is being rendered. One whose row says what this release does not
     understand is given as far as it is known."""
-    return _one_out(job, _recorded([job.id], session).get(job.id, []), engine)
+    return jobs_out([job], session, engine, view)[0]
 
 
-def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine) -> list[JobOut]:
-    """Many jobs, by one look at their frames."""
+def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapshot | None = None) -> list[JobOut]:
+    """Many jobs, by one look at their frames.
+
+    view: of the engine, from before the rows were read. A job that ends leaves the engine once its numbers are written down:
+    whoever looks at the engine last finds them in neither.
+    """
+    view = view or engine.snapshot
     recorded = _recorded([job.id for job in jobs], session)
-    return [_one_out(job, recorded.get(job.id, []), engine) for job in jobs]
+    return [_one_out(job, recorded.get(job.id, []), engine, view) for job in jobs]
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
@@ -78,9 +83,9 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     return found
 
 
-def _one_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
+def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot) -> JobOut:
     try:
-        out = _job_out(job, recorded, engine)
+        out = _job_out(job, recorded, view)
         for frame in out.frames if job.shot is None else ():
             frame.bad = _bad_samples(job, frame, engine)
         return out
@@ -90,7 +95,7 @@ def _one_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
-        return _job_out(plain, recorded, engine)
+        return _job_out(plain, recorded, view)
 
 
 def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
@@ -125,8 +130,8 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
-    known = engine.snapshot.jobs.get(job.id)
+def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
+    known = view.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
     shot = Shot.of(job.shot)
     about: ShotOut | None = None
@@ -145,7 +150,7 @@ def _job_out(job: Job, recorded: Recorded, engine: Engine) -> JobOut:
                 *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
             )
         },
-        message=_message(job, engine.snapshot) or _holes(job, about),
+        message=_message(job, view) or _holes(job, about),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
@@ -286,13 +291,13 @@ def _counts(doing: dict[str, Any]) -> bool:
 
 def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
     """A job, scene or worker as JSON-ready data; None where it is gone."""
+    view = engine.snapshot
     if what == "job":
         job = session.get(Job, id)
-        return job_out(job, session, engine).model_dump() if job else None
+        return job_out(job, session, engine, view).model_dump() if job else None
     if what == "scene":
         scene = session.get(Scene, id)
         return scene_out(scene, engine).model_dump() if scene else None
-    view = engine.snapshot
     report = view.roster.reports.get(id)
     return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
 

@@ -59,9 +59,10 @@ async def _stream(farm: Farm) -> AsyncIterator[str]:
 
 
 def _texts(farm: Farm, changed: list[tuple[str, str]]) -> list[str]:
+    view = farm.engine.snapshot
     with farm.sessions() as session:
         seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
-        jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine)}
+        jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine, view)}
         found = [(what, id, jobs.get(id) if what == "job" else snapshot(what, id, session, farm.engine)) for what, id in seen]
     return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in found]

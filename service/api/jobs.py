@@ -115,10 +115,11 @@ def list_jobs(
     offset: int = Query(0, ge=0, le=1 << 31),
 ) -> Response:
     """The jobs, or those that are chosen, a page of them. The header X-Total-Count has their number."""
+    view = farm.engine.snapshot
     with farm.sessions() as session:
         rows = chosen.rows(sort, session, limit, offset)
         total = chosen.count(session)
-        body = _JOBS.dump_json(jobs_out(rows, session, farm.engine))
+        body = _JOBS.dump_json(jobs_out(rows, session, farm.engine, view))
     return Response(body, media_type="application/json", headers={"X-Total-Count": str(total)})
 
 
@@ -151,8 +152,9 @@ def change_jobs(changes: ChangesIn, farm: FarmDependency) -> ChangesOut:
 @router.get("/{id}", response_model=JobOut)
 def get_job(id: str, farm: FarmDependency) -> JobOut:
     """One job: its state, progress, speed and errors."""
+    view = farm.engine.snapshot
     with farm.sessions() as session:
-        return job_out(find_job(id, farm), session, farm.engine)
+        return job_out(find_job(id, farm), session, farm.engine, view)
 
 
 @router.get("/{id}/history", response_model=HistoryOut)

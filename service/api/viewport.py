@@ -182,7 +182,8 @@ class _Viewer:
             self._ask = None if ask is self._ask else self._ask
         else:
             if look is None:
-                self._notice, self._rests_s = "The scene is prepared for this light.", PREPARING_S
+                of_light = self._held != self._scene
+                self._notice, self._rests_s = f"The scene is prepared{' for this light' * of_light}.", PREPARING_S
                 return False
             self._farm.desk.show(self.watch, look)
             self._notice = None

@@ -181,6 +181,11 @@ class ActiveFrame:
                 self._measure(batch.tile, covered.total)
                 self.noise = self._whole_noise()
 
+    def renew_noise(self) -> None:
+        """Its noise as it is expected to be by now: of tiles that went on since they were looked at, by their samples."""
+        if self._plan is not None and self._measured:
+            self.noise = self._whole_noise()
+
     def measured(self) -> float:
         """Its noise as it is now, from all of its tiles. Raises FilmWaits or FilmLost."""
         for tile, covered in enumerate(self.plan.covered):

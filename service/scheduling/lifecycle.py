@@ -179,6 +179,8 @@ class Lifecycle:
         if job.has_first_wave and not any(kind == "picture" for _, kind, _ in job.history.events):
             job.history.happened("picture")
         job.history.left(self._scheduler.connected())
+        if job.shot is None:
+            next(iter(job.frames.values())).renew_noise()
         job.history.measured(job.active_s, job.samples, job.noise_now)
         gone = job.release()
         self._records.progress(job)

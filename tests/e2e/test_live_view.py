@@ -10,6 +10,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
+from renderer.image import rgbe9995
 from tests.e2e.conftest import Watched
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
@@ -70,6 +71,23 @@ def test_a_view_goes_through_the_url(page: Page) -> None:
     assert call(page, "scene/view-url", body, [whole, other]) == [whole, other]
     bad = [None, "", "1_2_3", "1_2_3*1_2_3*40", "1_2_x*0_0_0*40", "1_2_3*0_0_0*400", "1__3*0_0_0*40", "<script>"]
     assert call(page, "scene/view-url", "return a.map(m.viewFromText);", bad) == [None] * len(bad)
+
+
+def test_a_small_picture_is_made_large_smoothly(page: Page) -> None:
+    small = np.random.default_rng(3).uniform(0.1, 4.0, (3, 4, 3)).astype(np.float32)
+    body = """
+        const { Film } = await import('/js/film/film.js');
+        return [...m.enlarged(new Film(4, 3, new Uint32Array(a.words)), a.w, a.h).words];"""
+    words = rgbe9995.pack(small)
+    for w, h in ((4, 3), (13, 9)):
+        large = np.array(call(page, "scene/enlarge", body, {"words": words.ravel().tolist(), "w": w, "h": h}), np.uint32)
+        y = np.clip((np.arange(h) + 0.5) * 3 / h - 0.5, 0, 2)
+        x = np.clip((np.arange(w) + 0.5) * 4 / w - 0.5, 0, 3)
+        hat_y = np.maximum(0, 1 - abs(y[:, None] - np.arange(3)))
+        hat_x = np.maximum(0, 1 - abs(x[:, None] - np.arange(4)))
+        expected = np.einsum("yi,xj,ijc->yxc", hat_y, hat_x, rgbe9995.unpack(words))
+        found = rgbe9995.unpack(large.reshape(h, w))
+        np.testing.assert_allclose(found, expected, atol=expected.max() * 2**-9)
 
 
 def slots_of(farm: Farm) -> list[psutil.Process]:

@@ -183,13 +183,13 @@ def test_what_is_missing_is_added_and_of_several_models_one_is_chosen(farm: Farm
     asked.get_by_role("button", name="table.obj").click()
     expect(page.get_by_role("heading", name="table")).to_be_visible()
     warning = page.get_by_text("its texture oak.png is not among the files")
-    expect(warning).to_be_visible()
+    expect(warning).to_be_visible(timeout=60_000)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Add files").click()
     oak = io.BytesIO()
     Image.new("RGB", (4, 4), (120, 80, 40)).save(oak, "PNG")
     chooser.value.set_files([{"name": "oak.png", "mimeType": "image/png", "buffer": oak.getvalue()}])
-    expect(warning).to_have_count(0)
-    expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible()
+    expect(warning).to_have_count(0, timeout=60_000)
+    expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible(timeout=60_000)
     expect(page.get_by_role("button", name="Add files")).to_have_count(0)
     assert watched.errors == []

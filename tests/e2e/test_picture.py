@@ -208,3 +208,14 @@ def test_the_histogram_counts_the_films_pixels(page: Page) -> None:
         wanted = np.bincount(bins[bins >= 0].ravel(), minlength=len(counts)) / bins.size
         np.testing.assert_allclose(counts, wanted, atol=1.01 / bins.size)  # a value on an edge may round either way
     assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000
+
+
+def test_the_history_tells_what_happened(farm: Farm, finished: str, watched: Watched) -> None:
+    page = watched.page
+    open_job(page, farm, finished)
+    page.get_by_text("History", exact=True).click()
+    timeline = page.locator(".timeline")
+    expect(timeline.get_by_role("listitem").first).to_contain_text("Asked for")
+    expect(timeline).to_contain_text("First picture")
+    expect(timeline.get_by_role("listitem").last).to_contain_text("Finished")
+    assert watched.errors == []

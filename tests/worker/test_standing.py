@@ -79,5 +79,8 @@ def test_a_large_one_stays_for_nobody(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(standing, "LARGE", 1)
     child = begun(tmp_path / "left")
     assert child.ask({}, lambda message: None)
+    deadline = time.monotonic() + 20
+    while not (tmp_path / "left").exists():  # it looks once it has heard that its answer was taken
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
     assert not child.ask({}, lambda message: None)
-    assert (tmp_path / "left").exists()

@@ -14,5 +14,9 @@ def test_views_come_first_and_the_others_take_turns() -> None:
     assert turns.consume(3) == [view, render, prepare]
     turns.rotate(render)
     assert turns.consume(3) == [view, prepare, render]
+    turns.rotate(prepare)
+    assert turns.consume(3) == [view, render, prepare]
     turns.rotate(view)
-    assert turns.consume(3) == [view, prepare, render]
+    assert turns.consume(3) == [prepare, view, render], "a view may wait for what is prepared"
+    turns.rotate(prepare)
+    assert turns.consume(3)[0] == view

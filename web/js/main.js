@@ -17,6 +17,7 @@ import { jobView } from "./views/job.js";
 import { jobsView } from "./views/jobs.js";
 import { sceneView } from "./views/scene.js";
 import { workersView } from "./views/workers.js";
+import { t } from "./base/words.js";
 
 /** @typedef {{element: HTMLElement, dispose: () => void}} View */
 
@@ -36,7 +37,7 @@ function viewFor([section, id, other]) {
   const element = h(
     "div",
     { class: "page" },
-    emptyState("info", "There is nothing at this address", h("a", { href: linkTo() }, "To the front page")),
+    emptyState("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
   );
   return { element, dispose: () => {} };
 }
@@ -60,11 +61,11 @@ onNavigate(({ path }) => {
 
 /** @param {unknown} error */
 const fault = (error) =>
-  showError("The page has a fault", error, { action: { label: "Reload the page", run: () => location.reload() } });
+  showError(t("The page has a fault"), error, { action: { label: t("Reload the page"), run: () => location.reload() } });
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
-addShortcuts([{ keys: "?", does: "This help", run: showHelp }]);
+addShortcuts([{ keys: "?", does: t("This help"), run: showHelp }]);
 acceptDrops();
 followFarm();
 followTallies();

@@ -1,5 +1,7 @@
 /** Numbers, sizes and times as people read them. */
 
+import { t, tn } from "./words.js";
+
 /**
  * 1,234,567 -> "1.23 M". Three significant digits, decimal prefixes.
  *
@@ -41,17 +43,6 @@ export function count(value) {
   return value.toLocaleString("en");
 }
 
-/**
- * "1 camera", "2 cameras".
- *
- * @param {number} n
- * @param {string} noun
- * @param {string} [plural]
- */
-export function plural(n, noun, plural = `${noun}s`) {
-  return `${count(n)} ${n === 1 ? noun : plural}`;
-}
-
 /** @param {number} n */
 export function bytes(n) {
   if (n < 1000) return `${n} B`;
@@ -77,11 +68,11 @@ export function clock(seconds) {
  * @param {number} seconds
  */
 export function roughly(seconds) {
-  if (seconds < 1) return "under a second";
-  if (seconds < 90) return `about ${Math.round(seconds)} s`;
-  if (seconds < 90 * 60) return `about ${Math.round(seconds / 60)} min`;
-  if (seconds < 36 * 3600) return `about ${Math.round(seconds / 3600)} h`;
-  return `about ${plural(Math.round(seconds / 86400), "day")}`;
+  if (seconds < 1) return t("under a second");
+  if (seconds < 90) return t("about {n} s", { n: Math.round(seconds) });
+  if (seconds < 90 * 60) return t("about {n} min", { n: Math.round(seconds / 60) });
+  if (seconds < 36 * 3600) return t("about {n} h", { n: Math.round(seconds / 3600) });
+  return tn(Math.round(seconds / 86400), "about {n} day", "about {n} days");
 }
 
 /** A relative noise: "0.8 %". @param {number} noise */
@@ -95,11 +86,11 @@ export const noiseText = (noise) => `${Number((noise * 100).toPrecision(noise < 
  */
 export function ago(then, now = Date.now() / 1000) {
   const s = now - then;
-  if (s < 10) return "just now";
-  if (s < 60) return `${Math.floor(s / 10) * 10} s ago`;
-  if (s < 3600) return `${Math.floor(s / 60)} min ago`;
-  if (s < 86400) return `${Math.floor(s / 3600)} h ago`;
-  if (s < 30 * 86400) return `${plural(Math.floor(s / 86400), "day")} ago`;
+  if (s < 10) return t("just now");
+  if (s < 60) return t("{n} s ago", { n: Math.floor(s / 10) * 10 });
+  if (s < 3600) return t("{n} min ago", { n: Math.floor(s / 60) });
+  if (s < 86400) return t("{n} h ago", { n: Math.floor(s / 3600) });
+  if (s < 30 * 86400) return tn(Math.floor(s / 86400), "{n} day ago", "{n} days ago");
   return new Date(then * 1000).toISOString().slice(0, 10);
 }
 

@@ -1,5 +1,7 @@
 /** Frames as people write them: which ones, `0-99`, `1-250x5,300` or `0-10x0.5`. As renderer/frames.py has it. */
 
+import { t } from "./words.js";
+
 export const MOST_FRAMES = 100_000;
 const PART = /^(\d{1,8}(?:\.[05])?)(?:-(\d{1,8}(?:\.[05])?)(?:[x:](\d{1,8}(?:\.[05])?))?)?$/;
 
@@ -12,14 +14,14 @@ export function parseFrames(text) {
   const found = new Set();
   for (const part of text.replaceAll(" ", "").split(",")) {
     const match = PART.exec(part);
-    if (!match) return "Frames are numbers and ranges as 0-99 or 1-250x5,300.";
+    if (!match) return t("Frames are numbers and ranges as 0-99 or 1-250x5,300.");
     const first = Number(match[1]);
     const last = Number(match[2] ?? first);
     const step = Number(match[3] ?? 1);
-    if (last < first) return `The range ${part} ends before it begins.`;
-    if (step === 0) return "A range goes in steps from 0.5.";
+    if (last < first) return t("The range {part} ends before it begins.", { part });
+    if (step === 0) return t("A range goes in steps from 0.5.");
     const count = Math.floor((last - first) / step) + 1;
-    if (found.size + count > MOST_FRAMES) return `At most ${MOST_FRAMES} frames are rendered in one shot.`;
+    if (found.size + count > MOST_FRAMES) return t("At most {most} frames are rendered in one shot.", { most: MOST_FRAMES });
     for (let i = 0; i < count; i++) found.add(first + step * i);
   }
   return [...found];

@@ -1,20 +1,21 @@
 /** Light from around, in words: of a job as it was asked for, of a preset, of a sky. */
 
 import { hexOf } from "./colour.js";
+import { t } from "./words.js";
 
 /** @typedef {import("./types.js").EnvironmentRequest} EnvironmentRequest */
 /** @typedef {import("./types.js").Scene} Scene */
 
 /** @param {string} id "dark-studio" @returns {string} "Dark studio" */
-const presetName = (id) => (id[0]?.toUpperCase() ?? "") + id.slice(1).replaceAll("-", " ");
+const presetName = (id) => t((id[0]?.toUpperCase() ?? "") + id.slice(1).replaceAll("-", " "));
 
 /** @param {number} value degrees */
 const degrees = (value) => `${Number(value.toFixed(1))}°`;
 
 /** @param {{elevation: number, azimuth?: number | null}} sky */
 export function skyWords({ elevation, azimuth }) {
-  const height = elevation < 0 ? `${degrees(-elevation)} below the horizon` : `at ${degrees(elevation)} height`;
-  return `Clear sky, sun ${height}, ${degrees((((azimuth ?? 0) % 360) + 360) % 360)}`;
+  const height = elevation < 0 ? t("{elevation} below the horizon", { elevation: degrees(-elevation) }) : t("at {elevation} height", { elevation: degrees(elevation) });
+  return t("Clear sky, sun {height}, {azimuth}", { height, azimuth: degrees((((azimuth ?? 0) % 360) + 360) % 360) });
 }
 
 /** @param {EnvironmentRequest | null | undefined} light @returns {string} empty: the scene's own */
@@ -22,11 +23,11 @@ function kindOf(light) {
   if (!light) return "";
   if (light.sky) return skyWords(light.sky);
   if (light.preset) return presetName(light.preset);
-  if (light.image) return light.name ?? "An uploaded image";
+  if (light.image) return light.name ?? t("An uploaded image");
   if (!light.color) return "";
   const [r, g, b] = light.color;
-  if (r === g && g === b) return r === 1 ? "Even white" : r === 0 ? "Black" : `Even grey of ${Number(r.toPrecision(3))}`;
-  return `One colour, ${hexOf(light.color)}`;
+  if (r === g && g === b) return r === 1 ? t("Even white") : r === 0 ? t("Black") : t("Even grey of {value}", { value: Number(r.toPrecision(3)) });
+  return t("One colour, {color}", { color: hexOf(light.color) });
 }
 
 /**
@@ -39,9 +40,9 @@ function kindOf(light) {
 export function lightWords(light, scene) {
   const { rotation = 0, strength = 1 } = light ?? {};
   const kind = kindOf(light) || ofScene(scene);
-  const changes = [rotation !== 0 && `turned by ${degrees(rotation)}`, strength !== 1 && `strength ${strength}`].filter(Boolean);
+  const changes = [rotation !== 0 && t("turned by {rotation}", { rotation: degrees(rotation) }), strength !== 1 && t("strength {strength}", { strength })].filter(Boolean);
   if (!changes.length) return kind;
-  return [kind || "The scene's own", ...changes].join(", ");
+  return [kind || t("The scene's own"), ...changes].join(", ");
 }
 
 /** @param {Pick<Scene, "environment"> | undefined} scene */

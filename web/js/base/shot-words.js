@@ -1,6 +1,7 @@
 /** What a shot is, and how far it is, in a few words. */
 
-import { count, plural } from "./format.js";
+import { count } from "./format.js";
+import { t, tn } from "./words.js";
 
 /** @typedef {import("./types.js").Job} Job */
 
@@ -21,12 +22,12 @@ export const firstFrame = (job) => job.frames?.[0]?.number ?? 0;
 export function shotName({ shot }, fps = null) {
   if (!shot) return "";
   const speed = shot.fps ?? fps;
-  const which = shot.frames.length > LONGEST ? `${count(shot.count)} frames` : `frames ${shot.frames}`;
-  return shot.count === 1 ? `frame ${shot.frames}` : `${which}${speed ? ` at ${speed} fps` : ""}`;
+  const which = shot.frames.length > LONGEST ? tn(shot.count, "{n} frame", "{n} frames") : t("frames {frames}", { frames: shot.frames });
+  return shot.count === 1 ? t("frame {number}", { number: shot.frames }) : `${which}${speed ? t(" at {speed} fps", { speed }) : ""}`;
 }
 
 /** "37 of 100 frames". @param {NonNullable<Job["shot"]>} shot */
 export function framesDone({ states, count: all, failed }) {
-  const holes = failed ? `, ${count(states.failed ?? 0)} failed` : "";
-  return `${count(states.finished ?? 0)} of ${plural(all, "frame")}${holes}`;
+  const holes = failed ? t(", {failed} failed", { failed: count(states.failed ?? 0) }) : "";
+  return tn(all, "{done} of {n} frame", "{done} of {n} frames", { done: count(states.finished ?? 0) }) + holes;
 }

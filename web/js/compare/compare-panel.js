@@ -5,6 +5,7 @@ import { h, keyedList, setText } from "../base/dom.js";
 import { jobs } from "../news/farm.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
@@ -20,14 +21,14 @@ import { progressBar, stateChip } from "../shell/state-chip.js";
  */
 export function sideChoice(letter, state, job, channel, life) {
   const pictures = h("select", {
-    "aria-label": `Picture ${letter}`,
+    "aria-label": t("Picture {letter}", { letter }),
     onchange: () => state.update((now) => ({ ...now, [job]: pictures.value })),
   });
   const showPicture = keyedList(pictures, ({ id }) => id, pictureOption);
   const channels = h(
     "select",
     {
-      "aria-label": `Channel of ${letter}`,
+      "aria-label": t("Channel of {letter}", { letter }),
       onchange: () => state.update((now) => ({ ...now, [channel]: channels.value })),
     },
     [...CHANNELS.slice(0, 1), DENOISED_CHANNEL, ...CHANNELS.slice(1)].map(({ name, label }) =>
@@ -68,7 +69,7 @@ function pictureOption(/** @type {Job} */ { id }) {
 /** @param {string} letter @param {Job} job */
 export function progressOf(letter, job) {
   const chip = stateChip(job.state);
-  const bar = progressBar(`Progress of ${letter}`);
+  const bar = progressBar(t("Progress of {letter}", { letter }));
   return {
     element: h(
       "div",

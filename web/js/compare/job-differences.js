@@ -5,6 +5,7 @@ import { scenes } from "../news/farm.js";
 import { lightWords } from "../base/light-words.js";
 import { variantOf } from "../base/scene-version.js";
 import { endOf, known, labelOf, phraseOf, settingOf, valueText } from "../news/settings-table.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Setting} Setting */
@@ -40,17 +41,17 @@ function rows() {
   const ofJob = settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment");
   const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
-    plain("Scene", ({ name }) => name),
-    plain("Materials", (job) => materialsOf(job) || "as saved"),
+    plain(t("Scene"), ({ name }) => name),
+    plain(t("Materials"), (job) => materialsOf(job) || t("as saved")),
     {
-      label: "Light from around",
-      value: (job) => lightWords(job.environment, sceneOf(job)) || "The scene's own",
-      phrase: (job) => lightWords(job.environment, sceneOf(job)) || "its own light",
+      label: t("Light from around"),
+      value: (job) => lightWords(job.environment, sceneOf(job)) || t("The scene's own"),
+      phrase: (job) => lightWords(job.environment, sceneOf(job)) || t("its own light"),
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, endOf),
     ...view.map((setting) => row(setting, (job) => job.settings?.view)),
-    plain("Size", ({ width, height }) => `${width}×${height}`),
+    plain(t("Size"), ({ width, height }) => `${width}×${height}`),
   ];
 }
 
@@ -87,7 +88,7 @@ export function sideNames(left, right) {
   const name = (/** @type {{job: Job, channel: string}} */ { job, channel }) => {
     const parts = telling.map(({ phrase }) => phrase(job) || "–");
     if (left.channel !== right.channel || parts.length === 0)
-      parts.push(isDenoised && channel === "" ? "Raw" : channelOf(channel).label);
+      parts.push(isDenoised && channel === "" ? t("Raw") : channelOf(channel).label);
     return parts.join(", ");
   };
   return [name(left), name(right)];

@@ -3,18 +3,19 @@
 import { heatBar } from "../job/part-fields.js";
 import { fill, h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./errors.js").ErrorKind} ErrorKind */
 /** @typedef {import("./errors.js").Errors} Errors */
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
 
 export const WAYS = /** @type {const} */ ([
-  { name: "wipe", label: "Wipe", hint: "A left of the divider, B right of it" },
-  { name: "turns", label: "Flicker", hint: "A and B take turns; hold B to see the other at any time" },
-  { name: "side", label: "Side", hint: "Side by side, at the same place and zoom" },
-  { name: "difference", label: "Diff", hint: "Root of the mean squared difference of R, G and B" },
-  { name: "relative", label: "Rel", hint: "Squared difference over A's square and 0.01" },
-  { name: "flip", label: "FLIP", hint: "How different the two look, taking turns: 0 to 1" },
+  { name: "wipe", label: t("Wipe"), hint: t("A left of the divider, B right of it") },
+  { name: "turns", label: t("Flicker"), hint: t("A and B take turns; hold B to see the other at any time") },
+  { name: "side", label: t("Side"), hint: t("Side by side, at the same place and zoom") },
+  { name: "difference", label: t("Diff"), hint: t("Root of the mean squared difference of R, G and B") },
+  { name: "relative", label: t("Rel"), hint: t("Squared difference over A's square and 0.01") },
+  { name: "flip", label: "FLIP", hint: t("How different the two look, taking turns: 0 to 1") },
 ]);
 
 /** @typedef {(typeof WAYS)[number]["name"]} Way */
@@ -41,7 +42,7 @@ const figure = (value) => (value === 0 ? "0" : value.toPrecision(4));
 export function compareWays({ stage, state, films, life }) {
   const { view } = stage;
   const choice = segments(
-    "Compare by",
+    t("Compare by"),
     WAYS.map(({ name, label }) => ({ value: name, label })),
     (way) => state.update((now) => ({ ...now, way: /** @type {Way} */ (way) })),
   );
@@ -102,7 +103,7 @@ export function compareWays({ stage, state, films, life }) {
     const [a, b] = view.layers;
     if ([a, b].some((layer) => !layer.image && layer.film?.isBlank !== false)) {
       said.hidden = false;
-      setText(said, "Waits for both pictures.");
+      setText(said, t("Waits for both pictures."));
       return;
     }
     const [shownA, shownB] = [view.canvas.pixelsOf(a), view.canvas.pixelsOf(b)];
@@ -111,19 +112,19 @@ export function compareWays({ stage, state, films, life }) {
       view.setCover(null);
       bar.hidden = values.hidden = true;
       said.hidden = false;
-      setText(said, shownA && shownB ? "The two are of different sizes: what differs cannot be measured." : "Waits for both pictures.");
+      setText(said, shownA && shownB ? t("The two are of different sizes: what differs cannot be measured.") : t("Waits for both pictures."));
       return;
     }
     isMeasuring = true;
     isStale = false;
     said.hidden = false;
-    setText(said, "Measuring …");
+    setText(said, t("Measuring …"));
     const words = [a, b].map((layer) => (layer.image ? null : (layer.film?.words.slice() ?? null)));
     worker ??= new Worker(new URL("./errors-worker.js", import.meta.url), { type: "module" });
     worker.onmessage = (/** @type {MessageEvent<Errors>} */ { data }) => void show(data, kind);
     worker.onerror = () => {
       isMeasuring = false;
-      setText(said, "What differs could not be measured in this browser.");
+      setText(said, t("What differs could not be measured in this browser."));
     };
     const { width, height } = a.size;
     worker.postMessage({ width, height, wordsA: words[0], wordsB: words[1], shownA, shownB, kind }, [shownA.buffer, shownB.buffer]);
@@ -149,7 +150,7 @@ export function compareWays({ stage, state, films, life }) {
     ];
     fill(values, ...figures.map(([label, value]) => h("div", null, h("dt", null, String(label)), h("dd", null, figure(Number(value))))));
     const isPlane = view.layers.some((layer) => layer.image);
-    setText(said, isPlane ? "Of planes as they are shown, 0 to 1; A is the reference." : "Of linear light; FLIP as it is shown. A is the reference.");
+    setText(said, isPlane ? t("Of planes as they are shown, 0 to 1; A is the reference.") : t("Of linear light; FLIP as it is shown. A is the reference."));
     if (isStale) soon();
   };
   const soon = () => {
@@ -187,13 +188,13 @@ export function compareWays({ stage, state, films, life }) {
     }),
   );
   return {
-    element: h("section", { class: "side-section stack tight", "aria-label": "Ways to compare" }, choice.element, hint, bar, values, said),
+    element: h("section", { class: "side-section stack tight", "aria-label": t("Ways to compare") }, choice.element, hint, bar, values, said),
     /** A side's picture has come. */
     changed: now,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
       ...WAYS.map(({ name, hint: does }, i) => ({ keys: `Shift+${i + 1}`, does, run: () => state.update((was) => ({ ...was, way: name })) })),
-      { keys: "B", does: "Hold: the other picture", run: () => {} },
+      { keys: "B", does: t("Hold: the other picture"), run: () => {} },
     ],
   };
 }

@@ -5,6 +5,7 @@
 
 import { FilmLayer } from "./film-layer.js";
 import { FRAGMENT, VERTEX, curveIndex, partIndex } from "./film-shader.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
@@ -36,7 +37,7 @@ export class FilmCanvas {
     const gl = canvas.getContext("webgl2", { antialias: false, depth: false, powerPreference: "high-performance" });
     if (!gl)
       throw new CannotShow(
-        "This browser has no WebGL 2, which the live picture needs. The downloads below still work.",
+        t("This browser has no WebGL 2, which the live picture needs. The downloads below still work."),
       );
     this.gl = gl;
     this.maxSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -72,7 +73,7 @@ export class FilmCanvas {
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
       throw new CannotShow(
-        `This browser's graphics driver refused the page's shader: ${gl.getProgramInfoLog(program)}`,
+        t("This browser's graphics driver refused the page's shader: {program}", { program: gl.getProgramInfoLog(program) ?? "" }),
       );
     }
     gl.useProgram(program);
@@ -89,7 +90,7 @@ export class FilmCanvas {
   setPicture(width, height) {
     if (width > this.maxSize || height > this.maxSize) {
       throw new CannotShow(
-        `The picture is ${width}×${height}; this browser shows up to ${this.maxSize}×${this.maxSize}. The downloads still have all of it.`,
+        t("The picture is {width}×{height}; this browser shows up to {maxSize}×{maxSize}. The downloads still have all of it.", { width, height, maxSize: this.maxSize }),
       );
     }
     this.viewport.setPicture(width, height);

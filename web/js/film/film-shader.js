@@ -2,15 +2,16 @@
 
 import { COLOUR_MAP_GLSL } from "./colour-map.js";
 import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
+import { t } from "../base/words.js";
 
 /** What of the light is shown, in the order of the shader's `part`. */
 export const PARTS = [
-  { name: "", label: "RGB", hint: "Colour" },
-  { name: "r", label: "R", hint: "Red alone, as grey" },
-  { name: "g", label: "G", hint: "Green alone, as grey" },
-  { name: "b", label: "B", hint: "Blue alone, as grey" },
-  { name: "y", label: "Y", hint: "Luminance, as grey" },
-  { name: "false", label: "False", hint: "Luminance in false colour: a colour for every stop" },
+  { name: "", label: "RGB", hint: t("Colour") },
+  { name: "r", label: "R", hint: t("Red alone, as grey") },
+  { name: "g", label: "G", hint: t("Green alone, as grey") },
+  { name: "b", label: "B", hint: t("Blue alone, as grey") },
+  { name: "y", label: "Y", hint: t("Luminance, as grey") },
+  { name: "false", label: t("False"), hint: t("Luminance in false colour: a colour for every stop") },
 ];
 
 /** @param {string} name @returns {number} */

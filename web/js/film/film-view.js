@@ -9,6 +9,7 @@ import { panAndZoom } from "./pan-zoom.js";
 import { PixelOverlay } from "./pixel-overlay.js";
 import { Poster } from "./poster.js";
 import { Viewport } from "./viewport.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./film-canvas.js").Look} Look */
 
@@ -27,7 +28,7 @@ export class FilmView {
   constructor(width, height, handlers) {
     this.handlers = handlers;
     this.viewport = new Viewport();
-    const canvas = h("canvas", { class: "film", role: "img", "aria-label": "The picture" });
+    const canvas = h("canvas", { class: "film", role: "img", "aria-label": t("The picture") });
     const overlay = h("canvas", { class: "over", "aria-hidden": "true" });
     this.element = h("div", { class: "stage" }, canvas, overlay);
     this.size = { width, height };

@@ -9,6 +9,7 @@ import { Film } from "./film.js";
 import { Live } from "../news/live.js";
 import { firstFrame } from "../base/shot-words.js";
 import { showError } from "../shell/tray.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
@@ -56,9 +57,9 @@ export class LiveFilm {
       link: (up) => setLink(this.link, up),
       have: () => (this.isFetched ? (this.side ? this.film.tileSamples(this.side) : []) : null),
       refused: (sentence) =>
-        showError("The live picture ended", sentence, {
+        showError(t("The live picture ended"), sentence, {
           ofPage: true,
-          action: { label: "Reload the page", run: () => location.reload() },
+          action: { label: t("Reload the page"), run: () => location.reload() },
         }),
     });
     void this.fetch(job.samples > 0);

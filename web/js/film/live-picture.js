@@ -7,6 +7,7 @@ import { LiveFilm } from "./live-film.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
 import { DEFAULT_CURVE } from "./tonemap.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/store.js").Store<import("../job/display-panel.js").Display>} DisplayStore */
@@ -66,7 +67,7 @@ export function livePicture(job, display, life, changed, frame) {
       const denoised = look.denoise !== "off" && look.channel === "";
       stage.view?.setLook(look);
       stage.arrange({
-        left: { live, channel: look.channel, name: look.channel === "" ? "Raw" : undefined },
+        left: { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
         right: denoised ? { live, channel: DENOISED } : null,
         wipe: look.denoise === "wipe" ? look.wipe : null,
       });

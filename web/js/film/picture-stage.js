@@ -10,6 +10,7 @@ import { PixelReadout } from "./pixel-readout.js";
 import { rememberPlace } from "./view-place.js";
 import { wipeDivider } from "./wipe.js";
 import { zoomControls } from "./zoom-controls.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
 
@@ -192,6 +193,6 @@ function insteadOfFilm({ message }) {
   return h(
     "div",
     { class: "stage" },
-    emptyState("image", "The live picture cannot be shown here", h("p", null, message)),
+    emptyState("image", t("The live picture cannot be shown here"), h("p", null, message)),
   );
 }

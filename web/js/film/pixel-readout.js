@@ -7,6 +7,7 @@ import { getPixel } from "../news/api.js";
 import { DENOISED, channelOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
 import { count, radiance } from "../base/format.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./picture-side.js").PictureSide} PictureSide */
 
@@ -28,7 +29,7 @@ export class PixelReadout {
       value: h("span", { class: "value" }),
     }));
     this.samples = h("span", { class: "samples" });
-    this.hint = h("span", { class: "quiet hint" }, "Point at the picture to read its values");
+    this.hint = h("span", { class: "quiet hint" }, t("Point at the picture to read its values"));
     this.name = h("strong", null);
     this.line = h(
       "span",
@@ -40,7 +41,7 @@ export class PixelReadout {
     );
     this.element = h(
       "div",
-      { class: "readout number", role: "status", "aria-label": "Pixel under the cursor" },
+      { class: "readout number", role: "status", "aria-label": t("Pixel under the cursor") },
       this.hint,
       this.line,
     );
@@ -62,7 +63,7 @@ export class PixelReadout {
   /** @param {string} name of the side where there are two; "" where it is alone */
   setName(name) {
     setText(this.name, name);
-    this.element.setAttribute("aria-label", `Pixel under the cursor${name && `, ${name}`}`);
+    this.element.setAttribute("aria-label", t("Pixel under the cursor") + (name && `, ${name}`));
   }
 
   /** @param {{x: number, y: number} | null} at */
@@ -109,9 +110,9 @@ export class PixelReadout {
       setText(name, texts[i] === undefined ? "" : (names[i] ?? ""));
       setText(value, texts[i] ?? "");
     });
-    setText(this.samples, `${samples} spp`);
+    setText(this.samples, t("{n} spp", { n: samples }));
     this.line.classList.toggle("exact", exact);
-    this.line.title = exact ? "Exact values of the film, linear Rec.709" : "Values of the live picture, true to 0.2 %";
+    this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, true to 0.2 %");
   }
 }
 
@@ -125,8 +126,8 @@ export class PixelReadout {
 function textsOf(pixel, channel) {
   const value = pixel[channel || "color"];
   if (channel === "object" || channel === "material")
-    return [value == null ? "none" : `${value} ${pixel[`${channel}_name`] ?? ""}`];
-  if (value == null) return ["not known yet"];
+    return [value == null ? t("none") : `${value} ${pixel[`${channel}_name`] ?? ""}`];
+  if (value == null) return [t("not known yet")];
   if (channel === "samples") return [count(Number(value))];
   return [value].flat().map(Number).map(radiance);
 }

@@ -3,18 +3,20 @@
  * renderer/image/tonemap.py, so that a downloaded PNG looks as the page does.
  */
 
+import { t } from "../base/words.js";
+
 /** In the order of the shader's `curve`; the shader has a function of each name. */
 export const CURVES = [
-  { name: "neutral", label: "Neutral", hint: "Khronos PBR Neutral: true base colours, highlights roll off" },
-  { name: "srgb", label: "sRGB", hint: "No curve: what is above 1 clips" },
+  { name: "neutral", label: t("Neutral"), hint: t("Khronos PBR Neutral: true base colours, highlights roll off") },
+  { name: "srgb", label: "sRGB", hint: t("No curve: what is above 1 clips") },
   {
     name: "hue",
-    label: "Hue-preserving clip",
-    hint: "A pixel above 1 is scaled by its greatest channel: no hue shifts",
+    label: t("Hue-preserving clip"),
+    hint: t("A pixel above 1 is scaled by its greatest channel: no hue shifts"),
   },
-  { name: "reinhard", label: "Reinhard", hint: "x / (1 + luminance): soft and flat" },
-  { name: "filmic", label: "Filmic", hint: "ACES fit by Narkowicz: more contrast" },
-  { name: "agx", label: "AgX", hint: "Bright colours fade to white, as on film" },
+  { name: "reinhard", label: "Reinhard", hint: t("x / (1 + luminance): soft and flat") },
+  { name: "filmic", label: t("Filmic"), hint: t("ACES fit by Narkowicz: more contrast") },
+  { name: "agx", label: "AgX", hint: t("Bright colours fade to white, as on film") },
 ];
 
 export const DEFAULT_CURVE = "neutral";

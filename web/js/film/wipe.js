@@ -2,6 +2,7 @@
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 const STEP = 0.01;
 const LONG_STEP = 0.1;
@@ -18,7 +19,7 @@ export function wipeDivider(moved) {
       class: "wipe",
       role: "slider",
       tabindex: "0",
-      "aria-label": "Wipe between the pictures",
+      "aria-label": t("Wipe between the pictures"),
       "aria-orientation": "horizontal",
       "aria-valuemin": "0",
       "aria-valuemax": "100",

@@ -2,6 +2,7 @@
 
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./film-view.js").FilmView} FilmView */
 
@@ -23,7 +24,7 @@ export function zoomControls(view) {
     {
       class: "icon-button zoom-button",
       type: "button",
-      title: "Zoom; press for one to one (1)",
+      title: t("Zoom; press for one to one (1)"),
       onclick: () => view()?.actualSize(),
     },
     label,
@@ -32,10 +33,10 @@ export function zoomControls(view) {
     element: h(
       "span",
       { class: "zoom-controls" },
-      button("Zoom out (−)", "−", () => view()?.zoom(-1)),
+      button(t("Zoom out (−)"), "−", () => view()?.zoom(-1)),
       actual,
-      button("Zoom in (+)", "+", () => view()?.zoom(1)),
-      button("Fit the picture (F)", icon("fit"), () => view()?.fit()),
+      button(t("Zoom in (+)"), "+", () => view()?.zoom(1)),
+      button(t("Fit the picture (F)"), icon("fit"), () => view()?.fit()),
     ),
     show(scale) {
       const percent = scale * 100;

@@ -3,6 +3,7 @@
 import { h } from "../base/dom.js";
 import { field } from "./fields.js";
 import { viewFields } from "./view-fields.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").View} View */
@@ -30,7 +31,7 @@ export function cameraFields({ cameras }, projected) {
     "select",
     null,
     cameras.map(({ name }, number) => h("option", { value: String(number) }, shownName(cameras, name, number))),
-    h("option", { value: OWN_VIEW }, "Custom view …"),
+    h("option", { value: OWN_VIEW }, t("Custom view …")),
   );
   const view = viewFields(cameras[0]?.view, projected);
   const show = () => (view.place.hidden = camera.value !== OWN_VIEW);
@@ -41,7 +42,7 @@ export function cameraFields({ cameras }, projected) {
   });
   show();
   return {
-    elements: [field("Camera", camera), view.place, view.lens],
+    elements: [field(t("Camera"), camera), view.place, view.lens],
     get: () => (camera.value === OWN_VIEW || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
     view: view.get,
     turn(to) {
@@ -57,7 +58,7 @@ export function cameraFields({ cameras }, projected) {
 function shownName(cameras, name, number) {
   const before = cameras.slice(0, number).filter((other) => other.name === name).length;
   const hasNamesakes = cameras.filter((other) => other.name === name).length > 1;
-  if (name === AUTO_CAMERA && number === cameras.length - 1) return "Automatic: frames the scene";
+  if (name === AUTO_CAMERA && number === cameras.length - 1) return t("Automatic: frames the scene");
   return hasNamesakes ? `${name} (${before + 1})` : name;
 }
 

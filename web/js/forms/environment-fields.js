@@ -11,6 +11,7 @@ import { field, numberInput, numberOf, setShown } from "./fields.js";
 import { lightChoices } from "./light-choices.js";
 import { settingField } from "./setting-field.js";
 import { sunDial } from "./sun-dial.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").EnvironmentRequest} EnvironmentRequest */
 /** @typedef {import("../base/types.js").Environment} Environment */
@@ -18,11 +19,11 @@ import { sunDial } from "./sun-dial.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: "Its own", help: "As the scene's file says." },
-  { id: "color", label: "One colour", help: "The same light from every direction." },
+  { id: "own", label: t("Its own"), help: t("As the scene's file says.") },
+  { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** @type {Light} */
-const SKY = { id: "sky", label: "Clear sky", help: "A clear day, with the sun where you put it." };
+const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
 const NOON = "noon";
 
 /**
@@ -56,13 +57,13 @@ export function environmentFields(first) {
 
   let kind = kindOf(before, environment !== null);
   const hint = h("p", { class: "hint" });
-  const remove = h("button", { class: "text-button", type: "button", onclick: () => void forget() }, "Remove this image");
-  const colourField = field("Colour", colour);
+  const remove = h("button", { class: "text-button", type: "button", onclick: () => void forget() }, t("Remove this image"));
+  const colourField = field(t("Colour"), colour);
   const sky = h(
     "div",
     { class: "sun-fields" },
     dial.element,
-    h("div", { class: "stack" }, field("Sun's height, °", elevation), field("Sun's direction, °", azimuth)),
+    h("div", { class: "stack" }, field(t("Sun's height, °"), elevation), field(t("Sun's direction, °"), azimuth)),
   );
   const choices = lightChoices(
     (id) => {
@@ -80,7 +81,7 @@ export function environmentFields(first) {
   const element = h(
     "fieldset",
     { class: "light-panel" },
-    h("legend", null, "Light"),
+    h("legend", null, t("Light")),
     choices.element,
     h("div", { class: "row spread" }, hint, remove),
     colourField,
@@ -96,7 +97,7 @@ export function environmentFields(first) {
     const known = environments.value ?? [];
     /** @param {Environment} light @returns {Light} */
     const shownAs = ({ id, name, help, thumbnail }) => ({ id, label: name, help, picture: thumbnail.replace(/^\//, "") });
-    const presets = known.filter((each) => each.kind === "preset");
+    const presets = known.filter((each) => each.kind === "preset").map((each) => ({ ...each, name: t(each.name), help: t(each.help) }));
     const noon = presets.find(({ id }) => id === NOON);
     const clear = { ...SKY, ...(noon && { picture: shownAs(noon).picture }) };
     return [...ALWAYS, ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
@@ -121,14 +122,14 @@ export function environmentFields(first) {
     const added = await sent(file);
     if (!added) return;
     pick(added.id);
-    announce(`Lit by ${added.name}`);
+    announce(t("Lit by {name}", { name: added.name }));
     tell(true);
   }
   async function forget() {
     const gone = kind;
     pick("own");
     tell(true);
-    await dropEnvironment(gone).catch((error) => showError("The image was not removed", error));
+    await dropEnvironment(gone).catch((error) => showError(t("The image was not removed"), error));
   }
   const listen = environments.subscribe(() => {
     choices.show(lights());
@@ -182,18 +183,18 @@ function ask(take) {
 
 /** Sends an image, with a card in the tray meanwhile. @param {File} file @returns {Promise<Environment | null>} */
 async function sent(file) {
-  const card = new Card(`Adding ${file.name}`);
+  const card = new Card(t("Adding {name}", { name: file.name }));
   const abort = new AbortController();
-  const line = h("p", { class: "detail number" }, `Uploading ${bytes(file.size)}`);
+  const line = h("p", { class: "detail number" }, t("Uploading {size}", { size: bytes(file.size) }));
   fill(card.body, line);
-  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, "Cancel"));
+  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, t("Cancel")));
   try {
     return await addEnvironment(file, {
       signal: abort.signal,
-      progress: (done, all) => setText(line, done < all ? `${bytes(done)} of ${bytes(all)}` : "A worker looks at it …"),
+      progress: (done, all) => setText(line, done < all ? t("{done} of {all}", { done: bytes(done), all: bytes(all) }) : t("A worker looks at it …")),
     });
   } catch (error) {
-    if (!abort.signal.aborted) showError(`${file.name} was not taken`, error);
+    if (!abort.signal.aborted) showError(t("{name} was not taken", { name: file.name }), error);
     return null;
   } finally {
     card.remove();

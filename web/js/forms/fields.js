@@ -1,6 +1,7 @@
 /** Form fields: a label, a control, and a sentence below where one helps. */
 
 import { h, setText } from "../base/dom.js";
+import { t } from "../base/words.js";
 
 let ids = 0;
 
@@ -56,11 +57,11 @@ export function explain(element, label, inputs) {
 /** @param {HTMLInputElement} input @param {string} label @returns {string} a sentence */
 function problemOf({ validity, validationMessage, min, max }, label) {
   if (validity.customError) return validationMessage;
-  if (validity.badInput) return `${label}: this is not a number.`;
-  if (validity.valueMissing) return `${label} needs a number.`;
-  if (validity.stepMismatch) return `${label} is a whole number.`;
+  if (validity.badInput) return t("{label}: this is not a number.", { label });
+  if (validity.valueMissing) return t("{label} needs a number.", { label });
+  if (validity.stepMismatch) return t("{label} is a whole number.", { label });
   // The largest numbers that the renderer takes are nobody's concern.
-  return Number(max) < 1e6 ? `${label} lies between ${min} and ${max}.` : `${label} is at least ${min}.`;
+  return Number(max) < 1e6 ? t("{label} lies between {min} and {max}.", { label, min, max }) : t("{label} is at least {min}.", { label, min });
 }
 
 /**

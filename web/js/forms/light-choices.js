@@ -3,6 +3,7 @@
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { freshId } from "./fields.js";
+import { t } from "../base/words.js";
 
 /**
  * @typedef {object} Light
@@ -18,11 +19,11 @@ import { freshId } from "./fields.js";
  */
 export function lightChoices(chosen, add) {
   const name = freshId("light");
-  const group = h("div", { class: "lights", role: "radiogroup", "aria-label": "Light from around" });
+  const group = h("div", { class: "lights", role: "radiogroup", "aria-label": t("Light from around") });
   /** @type {Map<string, HTMLInputElement>} */
   const radios = new Map();
   let current = "";
-  const adder = h("button", { class: "light add", type: "button", onclick: add }, h("span", { class: "face" }, icon("plus")), "Add an HDRI");
+  const adder = h("button", { class: "light add", type: "button", onclick: add }, h("span", { class: "face" }, icon("plus")), t("Add an HDRI"));
   /** @param {Light} light */
   const choice = ({ id, label, help, picture }) => {
     const radio = h("input", { type: "radio", name, value: id, onchange: () => ((current = id), chosen(id)) });

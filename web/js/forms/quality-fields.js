@@ -7,6 +7,7 @@ import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { addSlider } from "./slider.js";
 import { settingOf } from "../news/settings-table.js";
+import { t } from "../base/words.js";
 
 const START_SPP = 128;
 
@@ -30,7 +31,7 @@ export function qualityFields(defaults, changed, expect) {
   addSlider(setting, spp);
   const get = () => numberOf(spp, 0);
   const name = freshId("quality");
-  const choices = [...QUALITIES, { name: CUSTOM, label: "Custom", spp: null }].map((quality) => {
+  const choices = [...QUALITIES, { name: CUSTOM, label: t("Custom"), spp: null }].map((quality) => {
     const costs = h("span", { class: "quality-costs number" });
     const radio = h("input", {
       type: "radio",
@@ -44,7 +45,7 @@ export function qualityFields(defaults, changed, expect) {
         changed();
       },
     });
-    const samples = quality.spp === null ? "" : `${quality.spp} samples`;
+    const samples = quality.spp === null ? "" : t("{n} samples", { n: quality.spp });
     const element = h(
       "label",
       { class: "quality" },
@@ -59,7 +60,7 @@ export function qualityFields(defaults, changed, expect) {
     for (const { spp: samples, costs } of choices) {
       const { seconds, noise } = samples === null ? { seconds: null, noise: null } : expect(samples);
       const takes = seconds === null ? "" : roughly(seconds).replace("about", "≈");
-      setText(costs, [takes, noise === null ? "" : `${noiseText(noise)} noise`].filter(Boolean).join(" · "));
+      setText(costs, [takes, noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · "));
     }
   };
   spp.addEventListener("input", () => changed());
@@ -70,10 +71,10 @@ export function qualityFields(defaults, changed, expect) {
   const element = h(
     "div",
     { class: "field" },
-    h("span", { class: "label", "aria-hidden": "true" }, "Quality"),
+    h("span", { class: "label", "aria-hidden": "true" }, t("Quality")),
     h(
       "div",
-      { class: "qualities", role: "radiogroup", "aria-label": "Quality" },
+      { class: "qualities", role: "radiogroup", "aria-label": t("Quality") },
       choices.map((choice) => choice.element),
     ),
   );

@@ -1,19 +1,21 @@
 /** Sizes and qualities that people ask for, and what a request costs. */
 
+import { t } from "../base/words.js";
+
 /** @typedef {import("../base/types.js").Worker} Worker */
 
 export const SIZES = [
-  { name: "preview", label: "Preview", long: 640 },
+  { name: "preview", label: t("Preview"), long: 640 },
   { name: "hd", label: "HD", long: 1280 },
   { name: "full-hd", label: "Full HD", long: 1920 },
   { name: "4k", label: "4k", long: 3840 },
 ];
 
 export const QUALITIES = [
-  { name: "draft", label: "Draft", spp: 16 },
-  { name: "good", label: "Good", spp: 128 },
-  { name: "final", label: "Final", spp: 512 },
-  { name: "finest", label: "Finest", spp: 2048 },
+  { name: "draft", label: t("Draft"), spp: 16 },
+  { name: "good", label: t("Good"), spp: 128 },
+  { name: "final", label: t("Final"), spp: 512 },
+  { name: "finest", label: t("Finest"), spp: 2048 },
 ];
 
 /** The choice beside the presets. */

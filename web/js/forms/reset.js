@@ -2,6 +2,7 @@
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 /**
  * @param {HTMLElement} element a field with a label
@@ -15,8 +16,8 @@ export function addReset(element, control, own) {
     {
       class: "reset",
       type: "button",
-      title: `Changed: back to ${textOf(control, shown)}`,
-      "aria-label": `Back to ${textOf(control, shown)}`,
+      title: t("Changed: back to {value}", { value: textOf(control, shown) }),
+      "aria-label": t("Back to {value}", { value: textOf(control, shown) }),
       onclick() {
         control.value = own;
         for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind, { bubbles: true }));

@@ -4,6 +4,7 @@ import { choiceField, field, numberInput } from "./fields.js";
 import { addReset } from "./reset.js";
 import { addSlider } from "./slider.js";
 import { labelOf } from "../news/settings-table.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
 
@@ -53,7 +54,7 @@ export function numberFor(setting, value) {
     max: shownAs(setting, maximum ?? Infinity),
     step: type === "integer" ? 1 : "any",
     required: !isOptional(setting),
-    placeholder: isOptional(setting) ? (off?.label ?? "off") : undefined,
+    placeholder: isOptional(setting) ? (off?.label ?? t("off")) : undefined,
   });
 }
 

@@ -5,6 +5,7 @@ import { environmentFields } from "./environment-fields.js";
 import { setShown } from "./fields.js";
 import { settingField } from "./setting-field.js";
 import { isRead, known, settingOf } from "../news/settings-table.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
 /** @typedef {import("../base/types.js").Setting} Setting */
@@ -48,15 +49,15 @@ export function settingFields(defaults, first = {}) {
     basic: elements("basic"),
     dispose: environment.dispose,
     folds: [
-      fold("Advanced", [
+      fold(t("Advanced"), [
         group(
-          "Stop early",
+          t("Stop early"),
           ends.map(({ element }) => element),
         ),
         ...sections,
       ]),
-      fold("Lab", [
-        h("p", { class: "quiet small" }, "To compare what renderers do. Left alone, each is at its best."),
+      fold(t("Lab"), [
+        h("p", { class: "quiet small" }, t("To compare what renderers do. Left alone, each is at its best.")),
         h("div", { class: "pairs" }, elements("lab")),
       ]),
     ],

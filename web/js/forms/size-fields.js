@@ -5,6 +5,7 @@ import { field, numberOf, segments } from "./fields.js";
 import { CUSTOM, DEFAULT_ASPECT, SIZES, sizeOf } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { settingOf } from "../news/settings-table.js";
+import { t } from "../base/words.js";
 
 const START_LONG = 1280;
 /** 360 degrees by 180. */
@@ -26,8 +27,8 @@ export function sizeFields(defaults, changed) {
   const custom = h(
     "div",
     { class: "stack" },
-    h("div", { class: "pair" }, field("Width", width), field("Height", height)),
-    h("label", { class: "check" }, keep, "Keep the aspect"),
+    h("div", { class: "pair" }, field(t("Width"), width), field(t("Height"), height)),
+    h("label", { class: "check" }, keep, t("Keep the aspect")),
   );
 
   /** @param {string} name */
@@ -37,8 +38,8 @@ export function sizeFields(defaults, changed) {
     if (preset) show(sizeOf(preset.long, aspect));
     else width.focus();
   };
-  const choices = [...SIZES.map(({ name, label }) => ({ value: name, label })), { value: CUSTOM, label: "Custom" }];
-  const size = segments("Size", choices, choose);
+  const choices = [...SIZES.map(({ name, label }) => ({ value: name, label })), { value: CUSTOM, label: t("Custom") }];
+  const size = segments(t("Size"), choices, choose);
 
   const get = () => ({ width: numberOf(width, 0), height: numberOf(height, 0) });
   const tell = () => {

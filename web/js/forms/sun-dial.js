@@ -4,6 +4,7 @@
  */
 
 import { h } from "../base/dom.js";
+import { t } from "../base/words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const RADIUS = 44;
@@ -64,10 +65,10 @@ export function sunDial(changed) {
     class: "sun-dial",
     role: "slider",
     tabindex: "0",
-    "aria-label": "Where the sun stands: up and down is its height, left and right its direction",
+    "aria-label": t("Where the sun stands: up and down is its height, left and right its direction"),
     "aria-valuemin": "0",
     "aria-valuemax": "90",
-    title: "Drag the sun: the middle is overhead, the rim the horizon, below stands who looks from the front",
+    title: t("Drag the sun: the middle is overhead, the rim the horizon, below stands who looks from the front"),
   });
   element.append(face);
   const show = () => {

@@ -1,6 +1,7 @@
 /** Which of a glTF file's variants of its materials is shown. */
 
 import { choiceField } from "./fields.js";
+import { t } from "../base/words.js";
 
 /**
  * @param {import("../base/types.js").Scene} scene
@@ -13,9 +14,9 @@ export function variantField({ variants = [], variant = null }, asked = null) {
   const numberOf = (/** @type {string} */ name) => (name ? String(variants.includes(name) ? variants.indexOf(name) : Number(name)) : "");
   const own = numberOf(variant ?? "");
   const choices = [
-    { name: "", label: "The file's own", help: "As it was saved." },
+    { name: "", label: t("The file's own"), help: t("As it was saved.") },
     ...variants.map((label, i) => ({ name: String(i), label, help: "" })),
   ];
-  const field = choiceField("Materials", choices, asked === null ? own : numberOf(asked));
+  const field = choiceField(t("Materials"), choices, asked === null ? own : numberOf(asked));
   return { elements: [field.element], get: () => (field.get() === own ? {} : { variant: field.get() }) };
 }

@@ -4,6 +4,7 @@ import { h } from "../base/dom.js";
 import { choiceField, explain, field, numberInput, numberOf, setShown } from "./fields.js";
 import { numberFor } from "./setting-field.js";
 import { isSeen, known, labelOf, settingOf } from "../news/settings-table.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -80,7 +81,7 @@ export function viewFields(start = START, projected = () => {}) {
   const fold = h(
     "details",
     null,
-    h("summary", null, "Lens"),
+    h("summary", null, t("Lens")),
     h(
       "div",
       { class: "pairs" },
@@ -121,7 +122,7 @@ const SENSOR_MM = { width: 36, height: 24 };
 function photographicFields(fov, aperture) {
   const usual = { min: 0.1, step: /** @type {const} */ ("any"), required: false };
   const length = numberInput({ ...usual, max: 5000 });
-  const stop = numberInput({ ...usual, max: 1e6, placeholder: "all sharp" });
+  const stop = numberInput({ ...usual, max: 1e6, placeholder: t("all sharp") });
   const lengthOf = () => SENSOR_MM.height / 2 / Math.tan((numberOf(fov, 40) * Math.PI) / 360);
   const show = () => {
     if (document.activeElement !== length) length.value = String(Number(lengthOf().toPrecision(3)));
@@ -141,8 +142,8 @@ function photographicFields(fov, aperture) {
   for (const input of [fov, aperture]) input.addEventListener("input", show);
   return {
     elements: [
-      field("Focal length, mm", length, `Of a lens before a sensor of ${SENSOR_MM.width} by ${SENSOR_MM.height} mm.`),
-      field("f-number", stop, "Smaller blurs more of what is out of focus. The scene's unit is taken for a metre."),
+      field(t("Focal length, mm"), length, t("Of a lens before a sensor of {width} by {height} mm.", { width: SENSOR_MM.width, height: SENSOR_MM.height })),
+      field(t("f-number"), stop, t("Smaller blurs more of what is out of focus. The scene's unit is taken for a metre.")),
     ],
     show,
   };

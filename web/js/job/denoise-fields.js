@@ -4,6 +4,7 @@ import { h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
 import { icon } from "../base/icons.js";
 import { progressBar } from "../shell/state-chip.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../film/picture-side.js").SideState} SideState */
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
@@ -17,23 +18,23 @@ export const DENOISE_MODES = /** @type {const} */ (["off", "wipe", "on"]);
  */
 export function denoiseFields(display, renew) {
   const choice = segments(
-    "Denoise",
+    t("Denoise"),
     [
-      { value: "off", label: "Off" },
-      { value: "wipe", label: "Beside" },
-      { value: "on", label: "Instead" },
+      { value: "off", label: t("Off") },
+      { value: "wipe", label: t("Beside") },
+      { value: "on", label: t("Instead") },
     ],
     (value) => display.update((d) => ({ ...d, denoise: /** @type {typeof d.denoise} */ (value) })),
   );
   display.subscribe(({ denoise }) => choice.select(denoise));
-  const bar = progressBar("Denoising");
+  const bar = progressBar(t("Denoising"));
   bar.update(null);
   const said = h("p", { class: "small", role: "status", hidden: true });
   const again = h(
     "button",
     { class: "button", type: "button", hidden: true, onclick: renew },
     icon("refresh"),
-    "Denoise again",
+    t("Denoise again"),
   );
   const element = h("div", { class: "stack tight", hidden: true }, choice.element, bar.element, said, again);
   return {
@@ -42,11 +43,11 @@ export function denoiseFields(display, renew) {
       bar.element.hidden = !state?.waiting;
       const { error } = state ?? {};
       const sentence = state?.waiting
-        ? "Denoising …"
+        ? t("Denoising …")
         : error
-          ? `Not denoised. ${error instanceof Error ? error.message : error}`
+          ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
           : state?.stale
-            ? "New samples have come since it was denoised."
+            ? t("New samples have come since it was denoised.")
             : "";
       setText(said, sentence);
       said.hidden = sentence === "";

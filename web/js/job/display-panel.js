@@ -7,10 +7,11 @@ import { pinsFrom, pinsText } from "./pins.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
 import { fill, h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
-import { plural, stops } from "../base/format.js";
+import { stops } from "../base/format.js";
 import { here, setParams } from "../shell/router.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Store } from "../base/store.js";
+import { t, tn } from "../base/words.js";
 
 /**
  * @typedef {object} Display
@@ -103,7 +104,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
     CHANNELS.map(({ name, label }) => h("option", { value: name }, label)),
   );
-  const channelField = field("Channel", channel, " ");
+  const channelField = field(t("Channel"), channel, " ");
   const hint = /** @type {HTMLElement} */ (channelField.lastElementChild);
   const outlines = h("input", {
     type: "checkbox",
@@ -119,7 +120,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     outlines.checked = d.outlines;
     colourOnly.hidden = d.channel !== "";
   });
-  const legend = h("ul", { class: "workers-legend", "aria-label": "Workers on this picture", hidden: true });
+  const legend = h("ul", { class: "workers-legend", "aria-label": t("Workers on this picture"), hidden: true });
   let shown = "";
   /** @type {{name: string, colour: string, tiles: number}[]} */
   let hands = [];
@@ -133,18 +134,18 @@ export function displayPanel(display, { normalise, denoise: renew }) {
       ...hands.map(({ name, colour, tiles }) => {
         const swatch = h("span", { class: "swatch" });
         swatch.style.background = colour;
-        return h("li", null, swatch, h("span", null, name), h("span", { class: "quiet number" }, plural(tiles, "tile")));
+        return h("li", null, swatch, h("span", null, name), h("span", { class: "quiet number" }, tn(tiles, "{n} tile", "{n} tiles")));
       }),
     );
   };
   display.subscribe(showWorkers);
   const element = h(
     "section",
-    { class: "side-section stack", "aria-label": "Display" },
+    { class: "side-section stack", "aria-label": t("Display") },
     channelField,
     heat,
     colourOnly,
-    h("label", { class: "check" }, outlines, "Outline tiles being rendered"),
+    h("label", { class: "check" }, outlines, t("Outline tiles being rendered")),
     legend,
   );
   /** @param {boolean} can */
@@ -190,16 +191,16 @@ export function lookFields(display, normalise) {
     { onchange: () => display.update((d) => ({ ...d, curve: curve.value })) },
     CURVES.map(({ name, label, hint }) => h("option", { value: name, title: hint }, label)),
   );
-  const exposure = field("Exposure", slider);
+  const exposure = field(t("Exposure"), slider);
   const reset = h(
     "button",
     {
       class: "text-button small",
       type: "button",
-      title: "Back to 0 (R)",
+      title: t("Back to 0 (R)"),
       onclick: () => display.update((d) => ({ ...d, exposure: 0 })),
     },
-    "Reset",
+    t("Reset"),
   );
   exposure.prepend(
     h(
@@ -211,8 +212,8 @@ export function lookFields(display, normalise) {
       reset,
       h(
         "button",
-        { class: "text-button small", type: "button", title: "Bring the brightest below 1 (N)", onclick: normalise },
-        "Normalise",
+        { class: "text-button small", type: "button", title: t("Bring the brightest below 1 (N)"), onclick: normalise },
+        t("Normalise"),
       ),
     ),
   );
@@ -223,5 +224,5 @@ export function lookFields(display, normalise) {
     reset.hidden = d.exposure === 0;
     curve.value = d.curve;
   });
-  return h("div", { class: "stack" }, exposure, field("Tone curve", curve));
+  return h("div", { class: "stack" }, exposure, field(t("Tone curve"), curve));
 }

@@ -9,6 +9,7 @@ import { drawsRegions } from "../film/region.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { change } from "./job-panel.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../film/region.js").Rect} Rect */
@@ -27,14 +28,14 @@ export function focusTool(job, picture, life) {
   let isOn = false;
   const button = h(
     "button",
-    { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": "Render a part first", onclick: () => turn(!isOn) },
+    { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
     icon("region"),
   );
-  button.title = "Render a part first: click or drag on the picture (A); Shift and drag does it at once";
+  button.title = t("Render a part first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");
   const end = h(
     "button",
-    { class: "icon-button", type: "button", "aria-label": "Render all parts alike again", title: "All parts alike again (Shift+A)", onclick: () => ask(null) },
+    { class: "icon-button", type: "button", "aria-label": t("Render all parts alike again"), title: t("All parts alike again (Shift+A)"), onclick: () => ask(null) },
     icon("close"),
   );
   const chip = h("div", { class: "stage-chip", role: "status", hidden: true }, said, end);
@@ -52,8 +53,8 @@ export function focusTool(job, picture, life) {
     turn(false);
     const focus = rect && /** @type {[number, number, number, number]} */ ([rect.x, rect.y, rect.w, rect.h]);
     const first = isShot(latest) ? { first: rect ? live.frame : -1 } : {};
-    announce(rect ? "This part is rendered first" : "All parts are rendered alike");
-    void change(latest, { focus, ...first }, "The order was not changed");
+    announce(rect ? t("This part is rendered first") : t("All parts are rendered alike"));
+    void change(latest, { focus, ...first }, t("The order was not changed"));
   };
   const show = () => {
     const { focus } = latest;
@@ -64,7 +65,7 @@ export function focusTool(job, picture, life) {
     const side = latest.tile_size ?? 0;
     const marked = rect && rect.w * rect.h === 1 && side ? tileOf(rect, side, latest) : rect;
     view?.over.setMark("focus", marked && ((over) => over.strokeTwice(marked.x, marked.y, marked.w, marked.h, { colour: COLOUR, dash: true })));
-    setText(said, isOn ? "Click or drag: what is to be rendered first" : marked ? `First: ${marked.w}×${marked.h} at ${marked.x}, ${marked.y}` : "");
+    setText(said, isOn ? t("Click or drag: what is to be rendered first") : marked ? t("First: {w}×{h} at {x}, {y}", { w: marked.w, h: marked.h, x: marked.x, y: marked.y }) : "");
     chip.hidden = !said.textContent;
     end.hidden = isOn;
   };
@@ -79,8 +80,8 @@ export function focusTool(job, picture, life) {
     button,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "A", does: "Render a part first: then click or drag on the picture", run: () => turn(!isOn) },
-      { keys: "Shift+A", does: "Render all parts alike again", run: () => (latest.focus ? ask(null) : turn(false)) },
+      { keys: "A", does: t("Render a part first: then click or drag on the picture"), run: () => turn(!isOn) },
+      { keys: "Shift+A", does: t("Render all parts alike again"), run: () => (latest.focus ? ask(null) : turn(false)) },
     ],
     /** @param {Job} next */
     update(next) {

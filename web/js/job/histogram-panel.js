@@ -2,6 +2,7 @@
 
 import { HIGHEST, LOWEST, histogramOf } from "../film/histogram.js";
 import { h, setText } from "../base/dom.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../film/live-film.js").LiveFilm} LiveFilm */
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
@@ -22,7 +23,7 @@ const LINES = /** @type {const} */ ([
  * @param {import("../base/store.js").Disposer} life
  */
 export function histogramPanel(live, display, life) {
-  const canvas = h("canvas", { role: "img", "aria-label": "Histogram" });
+  const canvas = h("canvas", { role: "img", "aria-label": t("Histogram") });
   const told = h("p", { class: "quiet small number" });
   const log = h("input", { type: "checkbox", onchange: () => draw() });
   const body = h(
@@ -31,9 +32,9 @@ export function histogramPanel(live, display, life) {
     canvas,
     h("div", { class: "ticks quiet small number", "aria-hidden": "true" }, ["−12", "−9", "−6", "−3", "1.0", "+3", "+6"].map((text) => h("span", null, text))),
     told,
-    h("label", { class: "check" }, log, "Logarithmic"),
+    h("label", { class: "check" }, log, t("Logarithmic")),
   );
-  const element = h("details", { class: "side-section histogram" }, h("summary", null, h("h2", null, "Histogram")), body);
+  const element = h("details", { class: "side-section histogram" }, h("summary", null, h("h2", null, t("Histogram"))), body);
   element.addEventListener("toggle", () => draw());
 
   let drawnAt = -Infinity;
@@ -84,9 +85,9 @@ export function histogramPanel(live, display, life) {
       context.stroke();
     });
     const percent = (/** @type {number} */ share) => `${(share * 100).toFixed(share > 0 && share < 0.1 ? 1 : 0)} %`;
-    const words = pixels ? `${percent(above)} above white, ${percent(black)} black` : "No samples yet";
-    setText(told, `${words}. Lines: R, G, B; filled: luminance; stops after exposure.`);
-    canvas.setAttribute("aria-label", `Histogram of red, green, blue and luminance: ${words}`);
+    const words = pixels ? t("{above} above white, {black} black", { above: percent(above), black: percent(black) }) : t("No samples yet");
+    setText(told, t("{words}. Lines: R, G, B; filled: luminance; stops after exposure.", { words }));
+    canvas.setAttribute("aria-label", t("Histogram of red, green, blue and luminance: {words}", { words }));
   };
   life.add(live.onTile(soon));
   life.add(live.onFill(soon));

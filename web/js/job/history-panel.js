@@ -3,6 +3,7 @@
 import { getHistory } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { clock, roughly } from "../base/format.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../news/api.js").History} History */
@@ -15,14 +16,14 @@ const CLEAN = 0.01;
 
 /** @type {Record<string, (words: string) => string>} */
 const WORDS = {
-  begun: (kind) => `Rendering begun by workers of ${kind}`,
-  picture: () => "First picture: every tile has a sample",
-  worker: (name) => `${name} renders it`,
-  left: (name) => `${name} has left`,
-  paused: () => "Paused",
-  resumed: () => "Resumed",
-  lost: (name) => `A batch did not come back${name && ` from ${name}`}; tried again`,
-  failed: (words) => `A batch failed, and is tried again. ${words}`,
+  begun: (kind) => t("Rendering begun by workers of {kind}", { kind }),
+  picture: () => t("First picture: every tile has a sample"),
+  worker: (name) => t("{name} renders it", { name }),
+  left: (name) => t("{name} has left", { name }),
+  paused: () => t("Paused"),
+  resumed: () => t("Resumed"),
+  lost: (name) => (name ? t("A batch did not come back from {name}; tried again", { name }) : t("A batch did not come back; tried again")),
+  failed: (words) => t("A batch failed, and is tried again. {words}", { words }),
 };
 
 /** @param {number} noise */
@@ -33,7 +34,7 @@ export function historyPanel(job, life) {
   const said = h("p", { class: "quiet small number" });
   const chart = h("div", { class: "chart" });
   const events = h("ol", { class: "timeline number" });
-  const element = h("details", { class: "side-section history" }, h("summary", null, h("h2", null, "History")), h("div", { class: "stack tight" }, said, chart, events));
+  const element = h("details", { class: "side-section history" }, h("summary", null, h("h2", null, t("History"))), h("div", { class: "stack tight" }, said, chart, events));
   let asking = new AbortController();
   life.add(() => asking.abort());
   let shown = "";
@@ -60,13 +61,13 @@ export function historyPanel(job, life) {
     // The error falls with the square root of the samples.
     const left = last ? last.seconds * ((last.noise / CLEAN) ** 2 - 1) : 0;
     const open = job().state === "running" && last && last.noise > CLEAN;
-    setText(said, last ? `Noise ${percent(last.noise)} after ${clock(last.seconds)}${open ? `; ${percent(CLEAN)} in ${roughly(left)}` : ""}.` : "The noise is not known yet.");
+    setText(said, last ? t("Noise {noise} after {time}", { noise: percent(last.noise), time: clock(last.seconds) }) + (open ? t("; {noise} in {time}.", { noise: percent(CLEAN), time: roughly(left) }) : ".") : t("The noise is not known yet."));
     fill(chart, points.length > 1 && last ? plot(points, left) : null);
     const { created, finished, state } = job();
     const all = [
-      { at: created, text: "Asked for" },
+      { at: created, text: t("Asked for") },
       ...history.events.map(({ at, kind, words }) => ({ at, text: (WORDS[kind] ?? (() => kind))(words) })),
-      ...(finished ? [{ at: finished, text: state === "finished" ? "Finished" : state === "failed" ? "Failed" : "Cancelled" }] : []),
+      ...(finished ? [{ at: finished, text: state === "finished" ? t("Finished") : state === "failed" ? t("Failed") : t("Cancelled") }] : []),
     ];
     fill(events, ...all.map(({ at, text }) => h("li", null, h("span", { class: "quiet" }, clock(Math.max(at - created, 0))), h("span", null, text))));
   };
@@ -91,13 +92,13 @@ function plot(points, left) {
   const x = (/** @type {number} */ s) => (Math.log(s / first.seconds) / Math.log(end / first.seconds)) * WIDTH;
   const y = (/** @type {number} */ n) => (Math.log(most / n) / Math.log(most / least || 2)) * HEIGHT;
   const line = points.map(({ seconds, noise }, i) => `${i ? "L" : "M"}${x(seconds).toFixed(1)} ${y(noise).toFixed(1)}`).join("");
-  const label = `Noise against time: ${percent(first.noise)} after ${clock(first.seconds)}, ${percent(last.noise)} after ${clock(last.seconds)}`;
+  const label = t("Noise against time: {from} after {start}, {to} after {end}", { from: percent(first.noise), start: clock(first.seconds), to: percent(last.noise), end: clock(last.seconds) });
   const svg = shape("svg", { viewBox: `-2 -4 ${WIDTH + 4} ${HEIGHT + 8}`, role: "img", "aria-label": label });
   svg.append(shape("path", { d: `M0 ${y(CLEAN).toFixed(1)}H${WIDTH}`, class: "goal" }));
   if (left > 0) svg.append(shape("path", { d: `M${x(last.seconds).toFixed(1)} ${y(last.noise).toFixed(1)}L${x(end).toFixed(1)} ${y(CLEAN).toFixed(1)}`, class: "forecast" }));
   svg.append(shape("path", { d: line, class: "line" }));
   const ends = [clock(first.seconds), percent(most), clock(end)];
-  return h("figure", null, h("span", { class: "quiet small" }, `${ends[1]} to ${percent(least)}, logarithmic`), svg, h("div", { class: "ticks quiet small", "aria-hidden": "true" }, h("span", null, ends[0]), h("span", null, ends[2])));
+  return h("figure", null, h("span", { class: "quiet small" }, t("{most} to {least}, logarithmic", { most: percent(most), least: percent(least) })), svg, h("div", { class: "ticks quiet small", "aria-hidden": "true" }, h("span", null, ends[0]), h("span", null, ends[2])));
 }
 
 /** @param {string} name @param {Record<string, string>} attributes */

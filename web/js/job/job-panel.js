@@ -3,13 +3,14 @@
 import { changeJob } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { putJob } from "../news/farm.js";
-import { clock, compact, count, plural } from "../base/format.js";
+import { clock, compact, count } from "../base/format.js";
 import { command } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
 import { progressBar } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -36,7 +37,7 @@ export async function change(job, change, failure) {
 export function progressPanel() {
   const samples = h("strong", { class: "big number" });
   const of = h("span", { class: "quiet number" });
-  const bar = progressBar("Progress of the picture");
+  const bar = progressBar(t("Progress of the picture"));
   const elapsed = h("dd");
   const left = h("dd");
   const speed = h("dd");
@@ -67,16 +68,16 @@ export function progressPanel() {
   return {
     element: h(
       "section",
-      { class: "side-section stack", "aria-label": "Progress" },
+      { class: "side-section stack", "aria-label": t("Progress") },
       h("div", { class: "row baseline" }, samples, of),
       bar.element,
       h(
         "dl",
         { class: "figures number" },
         [
-          ["Elapsed", elapsed],
-          ["Left", left],
-          ["Samples/s", speed],
+          [t("Elapsed"), elapsed],
+          [t("Left"), left],
+          [t("Samples/s"), speed],
         ].map(([name, value]) => h("div", null, h("dt", null, name), value)),
       ),
       message,
@@ -108,7 +109,7 @@ export function progressPanel() {
         fill(
           bad,
           h("p", null, badSentence(job)),
-          replay && h("p", null, "To see how the first came about:"),
+          replay && h("p", null, t("To see how the first came about:")),
           replay && command(replay),
         );
       }
@@ -121,17 +122,17 @@ export function progressPanel() {
 function badSentence({ bad_samples: n, frames }) {
   const where = (frames?.[0]?.bad ?? [])
     .slice(0, BAD_NAMED)
-    .map(({ x, y, sample }) => `pixel ${x}, ${y} sample ${sample}`);
-  const first = where.length ? ` First: ${where.join("; ")}.` : "";
-  return `${plural(n, "sample")} came out as no number and ${n === 1 ? "was" : "were"} left out.${first}`;
+    .map(({ x, y, sample }) => t("pixel {x}, {y} sample {sample}", { x, y, sample }));
+  const first = where.length ? t(" First: {places}.", { places: where.join("; ") }) : "";
+  return tn(n, "{n} sample came out as no number and was left out.", "{n} samples came out as no number and were left out.") + first;
 }
 
 /** @param {Job} job what "12" samples are out of */
 function goal(job) {
   if (isShot(job) && job.shot) return `${framesDone(job.shot).replace(/^[\d,]+ /, "")}, ${endOf(job)}`;
-  if (job.noise != null) return `samples per pixel, until the noise is ${valueText(settingOf("work", "noise"), job.noise)}`;
-  if (job.seconds != null) return `samples per pixel, for ${clock(job.seconds)}`;
-  return `of ${count(job.spp ?? 0)} samples per pixel`;
+  if (job.noise != null) return t("samples per pixel, until the noise is {noise}", { noise: valueText(settingOf("work", "noise"), job.noise) });
+  if (job.seconds != null) return t("samples per pixel, for {time}", { time: clock(job.seconds) });
+  return t("of {n} samples per pixel", { n: count(job.spp ?? 0) });
 }
 
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */
@@ -146,17 +147,17 @@ export function actionsPanel() {
       icon(symbol),
       label,
     );
-  const pause = button("pause", "Pause", pauseOrResume);
-  const resume = button("play", "Resume", pauseOrResume, "primary");
+  const pause = button("pause", t("Pause"), pauseOrResume);
+  const resume = button("play", t("Resume"), pauseOrResume, "primary");
   const cancel = button(
     "stop",
-    "Cancel",
-    (job) => change(job, { state: "cancelled" }, "The job was not cancelled"),
+    t("Cancel"),
+    (job) => change(job, { state: "cancelled" }, t("The job was not cancelled")),
     "danger",
   );
-  cancel.title = "Stops rendering; the picture so far stays";
-  const more = button("plus", `${MORE_SAMPLES} samples`, moreSamples);
-  more.title = "Goes on from here: the same picture as if they had been asked for at once";
+  cancel.title = t("Stops rendering; the picture so far stays");
+  const more = button("plus", t("{n} samples", { n: MORE_SAMPLES }), moreSamples);
+  more.title = t("Goes on from here: the same picture as if they had been asked for at once");
   const element = h("div", { class: "row actions" }, resume, pause, cancel, more);
   return {
     element,
@@ -176,9 +177,9 @@ export function actionsPanel() {
 
 /** @param {Job} job */
 export function pauseOrResume(job) {
-  if (STOPPED.includes(job.state)) void change(job, { state: "running" }, "The job was not resumed");
+  if (STOPPED.includes(job.state)) void change(job, { state: "running" }, t("The job was not resumed"));
   else if (job.state === "running" || job.state === "queued")
-    void change(job, { state: "paused" }, "The job was not paused");
+    void change(job, { state: "paused" }, t("The job was not paused"));
 }
 
 /** @param {Job} job */
@@ -187,6 +188,6 @@ export function moreSamples(job) {
   void change(
     job,
     { more: MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
-    "No samples were added",
+    t("No samples were added"),
   );
 }

@@ -5,6 +5,7 @@ import { PARTS } from "../film/film-shader.js";
 import { fill, h } from "../base/dom.js";
 import { radiance } from "../base/format.js";
 import { segments } from "../forms/fields.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
@@ -13,7 +14,7 @@ const MIDDLE = 0.18;
 /** @param {DisplayStore} display */
 export function partFields(display) {
   const choice = segments(
-    "Show",
+    t("Show"),
     PARTS.map(({ name, label }) => ({ value: name, label })),
     (part) => display.update((look) => ({ ...look, part })),
   );
@@ -24,7 +25,7 @@ export function partFields(display) {
     bar.hidden = part !== "false";
     const ticks = [-FALSE_STOPS, -FALSE_STOPS / 2, 0, FALSE_STOPS / 2, FALSE_STOPS];
     const words = ticks.map((stop) => [radiance((MIDDLE * 2 ** stop) / 2 ** exposure), `${stop > 0 ? "+" : ""}${stop} EV`]);
-    fill(bar, colourBar("Luminance, in stops about middle grey", turboGradient(), words));
+    fill(bar, colourBar(t("Luminance, in stops about middle grey"), turboGradient(), words));
   });
   return h("div", { class: "stack tight" }, choice.element, bar);
 }

@@ -3,13 +3,14 @@
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { announce, showError } from "../shell/tray.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../film/film-view.js").FilmView} FilmView */
 /** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
 
 /** So long a tool shows that it has done its work. */
 const DONE_MS = 1600;
-const NO_CLIPBOARD = "Browsers copy from pages on HTTPS and localhost only.";
+const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
 
 /**
  * @param {HTMLElement} stage
@@ -19,20 +20,20 @@ const NO_CLIPBOARD = "Browsers copy from pages on HTTPS and localhost only.";
  * @returns {{element: HTMLElement, keys: Shortcut[]}}
  */
 export function pictureTools(stage, view, image, more = []) {
-  const copyPicture = tool("Copy the picture", "Y", "copy", () => {
+  const copyPicture = tool(t("Copy the picture"), "Y", "copy", () => {
     // The promise goes into the item: Safari copies only what begins within the click.
-    const png = fetch(image()).then((answer) => (answer.ok ? answer.blob() : Promise.reject(new Error(`Status ${answer.status}.`))));
+    const png = fetch(image()).then((answer) => (answer.ok ? answer.blob() : Promise.reject(new Error(t("Status {status}.", { status: answer.status })))));
     return navigator.clipboard.write([new ClipboardItem({ "image/png": png })]);
   });
-  const copyLink = tool("Copy the link to this view", "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));
-  const whole = tool("Whole screen", "W", "screen", () =>
+  const copyLink = tool(t("Copy the link to this view"), "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));
+  const whole = tool(t("Whole screen"), "W", "screen", () =>
     document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen(),
   );
   const tools = view ? [copyPicture, copyLink, whole] : [];
   return {
     element: h(
       "span",
-      { class: "picture-tools", role: "toolbar", "aria-label": "Tools" },
+      { class: "picture-tools", role: "toolbar", "aria-label": t("Tools") },
       more,
       tools.map(({ button }) => button),
     ),
@@ -52,12 +53,12 @@ function tool(does, keys, sign, work) {
   const run = async () => {
     try {
       await work();
-      announce(`${does}: done`);
+      announce(t("{does}: done", { does }));
       fill(button, icon("check"));
       clearTimeout(showing);
       showing = setTimeout(() => fill(button, icon(sign)), DONE_MS);
     } catch (error) {
-      showError(`${does}: not done`, navigator.clipboard ? error : NO_CLIPBOARD);
+      showError(t("{does}: not done", { does }), navigator.clipboard ? error : NO_CLIPBOARD);
     }
   };
   const button = h("button", { class: "icon-button", type: "button", "aria-label": does, title: `${does} (${keys})`, onclick: run }, icon(sign));

@@ -5,6 +5,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { radiance } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** @typedef {{x: number, y: number}} Pin */
@@ -29,11 +30,11 @@ export const pinsText = (pins) => pins.map(({ x, y }) => `${x},${y}`).join(";") 
 export function pinsPanel(picture, display, life) {
   const { view, live } = picture;
   const rows = h("ol", { class: "pins number" });
-  const clear = h("button", { class: "text-button small", type: "button", onclick: () => set([]) }, "Remove all");
+  const clear = h("button", { class: "text-button small", type: "button", onclick: () => set([]) }, t("Remove all"));
   const element = h(
     "section",
-    { class: "side-section stack tight", "aria-label": "Pinned pixels", hidden: true },
-    h("div", { class: "row spread" }, h("h2", null, "Pinned pixels"), clear),
+    { class: "side-section stack tight", "aria-label": t("Pinned pixels"), hidden: true },
+    h("div", { class: "row spread" }, h("h2", null, t("Pinned pixels")), clear),
     rows,
   );
   const set = (/** @type {Pin[]} */ pins) => display.update((look) => ({ ...look, pins }));
@@ -41,7 +42,7 @@ export function pinsPanel(picture, display, life) {
     const { pins } = display.value;
     const without = pins.filter((pin) => pin.x !== x || pin.y !== y);
     if (without.length === pins.length && pins.length === MOST) {
-      announce(`${MOST} pixels are pinned; remove one first`);
+      announce(t("{most} pixels are pinned; remove one first", { most: MOST }));
       return;
     }
     set(without.length < pins.length ? without : [...pins, { x, y }]);
@@ -64,9 +65,9 @@ export function pinsPanel(picture, display, life) {
         return [r, g, b, 0.2126 * r + 0.7152 * g + 0.0722 * b];
       });
       lights.forEach((light, i) => {
-        const told = `${values[i]?.samples ?? 0} samples${values[i]?.object_name ? `, ${values[i].object_name}` : ""}`;
+        const told = `${t("{n} samples", { n: values[i]?.samples ?? 0 })}${values[i]?.object_name ? `, ${values[i].object_name}` : ""}`;
         const first = lights[0]?.[3] ?? 0;
-        const ratio = i && first > 0 ? `${((light[3] ?? 0) / first).toPrecision(3)} × the first` : "";
+        const ratio = i && first > 0 ? t("{n} × the first", { n: ((light[3] ?? 0) / first).toPrecision(3) }) : "";
         shown[i]?.cells.forEach((cell, c) => {
           setText(cell, radiance(light[c] ?? 0));
           cell.title = told;
@@ -95,7 +96,7 @@ export function pinsPanel(picture, display, life) {
       fill(
         rows,
         ...shown.map(({ pin, cells, ratio }, i) => {
-          const name = `Remove the pin at ${pin.x}, ${pin.y}`;
+          const name = t("Remove the pin at {x}, {y}", { x: pin.x, y: pin.y });
           const remove = h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => toggle(pin) }, icon("close"));
           return h(
             "li",
@@ -112,8 +113,8 @@ export function pinsPanel(picture, display, life) {
 
   /** What a click on the picture does, while the tool is on. */
   let isOn = false;
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": "Pin pixels", onclick: () => turn(!isOn) }, icon("pin"));
-  button.title = "Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor)";
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Pin pixels"), onclick: () => turn(!isOn) }, icon("pin"));
+  button.title = t("Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor)");
   const turn = (/** @type {boolean} */ on) => {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
@@ -135,8 +136,8 @@ export function pinsPanel(picture, display, life) {
     button,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "V", does: "Pin the pixel under the cursor, or let it go", run: () => view?.over.cursor && toggle(view.over.cursor) },
-      { keys: "Shift+V", does: "Let all pinned pixels go", run: () => set([]) },
+      { keys: "V", does: t("Pin the pixel under the cursor, or let it go"), run: () => view?.over.cursor && toggle(view.over.cursor) },
+      { keys: "Shift+V", does: t("Let all pinned pixels go"), run: () => set([]) },
     ],
   };
 }

@@ -8,6 +8,7 @@ import { workers } from "../news/farm.js";
 import { moreSamples, pauseOrResume } from "./job-panel.js";
 import { here, linkTo } from "../shell/router.js";
 import { announce } from "../shell/tray.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
 
@@ -34,25 +35,25 @@ export function stageKeys({ view, display, normalise, inShot = false }) {
   /** @param {number} exposure */
   const expose = (exposure) => {
     display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
-    announce(`Exposure ${display.value.exposure} stops`);
+    announce(t("Exposure {exposure} stops", { exposure: display.value.exposure }));
   };
   const inspect = ARROWS.flatMap(([arrow, letter, dx, dy]) =>
     [1, 10].map((by) => ({
       keys: `${by > 1 ? "Shift+" : ""}${inShot ? letter : arrow}`,
       shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : "Arrows") : null, // one line for all eight
-      does: "Read pixels by keys; with Shift ten at a time",
+      does: t("Read pixels by keys; with Shift ten at a time"),
       run: () => view?.moveCursor(dx * by, dy * by),
     })),
   );
   return [
-    { keys: "E", does: "Half a stop brighter", run: () => expose(display.value.exposure + EXPOSURE_STEP) },
-    { keys: "Shift+E", does: "Half a stop darker", run: () => expose(display.value.exposure - EXPOSURE_STEP) },
-    { keys: "R", does: "Reset the exposure", run: () => expose(0) },
-    { keys: "N", does: "Normalise: the brightest below white", run: normalise },
-    { keys: "F", does: "Fit the picture", run: () => view?.fit() },
-    { keys: "1", does: "One picture pixel a screen pixel", run: () => view?.actualSize() },
-    { keys: "+", does: "Zoom in", run: () => view?.zoom(1) },
-    { keys: "-", does: "Zoom out", run: () => view?.zoom(-1) },
+    { keys: "E", does: t("Half a stop brighter"), run: () => expose(display.value.exposure + EXPOSURE_STEP) },
+    { keys: "Shift+E", does: t("Half a stop darker"), run: () => expose(display.value.exposure - EXPOSURE_STEP) },
+    { keys: "R", does: t("Reset the exposure"), run: () => expose(0) },
+    { keys: "N", does: t("Normalise: the brightest below white"), run: normalise },
+    { keys: "F", does: t("Fit the picture"), run: () => view?.fit() },
+    { keys: "1", does: t("One picture pixel a screen pixel"), run: () => view?.actualSize() },
+    { keys: "+", does: t("Zoom in"), run: () => view?.zoom(1) },
+    { keys: "-", does: t("Zoom out"), run: () => view?.zoom(-1) },
     ...inspect,
   ];
 }
@@ -70,7 +71,7 @@ export function jobKeys({ job, display, inShot = false }) {
   const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
   const denoise = () => {
     if (!canDenoise(workers.value)) {
-      announce("No worker that is connected can denoise");
+      announce(t("No worker that is connected can denoise"));
       return;
     }
     const next = DENOISE_MODES[(DENOISE_MODES.indexOf(display.value.denoise) + 1) % DENOISE_MODES.length] ?? "off";
@@ -84,7 +85,7 @@ export function jobKeys({ job, display, inShot = false }) {
   const planes = CHANNELS.slice(0, 9).map(({ name, label }, i) => ({
     keys: `Shift+${i + 1}`,
     shown: i ? null : "Shift+1…9",
-    does: "Channels: colour, albedo, normal, depth and so on",
+    does: t("Channels: colour, albedo, normal, depth and so on"),
     run: () => {
       display.update((look) => ({ ...look, channel: name }));
       announce(label);
@@ -94,20 +95,20 @@ export function jobKeys({ job, display, inShot = false }) {
   const parts = PARTS.slice(1).map(({ name, hint }, i) => ({
     keys: String(i + 2),
     shown: i ? null : "2…6",
-    does: "Red, green, blue, luminance or false colour alone; again for all",
+    does: t("Red, green, blue, luminance or false colour alone; again for all"),
     run: () => {
       const part = display.value.part === name ? "" : name;
       display.update((look) => ({ ...look, part }));
-      announce(part ? hint : "Colour");
+      announce(part ? hint : t("Colour"));
     },
   }));
   return [
     ...parts,
     ...planes,
-    { keys: "D", does: "Denoised: off, beside, instead", run: denoise },
-    { keys: "C", does: "Compare with another picture", run: compare },
-    { keys: "T", does: "Outline the tiles being rendered", run: outline },
-    { keys: inShot ? "P" : "Space", does: inShot ? "Pause or resume rendering" : "Pause or resume", run: () => pauseOrResume(job()) },
-    { keys: "M", does: "More samples", run: () => moreSamples(job()) },
+    { keys: "D", does: t("Denoised: off, beside, instead"), run: denoise },
+    { keys: "C", does: t("Compare with another picture"), run: compare },
+    { keys: "T", does: t("Outline the tiles being rendered"), run: outline },
+    { keys: inShot ? "P" : "Space", does: inShot ? t("Pause or resume rendering") : t("Pause or resume"), run: () => pauseOrResume(job()) },
+    { keys: "M", does: t("More samples"), run: () => moreSamples(job()) },
   ];
 }

@@ -3,13 +3,14 @@
 import { imageUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
 const FORMATS = /** @type {const} */ ([
-  ["png", "As it looks now, exposure and tone curve included"],
-  ["exr", "Scene-linear floats, untouched by exposure and curve"],
-  ["jpg", "As it looks now, small"],
+  ["png", t("As it looks now, exposure and tone curve included")],
+  ["exr", t("Scene-linear floats, untouched by exposure and curve")],
+  ["jpg", t("As it looks now, small")],
 ]);
 
 /**
@@ -23,13 +24,13 @@ export function savePanel(display, place) {
     FORMATS.map(([format, hint]) => link(display, place, format, hint, false)),
   );
   const clean = row(
-    "Denoised",
+    t("Denoised"),
     FORMATS.map(([format, hint]) => link(display, place, format, hint, true)),
   );
   let can = false;
   const show = () => {
     const both = can && display.value.channel === "";
-    setText(raw.label, both ? "As rendered" : "");
+    setText(raw.label, both ? t("As rendered") : "");
     raw.label.hidden = !both;
     clean.element.hidden = !both;
   };
@@ -37,8 +38,8 @@ export function savePanel(display, place) {
   return {
     element: h(
       "section",
-      { class: "side-section stack tight", "aria-label": "Save" },
-      h("h2", null, "Save"),
+      { class: "side-section stack tight", "aria-label": t("Save") },
+      h("h2", null, t("Save")),
       raw.element,
       clean.element,
     ),
@@ -74,7 +75,7 @@ export function row(text, links) {
  * @param {boolean} denoise
  */
 function link(display, place, format, hint, denoise) {
-  const name = `${format.toUpperCase()}${denoise ? ", denoised" : ""}`;
+  const name = format.toUpperCase() + (denoise ? t(", denoised") : "");
   const anchor = h("a", { class: "button", title: hint, "aria-label": name, download: "" }, icon("download"), format.toUpperCase());
   // The address is made when it is used: exposure and channel are those of that moment.
   const aim = () => {

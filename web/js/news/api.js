@@ -1,6 +1,7 @@
 /** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
 
 import { decodeFilm } from "./tile-packet.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -36,7 +37,7 @@ export class ApiError extends Error {
   }
 }
 
-const NO_ANSWER = "The service does not answer. Is it still running? `python3 farm.py up` starts it.";
+const NO_ANSWER = t("The service does not answer. Is it still running? `python3 farm.py up` starts it.");
 
 /**
  * The sentence in an error answer: RFC 9457's `detail`, or the plain status where something else than the service spoke.
@@ -54,7 +55,7 @@ export function errorOf(status, body) {
   } catch {
     // Not JSON: a proxy between the page and the service.
   }
-  return new ApiError(status, `The service answered with status ${status}.`);
+  return new ApiError(status, t("The service answered with status {status}.", { status }));
 }
 
 /**

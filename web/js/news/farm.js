@@ -2,7 +2,7 @@
 
 import * as api from "./api.js";
 import { Backoff } from "../base/backoff.js";
-import { table } from "./settings-table.js";
+import { inWords, table } from "./settings-table.js";
 import { Store } from "../base/store.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -142,7 +142,7 @@ export function followFarm() {
       meanwhile = [];
       try {
         const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers(), api.getInfo()]);
-        table.set(lists[3]); // before all else: what is said of jobs and scenes is said by it
+        table.set(inWords(lists[3])); // before all else: what is said of jobs and scenes is said by it
         jobs.set(lists[1]);
         scenes.set(lists[0]); // after the jobs: a scene's form may begin with the settings of one
         workers.set(lists[2]);

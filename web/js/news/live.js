@@ -5,6 +5,7 @@
 
 import { Backoff } from "../base/backoff.js";
 import { decodeTile } from "./tile-packet.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
 
@@ -77,7 +78,7 @@ export class Live {
       if (this.socket !== socket) return;
       if (GONE.includes(code)) return; // the farm's news say so too
       if (code === 1008 || (code >= 4000 && code < 5000)) {
-        this.handlers.refused(reason || "The service closed the live picture.");
+        this.handlers.refused(reason || t("The service closed the live picture."));
         return;
       }
       this.handlers.link(false);

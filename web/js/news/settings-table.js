@@ -1,12 +1,34 @@
 /** What a picture can be asked for: each setting with its range, its names and its words, as GET /api/info says them. */
 
 import { Store } from "../base/store.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
 /** @typedef {import("../base/types.js").SettingsTable} SettingsTable */
 
 /** Null until the farm has told it, which it does before it tells of scenes and jobs. */
 export const table = new Store(/** @type {SettingsTable | null} */ (null));
+
+/**
+ * What the farm says of its settings, in the language of the page.
+ *
+ * @param {SettingsTable} english
+ * @returns {SettingsTable}
+ */
+export function inWords({ settings, view, work, shot }) {
+  /** @param {Setting[]} all */
+  const said = (all) =>
+    all.map((setting) => ({
+      ...setting,
+      label: t(setting.label),
+      help: t(setting.help),
+      section: t(setting.section),
+      phrase: t(setting.phrase),
+      off: setting.off && { ...setting.off, label: t(setting.off.label) },
+      choices: setting.choices?.map((choice) => ({ ...choice, label: t(choice.label), help: t(choice.help) })) ?? null,
+    }));
+  return { settings: said(settings), view: said(view), work: said(work), shot: said(shot) };
+}
 
 /** @returns {SettingsTable} */
 export function known() {

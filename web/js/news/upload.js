@@ -1,6 +1,7 @@
 /** One upload. XMLHttpRequest, because fetch cannot tell how much it has sent. */
 
 import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -34,7 +35,7 @@ export function sendFiles(url, field, files, { progress, signal, fields = {} }) 
     };
     // A service that refuses a large body early may close the connection before its answer is read.
     request.onerror = () =>
-      reject(new ApiError(0, "The upload broke off: the service does not answer, or refused its size."));
+      reject(new ApiError(0, t("The upload broke off: the service does not answer, or refused its size.")));
     request.onabort = () => reject(signal.reason);
     signal.addEventListener("abort", () => request.abort());
     if (signal.aborted) reject(signal.reason);

@@ -3,6 +3,7 @@
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { viewFromText, viewToText } from "./view-url.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {{name: string, view: string}} Bookmark */
@@ -32,7 +33,7 @@ export function bookmarks(scene, view, turn) {
     }
     show();
   };
-  const element = h("div", { class: "bookmarks", role: "group", "aria-label": "Views of your own" });
+  const element = h("div", { class: "bookmarks", role: "group", "aria-label": t("Views of your own") });
   const show = () =>
     fill(
       element,
@@ -57,7 +58,7 @@ export function bookmarks(scene, view, turn) {
             {
               class: "chip-button drop",
               type: "button",
-              "aria-label": `Forget ${bookmark.name}`,
+              "aria-label": t("Forget {name}", { name: bookmark.name }),
               onclick: () => {
                 kept = kept.filter((other) => other !== bookmark);
                 write();
@@ -67,7 +68,7 @@ export function bookmarks(scene, view, turn) {
           ),
         ),
       ),
-      h("button", { class: "chip-button", type: "button", onclick: keep }, icon("plus"), "Keep this view"),
+      h("button", { class: "chip-button", type: "button", onclick: keep }, icon("plus"), t("Keep this view")),
     );
   show();
   return element;

@@ -10,11 +10,12 @@ import { Film } from "../film/film.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
-import { plural } from "../base/format.js";
 import { bookmarks } from "./bookmarks.js";
+import { enlarged } from "./enlarge.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { viewHand } from "./view-hand.js";
 import { ViewLink } from "./view-link.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
@@ -33,7 +34,7 @@ const NOT_OF_A_VIEW = ["spp", "noise", "seconds", "frames", "order", "every", "n
  * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void}} refresh: the form was changed
  */
 export function liveView(scene, form, meanwhile, turned) {
-  const canvas = h("canvas", { role: "img", "aria-label": "The scene as it is seen now" });
+  const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
   const surface = h(
     "div",
@@ -42,7 +43,7 @@ export function liveView(scene, form, meanwhile, turned) {
       tabindex: "0",
       role: "application",
       "aria-label":
-        "The view. Arrows turn it, Shift and arrows move it, plus and minus go nearer and farther; W, A, S, D, Q and E fly.",
+        t("The view. Arrows turn it, Shift and arrows move it, plus and minus go nearer and farther; W, A, S, D, Q and E fly."),
     },
     canvas,
     over,
@@ -53,12 +54,12 @@ export function liveView(scene, form, meanwhile, turned) {
     "button",
     { class: "button small", type: "button", "aria-pressed": "false" },
     icon("target"),
-    "Pick the focus",
+    t("Pick the focus"),
   );
-  const exposure = h("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0", "aria-label": "Exposure in stops" });
+  const exposure = h("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
   const curve = h(
     "select",
-    { "aria-label": "Tone curve" },
+    { "aria-label": t("Tone curve") },
     CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
@@ -93,11 +94,10 @@ export function liveView(scene, form, meanwhile, turned) {
   const link = new ViewLink(scene.id, {
     picture(next) {
       if (!film || film.width !== next.width || film.height !== next.height) {
-        const earlier = film;
-        film = new Film(next.width, next.height);
         // Tiles that are still to come show what was seen before.
-        if (earlier && next.tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0) < next.width * next.height)
-          film.restart(earlier);
+        const covered = next.tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0);
+        const isWhole = covered === next.width * next.height;
+        film = film && !isWhole ? enlarged(film, next.width, next.height) : new Film(next.width, next.height);
         fit(next.width, next.height);
         for (const tile of next.tiles) film.put(tile);
         picture.layers[0].setFilm(film);
@@ -115,11 +115,11 @@ export function liveView(scene, form, meanwhile, turned) {
     state({ samples, bound, slots, message }) {
       surface.dataset.samples = String(samples);
       if (message) setText(state, message);
-      else if (bound) setText(state, `${samples} of ${plural(bound, "sample")}, ${plural(slots, "slot")}`);
+      else if (bound) setText(state, `${tn(bound, "{done} of {n} sample", "{done} of {n} samples", { done: samples })}, ${tn(slots, "{n} slot", "{n} slots")}`);
     },
     failed: (sentence) => setText(state, sentence),
     picked: (found) => (onPicked?.(found), (onPicked = null)),
-    link: (up) => up || setText(state, "The connection is lost; trying again."),
+    link: (up) => up || setText(state, t("The connection is lost; trying again.")),
     refused: (sentence) => setText(state, sentence),
   });
 
@@ -161,8 +161,8 @@ export function liveView(scene, form, meanwhile, turned) {
     focused = false;
     const touch = matchMedia("(pointer: coarse)").matches;
     const usual = touch
-      ? "Two fingers move the view; tap it to turn it with one."
-      : "Drag turns, Shift and drag moves, the wheel goes nearer; W A S D Q E fly.";
+      ? t("Two fingers move the view; tap it to turn it with one.")
+      : t("Drag turns, Shift and drag moves, the wheel goes nearer; W A S D Q E fly.");
     setText(said, sentence || usual);
   };
   const setPicking = (/** @type {boolean} */ on) => {
@@ -170,7 +170,7 @@ export function liveView(scene, form, meanwhile, turned) {
     picking = on;
     pick.setAttribute("aria-pressed", String(on));
     surface.classList.toggle("picking", on);
-    tell(on ? "Click what is to be sharp." : "");
+    tell(on ? t("Click what is to be sharp.") : "");
   };
   pick.addEventListener("click", () => setPicking(!picking));
   tell();
@@ -188,14 +188,14 @@ export function liveView(scene, form, meanwhile, turned) {
     const at = pixelAt(event);
     onPicked = ({ depth }) => {
       if (!depth) {
-        tell("Nothing is there to focus on. Click an object.");
+        tell(t("Nothing is there to focus on. Click an object."));
         return;
       }
       const distance = alongSight(form.view(), asked, at, depth);
       form.focus(distance);
       setPicking(false);
-      const told = `Sharp at a distance of ${distance.toPrecision(4)}.`;
-      tell(form.view().aperture ? told : `${told} Give the lens an aperture to see it.`);
+      const told = t("Sharp at a distance of {distance}.", { distance: distance.toPrecision(4) });
+      tell(form.view().aperture ? told : t("{told} Give the lens an aperture to see it.", { told }));
       focused = !form.view().aperture;
       refresh();
     };

@@ -6,6 +6,7 @@ import { hidden, jobs } from "../news/farm.js";
 import { firstFrame } from "../base/shot-words.js";
 import { icon } from "../base/icons.js";
 import { go, linkTo } from "../shell/router.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -19,11 +20,11 @@ const MOST = 60;
  */
 export function renderStrip(scene, life) {
   const list = h("ul", { class: "strip" });
-  const hint = h("span", { class: "small quiet" }, "Shift and a click on two of them compares");
-  const title = h("h2", { class: "strip-title" }, "Pictures of this scene");
+  const hint = h("span", { class: "small quiet" }, t("Shift and a click on two of them compares"));
+  const title = h("h2", { class: "strip-title" }, t("Pictures of this scene"));
   const element = h(
     "section",
-    { class: "pictures", "aria-label": "Pictures of this scene", hidden: true },
+    { class: "pictures", "aria-label": t("Pictures of this scene"), hidden: true },
     h("div", { class: "row" }, title, h("span", { class: "grow" }), hint),
     list,
   );
@@ -32,7 +33,7 @@ export function renderStrip(scene, life) {
   const mark = () => {
     for (const each of list.querySelectorAll("a"))
       each.classList.toggle("marked", first !== null && each.dataset.job === first);
-    setText(hint, first ? "Shift-click another to compare" : "Shift and a click on two of them compares");
+    setText(hint, first ? t("Shift-click another to compare") : t("Shift and a click on two of them compares"));
   };
   const show = keyedList(
     list,
@@ -90,9 +91,12 @@ function tile(job, clicked) {
   };
 }
 
+/** @type {Record<string, string>} */
+const ENDED = { queued: t("queued"), paused: t("paused"), failed: t("failed"), cancelled: t("cancelled") };
+
 /** @param {Job} job */
 function aboutOf(job) {
   if (job.state === "running") return `${Math.floor(job.progress * 100)} %`;
-  if (job.state !== "finished") return job.state;
-  return job.width && job.height ? `${job.width}×${job.height}` : "finished";
+  if (job.state !== "finished") return ENDED[job.state] ?? job.state;
+  return job.width && job.height ? `${job.width}×${job.height}` : t("finished");
 }

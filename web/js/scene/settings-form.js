@@ -3,7 +3,7 @@
 import { cameraFields } from "../forms/camera-fields.js";
 import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
-import { compact, noiseText, plural, roughly } from "../base/format.js";
+import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { expected } from "../forms/render-presets.js";
@@ -11,6 +11,7 @@ import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
 import { variantField } from "../forms/variant-field.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
@@ -68,7 +69,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     ...shot.get(),
     ...others.get(),
   });
-  const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), "Render");
+  const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
     if (!element.checkValidity()) {
@@ -84,7 +85,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   };
   const element = h(
     "form",
-    { class: "settings", "aria-label": "Render settings", noValidate: true, onsubmit },
+    { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit },
     others.light,
     shot.elements,
     camera.elements,
@@ -119,12 +120,13 @@ function showFirstProblem(form) {
  */
 function costOf({ width, height }, spp, frames, { seconds, noise }) {
   const all = workers.value ?? [];
-  const slots = plural(
+  const slots = tn(
     all.reduce((sum, worker) => sum + worker.slots, 0),
-    "slot",
+    "{n} slot",
+    "{n} slots",
   );
-  const cost = `${compact(width * height * spp * frames)} samples`;
-  if (!all.length) return `${cost}. They wait for a worker.`;
-  if (seconds === null) return `${cost} on ${slots}. How long that takes is known once they have rendered something.`;
-  return `${cost}, ${roughly(seconds)} on ${slots}${noise === null ? "" : `, ${noiseText(noise)} noise`}`;
+  const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
+  if (!all.length) return t("{cost}. They wait for a worker.", { cost });
+  if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
+  return t("{cost}, {time} on {slots}", { cost, time: roughly(seconds), slots }) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }

@@ -5,6 +5,7 @@
 
 import { Backoff } from "../base/backoff.js";
 import { decodeView } from "./view-packet.js";
+import { t } from "../base/words.js";
 
 /** A silent connection is dead: the service speaks at least every few seconds. */
 const SILENCE_MS = 20_000;
@@ -76,7 +77,7 @@ export class ViewLink {
     socket.onclose = ({ code, reason }) => {
       if (this.socket !== socket) return;
       if (code === 1008 || (code >= 4000 && code < 5000)) {
-        this.handlers.refused(reason || "The service closed the view.");
+        this.handlers.refused(reason || t("The service closed the view."));
         return;
       }
       this.handlers.link(false);

@@ -1,5 +1,7 @@
 /** Files out of a drop or a picker, each with its path inside of what was chosen: a scene finds its textures by path. */
 
+import { t } from "../base/words.js";
+
 /** @typedef {{file: File, path: string}} NamedFile */
 
 /** Above this many, somebody dropped their home folder. */
@@ -7,7 +9,7 @@ const MAX_FILES = 5000;
 
 export class TooManyFiles extends Error {
   constructor() {
-    super(`That folder holds more than ${MAX_FILES} files. Drop the scene's own folder, or a zip of it.`);
+    super(t("That folder holds more than {most} files. Drop the scene's own folder, or a zip of it.", { most: MAX_FILES }));
   }
 }
 
@@ -63,6 +65,6 @@ async function walk(entry, found) {
 /** @param {NamedFile[]} files what an upload is called until the service names it */
 export function titleOf(files) {
   const scene = files.find(({ path }) => /\.(glb|gltf|obj|ya?ml|dae|ply|stl|off|zip)$/i.test(path)) ?? files[0];
-  if (!scene) return "Nothing";
-  return files.length > 1 ? `${scene.path} and ${files.length - 1} more` : scene.path;
+  if (!scene) return t("Nothing");
+  return files.length > 1 ? t("{path} and {n} more", { path: scene.path, n: files.length - 1 }) : scene.path;
 }

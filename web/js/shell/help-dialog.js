@@ -3,12 +3,13 @@
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { shortcuts } from "./shortcuts.js";
+import { t } from "../base/words.js";
 
 /** Opens the overlay; Escape, its button or a click beside it closes it. */
 export function showHelp() {
   const close = h(
     "button",
-    { class: "icon-button", type: "button", "aria-label": "Close", onclick: () => dialog.close() },
+    { class: "icon-button", type: "button", "aria-label": t("Close"), onclick: () => dialog.close() },
     icon("close"),
   );
   const dialog = h(
@@ -22,7 +23,7 @@ export function showHelp() {
     h(
       "div",
       { class: "help-body" },
-      h("header", null, h("h2", { id: "help-title" }, "Keyboard"), close),
+      h("header", null, h("h2", { id: "help-title" }, t("Keyboard")), close),
       h(
         "dl",
         { class: "keys" },
@@ -41,7 +42,7 @@ export function showHelp() {
             ),
           ),
       ),
-      h("p", { class: "quiet" }, "On the picture: drag to pan, wheel or pinch to zoom, double-click to fit."),
+      h("p", { class: "quiet" }, t("On the picture: drag to pan, wheel or pinch to zoom, double-click to fit.")),
     ),
   );
   document.body.append(dialog);

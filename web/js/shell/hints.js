@@ -3,6 +3,7 @@
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { announce } from "./tray.js";
+import { t } from "../base/words.js";
 
 /**
  * A shell command with a button that copies it.
@@ -15,10 +16,10 @@ export function command(text) {
     {
       class: "icon-button",
       type: "button",
-      "aria-label": "Copy the command",
+      "aria-label": t("Copy the command"),
       onclick: async () => {
         await navigator.clipboard.writeText(text);
-        announce("Copied");
+        announce(t("Copied"));
         button.replaceChildren(icon("check"));
         setTimeout(() => button.replaceChildren(icon("copy")), 1500);
       },
@@ -42,7 +43,7 @@ export function addMachineHint() {
         h(
           "p",
           { class: "quiet" },
-          "This farm answers to its own machine only. Start it so that others reach it, and it prints the line to run on them:",
+          t("This farm answers to its own machine only. Start it so that others reach it, and it prints the line to run on them:"),
         ),
         command("python3 farm.py up --host 0.0.0.0"),
       ]
@@ -50,7 +51,7 @@ export function addMachineHint() {
         h(
           "p",
           { class: "quiet" },
-          "From a clone of the same version. It fetches scenes from here by itself and needs no shared folder; the farm printed its token when it started.",
+          t("From a clone of the same version. It fetches scenes from here by itself and needs no shared folder; the farm printed its token when it started."),
         ),
         command(joinCommand()),
       ];
@@ -65,8 +66,8 @@ export function noWorkerNotice() {
     h(
       "div",
       { class: "grow" },
-      h("strong", null, "No worker is connected. "),
-      "What you start waits until there is one. Start one:",
+      h("strong", null, t("No worker is connected. ")),
+      t("What you start waits until there is one. Start one:"),
       command(joinCommand()),
     ),
   );

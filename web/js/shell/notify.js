@@ -2,16 +2,18 @@
 
 import { fill, h } from "../base/dom.js";
 import { jobs } from "../news/farm.js";
-import { plural } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "./router.js";
 import { announce, showError } from "./tray.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
 const KEY = "rayfarm.notify";
 /** Jobs that end together are told together. */
 const GATHER_MS = 1000;
+/** @type {Record<string, string>} */
+const ENDS = { finished: t("finished"), failed: t("failed") };
 const UNDER_WAY = ["queued", "running", "paused"];
 
 function isWanted() {
@@ -33,20 +35,20 @@ function keep(wanted) {
 
 /** Asks for and takes back what `tellOfEnds` needs. Hidden where a browser has no notifications, as on plain HTTP. */
 export function notifyButton() {
-  const button = h("button", { class: "icon-button notify", type: "button", "aria-label": "Tell me when a job ends" });
+  const button = h("button", { class: "icon-button notify", type: "button", "aria-label": t("Tell me when a job ends") });
   button.hidden = !("Notification" in window) || !isSecureContext;
   const show = () => {
     const on = !button.hidden && isWanted();
     fill(button, icon(on ? "bell" : "bellOff"));
     button.setAttribute("aria-pressed", String(on));
-    button.title = on ? "A notification comes when a job ends" : "Tell me when a job ends";
+    button.title = on ? t("A notification comes when a job ends") : t("Tell me when a job ends");
   };
   button.addEventListener("click", async () => {
     if (isWanted()) keep(false);
     else if ((await Notification.requestPermission()) === "granted") keep(true);
     else
-      showError("There will be no notifications", "The browser does not allow them for this page.", {
-        remedy: "Allow them beside the address, then press the bell again.",
+      showError(t("There will be no notifications"), t("The browser does not allow them for this page."), {
+        remedy: t("Allow them beside the address, then press the bell again."),
       });
     show();
     announce(button.title);
@@ -65,8 +67,8 @@ export function tellOfEnds() {
     const [first, ...others] = ended;
     ended = [];
     if (!first || !isWanted() || (document.visibilityState === "visible" && document.hasFocus())) return;
-    const title = others.length ? `${plural(others.length + 1, "job")} ended` : `${first.name}: ${first.state}`;
-    const body = others.length ? [first, ...others].map(({ name, state }) => `${name}: ${state}`).slice(0, 4).join("\n") : (first.error ?? "");
+    const title = others.length ? tn(others.length + 1, "{n} job ended", "{n} jobs ended") : `${first.name}: ${ENDS[first.state] ?? first.state}`;
+    const body = others.length ? [first, ...others].map(({ name, state }) => `${name}: ${ENDS[state] ?? state}`).slice(0, 4).join("\n") : (first.error ?? "");
     const notification = new Notification(title, { body, tag: first.id });
     notification.onclick = () => {
       focus();

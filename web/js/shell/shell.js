@@ -6,8 +6,10 @@ import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
 import { tallies } from "../news/job-list.js";
 import { notifyButton } from "./notify.js";
+import { languageMenu } from "./language-menu.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
+import { t } from "../base/words.js";
 
 /** @typedef {"system" | "light" | "dark"} Theme */
 
@@ -18,15 +20,15 @@ const LOST_AFTER_MS = 1500;
 const ICON = new URL("../../icon.svg", import.meta.url).href;
 
 const THEMES = /** @type {const} */ ([
-  ["system", "auto", "Theme: as the system"],
-  ["light", "sun", "Theme: light"],
-  ["dark", "moon", "Theme: dark"],
+  ["system", "auto", t("Theme: as the system")],
+  ["light", "sun", t("Theme: light")],
+  ["dark", "moon", t("Theme: dark")],
 ]);
 
 const NAV = /** @type {const} */ ([
-  ["Scenes", ""],
-  ["Jobs", "jobs"],
-  ["Workers", "workers"],
+  [t("Scenes"), ""],
+  [t("Jobs"), "jobs"],
+  [t("Workers"), "workers"],
 ]);
 
 /** Builds the top bar. @returns {(section: string) => void} marks the section that is open */
@@ -42,16 +44,16 @@ export function buildShell() {
   );
   fill(
     bar,
-    h("button", { class: "button skip", type: "button", onclick: () => main.focus() }, "Skip to the content"),
+    h("button", { class: "button skip", type: "button", onclick: () => main.focus() }, t("Skip to the content")),
     h(
       "a",
-      { class: "brand", href: linkTo(), "aria-label": "Rayfarm, front page" },
+      { class: "brand", href: linkTo(), "aria-label": t("Rayfarm, front page") },
       h("img", { src: ICON, alt: "" }),
       h("span", null, "Rayfarm"),
     ),
     h(
       "nav",
-      { "aria-label": "Sections" },
+      { "aria-label": t("Sections") },
       links.map(({ element }) => element),
     ),
     h(
@@ -59,13 +61,14 @@ export function buildShell() {
       {
         class: "icon-button help-button",
         type: "button",
-        "aria-label": "Keyboard help",
-        title: "Keyboard help (?)",
+        "aria-label": t("Keyboard help"),
+        title: t("Keyboard help (?)"),
         onclick: showHelp,
       },
       "?",
     ),
     notifyButton(),
+    languageMenu(),
     themeButton(),
   );
 
@@ -80,10 +83,10 @@ export function buildShell() {
   };
   tallies.subscribe((all) => {
     const running = (all?.running ?? 0) + (all?.queued ?? 0);
-    setTally("jobs", running, `${running} under way`);
+    setTally("jobs", running, t("{n} under way", { n: running }));
   });
   workers.subscribe((all) =>
-    setTally("workers", all?.length ?? 0, all?.length ? "connected" : "No worker is connected", all?.length === 0),
+    setTally("workers", all?.length ?? 0, all?.length ? t("connected") : t("No worker is connected"), all?.length === 0),
   );
   buildLostBanner();
   return (section) => {
@@ -99,7 +102,7 @@ function buildLostBanner() {
     "div",
     { class: "lost-banner", role: "status", hidden: true },
     icon("warning"),
-    "Connection lost. Trying again …",
+    t("Connection lost. Trying again …"),
   );
   document.body.append(banner);
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -111,7 +114,7 @@ function buildLostBanner() {
     }
     clearTimeout(timer);
     timer = undefined;
-    if (!banner.hidden) announce("Connected again");
+    if (!banner.hidden) announce(t("Connected again"));
     banner.hidden = true;
   });
 }

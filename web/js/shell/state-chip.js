@@ -2,20 +2,21 @@
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 /** @type {Record<string, [import("../base/icons.js").IconName, string]>} */
 const STATES = {
-  preparing: ["clock", "Preparing"],
-  ready: ["check", "Ready"],
-  queued: ["clock", "Queued"],
-  running: ["play", "Rendering"],
-  paused: ["pause", "Paused"],
-  finished: ["check", "Finished"],
-  failed: ["warning", "Failed"],
-  cancelled: ["stop", "Cancelled"],
-  starting: ["clock", "Starting"],
-  draining: ["clock", "Draining"],
-  "set-aside": ["warning", "Set aside"],
+  preparing: ["clock", t("Preparing")],
+  ready: ["check", t("Ready")],
+  queued: ["clock", t("Queued")],
+  running: ["play", t("Rendering")],
+  paused: ["pause", t("Paused")],
+  finished: ["check", t("Finished")],
+  failed: ["warning", t("Failed")],
+  cancelled: ["stop", t("Cancelled")],
+  starting: ["clock", t("Starting")],
+  draining: ["clock", t("Draining")],
+  "set-aside": ["warning", t("Set aside")],
 };
 
 /**

@@ -2,6 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 const tray = /** @type {HTMLElement} */ (document.getElementById("tray"));
 const announcer = /** @type {HTMLElement} */ (document.getElementById("announcer"));
@@ -38,7 +39,7 @@ export class Card {
   onClose(run) {
     fill(
       this.actions,
-      h("button", { class: "icon-button", type: "button", "aria-label": "Dismiss", onclick: run }, icon("close")),
+      h("button", { class: "icon-button", type: "button", "aria-label": t("Dismiss"), onclick: run }, icon("close")),
     );
   }
 
@@ -83,7 +84,7 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
   const same = errors.find((each) => each.key === key);
   if (same) {
     same.times += 1;
-    same.card.title.textContent = `${title} (${same.times} times)`;
+    same.card.title.textContent = t("{title} ({times} times)", { title, times: same.times });
     return;
   }
   const card = new Card(title);
@@ -115,7 +116,7 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
  */
 export function undoable(sentence, { commit, undo, seconds = 7 }) {
   const card = new Card(sentence);
-  announce(`${sentence}. Press Undo to take it back.`);
+  announce(t("{sentence}. Press Undo to take it back.", { sentence }));
   let settled = false;
   /** @param {() => void} act */
   const settle = (act) => {
@@ -129,5 +130,5 @@ export function undoable(sentence, { commit, undo, seconds = 7 }) {
   const onLeave = () => settle(commit);
   const timer = setTimeout(() => settle(commit), seconds * 1000);
   addEventListener("pagehide", onLeave);
-  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => settle(undo) }, "Undo"));
+  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => settle(undo) }, t("Undo")));
 }

@@ -12,6 +12,7 @@ import { go } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -20,7 +21,7 @@ import { filesFor, rivals, whichScene } from "./which-scene.js";
 async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError("Nothing to upload", `There is no file in what was dropped. A scene is one of ${formats.join(" ")}.`);
+    showError(t("Nothing to upload"), t("There is no file in what was dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
     return;
   }
   const sent = files.map(({ file }) => file);
@@ -34,7 +35,7 @@ async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(`${files[at]?.path} cannot be read here`, `${advice}; drop what that writes.`);
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), t("{advice}; drop what that writes.", { advice }));
       return;
     }
   }
@@ -81,17 +82,17 @@ async function send(files, fields = {}) {
     {
       class: "progress",
       role: "progressbar",
-      "aria-label": `Uploading ${title}`,
+      "aria-label": t("Uploading {title}", { title }),
       "aria-valuemin": "0",
       "aria-valuemax": "100",
     },
     bar,
   );
-  const line = h("p", { class: "detail number" }, `Uploading ${bytes(total)}`);
+  const line = h("p", { class: "detail number" }, t("Uploading {size}", { size: bytes(total) }));
   card.lead.replaceWith(icon("upload"));
   fill(card.body, track, line);
-  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, "Cancel"));
-  announce(`Uploading ${title}`);
+  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => abort.abort() }, t("Cancel")));
+  announce(t("Uploading {title}", { title }));
   /** @param {number} fraction */
   const show = (fraction) => {
     bar.style.transform = `scaleX(${fraction})`;
@@ -104,17 +105,17 @@ async function send(files, fields = {}) {
       signal: abort.signal,
       progress: (sent, all) => {
         show(sent / Math.max(1, all));
-        setText(line, sent < all ? `${bytes(sent)} of ${bytes(all)}` : "Storing …");
+        setText(line, sent < all ? t("{done} of {all}", { done: bytes(sent), all: bytes(all) }) : t("Storing …"));
       },
     });
     adoptScene(scene);
     return scene;
   } catch (error) {
     if (!abort.signal.aborted)
-      showError(`${title} was not taken`, error, {
+      showError(t("{title} was not taken", { title }), error, {
         // The service's own sentences say what to do; a lost connection has none.
-        remedy: error instanceof ApiError && error.status === 0 ? "Drop it again once the service is back." : undefined,
-        action: { label: "Choose other files", run: () => choose({ folder: false }) },
+        remedy: error instanceof ApiError && error.status === 0 ? t("Drop it again once the service is back.") : undefined,
+        action: { label: t("Choose other files"), run: () => choose({ folder: false }) },
       });
     return null;
   } finally {
@@ -124,18 +125,18 @@ async function send(files, fields = {}) {
 
 /** An image alone is no scene; what it may be is said, and one that lights scenes can be kept. @param {File[]} files */
 function explainImages(files) {
-  const name = files.length > 1 ? `${files[0]?.name} and ${files.length - 1} more` : (files[0]?.name ?? "");
+  const name = files.length > 1 ? t("{name} and {n} more", { name: files[0]?.name ?? "", n: files.length - 1 }) : (files[0]?.name ?? "");
   const isLight = files.length === 1 && hasLight(files);
   const file = /** @type {File} */ (files[0]);
   const keep = () => {
     const abort = new AbortController();
     addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
-      () => announce(`${name} is among the lights of every scene now`),
-      (error) => showError(`${name} was not taken`, error),
+      () => announce(t("{name} is among the lights of every scene now", { name })),
+      (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
-  showError(`${name} is no scene`, isLight ? "It can light one: open a scene, and drop it there." : "Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it.", {
-    action: isLight ? { label: "Keep it among the lights", run: keep } : undefined,
+  showError(t("{name} is no scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
+    action: isLight ? { label: t("Keep it among the lights"), run: keep } : undefined,
   });
 }
 
@@ -147,7 +148,7 @@ async function startFrom(gather, take = start) {
   try {
     await take(await gather());
   } catch (error) {
-    showError("The files could not be read", error);
+    showError(t("The files could not be read"), error);
   }
 }
 
@@ -177,8 +178,8 @@ export function acceptDrops() {
   fill(
     veil,
     icon("upload"),
-    h("strong", null, "Drop to upload"),
-    h("span", { class: "quiet" }, "A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open"),
+    h("strong", null, t("Drop to upload")),
+    h("span", { class: "quiet" }, t("A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open")),
   );
   let depth = 0; // enter and leave fire for every element that is crossed
   /** @param {DragEvent} event */

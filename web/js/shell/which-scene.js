@@ -1,6 +1,7 @@
 /** Several models in one drop: which of them is the scene, or each one of its own. */
 
 import { h } from "../base/dom.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 
@@ -52,8 +53,8 @@ export function whichScene(mains) {
       h(
         "div",
         { class: "help-body" },
-        h("h2", { id: "which-title" }, `${mains.length} models: which is the scene?`),
-        h("p", { class: "quiet" }, "The others may be parts of it. Or make each a scene of its own."),
+        h("h2", { id: "which-title" }, t("{n} models: which is the scene?", { n: mains.length })),
+        h("p", { class: "quiet" }, t("The others may be parts of it. Or make each a scene of its own.")),
         h(
           "ul",
           { class: "which-list" },
@@ -64,8 +65,8 @@ export function whichScene(mains) {
         h(
           "div",
           { class: "row" },
-          h("button", { class: "button primary", type: "button", onclick: () => close(mains) }, "Each by itself"),
-          h("button", { class: "button", type: "button", onclick: () => close([]) }, "Cancel"),
+          h("button", { class: "button primary", type: "button", onclick: () => close(mains) }, t("Each by itself")),
+          h("button", { class: "button", type: "button", onclick: () => close([]) }, t("Cancel")),
         ),
       ),
     );

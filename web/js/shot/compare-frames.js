@@ -3,6 +3,7 @@
 import { h, setText } from "../base/dom.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { isShot } from "../base/shot-words.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
@@ -40,9 +41,9 @@ export function frameOf(job, wanted) {
  */
 export function compareFrames(films, jobs, state, life) {
   const title = h("h2");
-  const slider = h("input", { type: "range", "aria-label": "Frame", min: "0", step: "1" });
+  const slider = h("input", { type: "range", "aria-label": t("Frame"), min: "0", step: "1" });
   const note = h("p", { class: "quiet small number" });
-  const element = h("section", { class: "side-section stack tight", "aria-label": "Frame" }, title, slider, note);
+  const element = h("section", { class: "side-section stack tight", "aria-label": t("Frame") }, title, slider, note);
   /** All frames that either side has. @type {number[]} */
   let numbers = [];
   let told = "";
@@ -64,11 +65,11 @@ export function compareFrames(films, jobs, state, life) {
     slider.valueAsNumber = at;
     const number = numbers[at] ?? 0;
     slider.setAttribute("aria-valuetext", `Frame ${number}`);
-    setText(title, `Frame ${number}`);
+    setText(title, t("Frame {number}", { number }));
     const others = ["A", "B"].flatMap((letter, i) => {
       const frame = shots[i];
-      if (frame === undefined) return [`${letter} is a still`];
-      return frame === number ? [] : [`${letter} shows frame ${frame}, the nearest that it has`];
+      if (frame === undefined) return [t("{letter} is a still", { letter })];
+      return frame === number ? [] : [t("{letter} shows frame {frame}, the nearest that it has", { letter, frame })];
     });
     setText(note, others.length ? `${others.join("; ")}.` : "");
     note.hidden = others.length === 0;

@@ -6,6 +6,7 @@ import { freshId } from "../forms/fields.js";
 import { percent } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { Thumbnails } from "./thumbnails.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Frame} Frame */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
@@ -18,7 +19,7 @@ const THUMB_WIDTH = 160;
 const WORTH = 2;
 
 /** @type {Record<import("../base/types.js").FrameState, string>} */
-const WORDS = { queued: "waits", preparing: "is prepared", running: "is rendered", finished: "finished", failed: "failed" };
+const WORDS = { queued: t("waits"), preparing: t("is prepared"), running: t("is rendered"), finished: t("finished"), failed: t("failed") };
 
 /**
  * What a screen reader says of a frame.
@@ -27,10 +28,10 @@ const WORDS = { queued: "waits", preparing: "is prepared", running: "is rendered
  * @param {Frame | undefined} frame
  */
 export function frameSentence(number, frame) {
-  if (!frame) return `Frame ${number}`;
+  if (!frame) return t("Frame {number}", { number });
   const { state, progress, noise, error } = frame;
   const far = state === "running" || (state === "queued" && progress > 0) ? `, ${Math.floor(progress * 100)} %` : "";
-  return `Frame ${number} ${WORDS[state]}${far}${noise == null ? "" : `, noise ${percent(noise)}`}${error ? `: ${error}` : ""}`;
+  return t("Frame {number} {state}", { number, state: WORDS[state] }) + far + (noise == null ? "" : t(", noise {noise}", { noise: percent(noise) })) + (error ? `: ${error}` : "");
 }
 
 /**
@@ -43,7 +44,7 @@ export function filmstrip(job, frames, life) {
   const queue = new Thumbnails();
   const stem = freshId("frame");
   const track = h("div", { class: "strip-track", role: "presentation" });
-  const strip = h("div", { class: "filmstrip", role: "listbox", tabindex: "0", "aria-label": "Frames", "aria-orientation": "horizontal" }, track);
+  const strip = h("div", { class: "filmstrip", role: "listbox", tabindex: "0", "aria-label": t("Frames"), "aria-orientation": "horizontal" }, track);
   /** By place. @type {Map<number, Cell>} */
   const cells = new Map();
 
@@ -156,7 +157,7 @@ function makeCell(number, place, count) {
       element.classList.toggle("failed", frame?.state === "failed");
       element.classList.toggle("running", frame?.state === "running");
       state.replaceChildren(...(frame?.state === "failed" ? [icon("warning")] : []));
-      setText(noise, frame?.state === "failed" ? "failed" : frame?.noise == null ? "" : percent(frame.noise));
+      setText(noise, frame?.state === "failed" ? t("failed") : frame?.noise == null ? "" : percent(frame.noise));
       bar.className = `frame-bar ${frame?.state ?? ""}`;
       /** @type {HTMLElement} */ (bar.firstElementChild).style.transform = `scaleX(${frame?.progress ?? 0})`;
     },

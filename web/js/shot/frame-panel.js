@@ -6,6 +6,7 @@ import { icon } from "../base/icons.js";
 import { change } from "../job/job-panel.js";
 import { stateChip } from "../shell/state-chip.js";
 import { announce } from "../shell/tray.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -23,31 +24,31 @@ export function framePanel(job, frames, life) {
   const renderFirst = () => {
     const number = frames.current.value;
     const state = frames.frame?.state;
-    if (state === "finished") return announce(`Frame ${number} is finished`);
+    if (state === "finished") return announce(t("Frame {number} is finished", { number }));
     const again = state === "failed" ? { again: String(number), state: /** @type {const} */ ("running") } : {};
-    announce(`Frame ${number} is rendered first`);
-    void change(job(), { first: number, ...again }, "The frame was not put first");
+    announce(t("Frame {number} is rendered first", { number }));
+    void change(job(), { first: number, ...again }, t("The frame was not put first"));
   };
   const first = h("button", { class: "button wide", type: "button", title: "Enter", onclick: renderFirst }, icon("play"), h("span"));
   const update = () => {
     const { frame } = frames;
-    setText(title, `Frame ${frames.current.value}`);
+    setText(title, t("Frame {number}", { number: frames.current.value ?? "" }));
     chip.update(frame?.state ?? "queued");
-    const noise = frame?.noise == null ? "" : `, noise ${percent(frame.noise)}`;
-    setText(facts, frame ? `${compact(frame.spp)} samples per pixel${noise}` : " ");
+    const noise = frame?.noise == null ? "" : t(", noise {noise}", { noise: percent(frame.noise) });
+    setText(facts, frame ? t("{n} samples per pixel", { n: compact(frame.spp) }) + noise : " ");
     error.hidden = !frame?.error;
     setText(error, frame?.error ?? "");
     const isFirst = job().shot?.first === frames.current.value;
     first.hidden = !frame || frame.state === "finished" || job().state === "cancelled";
     first.disabled = isFirst && frame?.state !== "failed";
-    const words = frame?.state === "failed" ? "Try this frame again" : isFirst ? "Is rendered first" : "Render this frame first";
+    const words = frame?.state === "failed" ? t("Try this frame again") : isFirst ? t("Is rendered first") : t("Render this frame first");
     setText(/** @type {Element} */ (first.lastElementChild), words);
   };
   life.add(frames.current.subscribe(update));
   life.add(frames.news.subscribe(update));
   const element = h(
     "section",
-    { class: "side-section stack tight", "aria-label": "Frame" },
+    { class: "side-section stack tight", "aria-label": t("Frame") },
     h("div", { class: "row spread" }, title, chip.element),
     facts,
     error,

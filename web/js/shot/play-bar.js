@@ -3,6 +3,7 @@
 import { h, setText } from "../base/dom.js";
 import { bytes, count } from "../base/format.js";
 import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 /** @typedef {import("./player.js").Player} Player */
@@ -20,8 +21,8 @@ export function playBar(frames, player, memory, life) {
   const button = (symbol, label, title, onclick) =>
     h("button", { class: "icon-button", type: "button", "aria-label": label, title, onclick }, icon(symbol));
   const step = (/** @type {number} */ by) => () => (player.pause(), frames.go(frames.at + by));
-  const play = button("play", "Play", "Play (Space)", () => player.toggle());
-  const scrub = h("input", { type: "range", class: "scrub", "aria-label": "Frame", min: "0", step: "1" });
+  const play = button("play", t("Play"), t("Play (Space)"), () => player.toggle());
+  const scrub = h("input", { type: "range", class: "scrub", "aria-label": t("Frame"), min: "0", step: "1" });
   scrub.addEventListener("input", () => {
     player.pause();
     memory.wanted = true;
@@ -29,8 +30,8 @@ export function playBar(frames, player, memory, life) {
     memory.fill();
   });
   const number = h("strong", { class: "frame-number number" });
-  const loop = button("refresh", "Loop", "From the end to the beginning", () => player.loop.update((on) => !on));
-  const clear = button("close", "Play all frames again", "All frames again (X)", () => frames.range.set(null));
+  const loop = button("refresh", t("Loop"), t("From the end to the beginning"), () => player.loop.update((on) => !on));
+  const clear = button("close", t("Play all frames again"), t("All frames again (X)"), () => frames.range.set(null));
   const partText = h("span", { class: "quiet small number" });
   const part = h("span", { class: "row part" }, partText, clear);
   const inMemory = h("span");
@@ -39,13 +40,13 @@ export function playBar(frames, player, memory, life) {
   const marks = h(
     "span",
     { class: "row marks" },
-    h("button", { class: "text-button small", type: "button", title: "Play from this frame (I)", onclick: () => frames.mark("in") }, "In"),
-    h("button", { class: "text-button small", type: "button", title: "Play to this frame (O)", onclick: () => frames.mark("out") }, "Out"),
+    h("button", { class: "text-button small", type: "button", title: t("Play from this frame (I)"), onclick: () => frames.mark("in") }, t("In")),
+    h("button", { class: "text-button small", type: "button", title: t("Play to this frame (O)"), onclick: () => frames.mark("out") }, t("Out")),
   );
   const element = h(
     "div",
-    { class: "play-bar", role: "group", "aria-label": "Play the shot" },
-    h("span", { class: "row buttons" }, button("back", "The frame before", "The frame before (←)", step(-1)), play, button("next", "The next frame", "The next frame (→)", step(1)), loop),
+    { class: "play-bar", role: "group", "aria-label": t("Play the shot") },
+    h("span", { class: "row buttons" }, button("back", t("The frame before"), t("The frame before (←)"), step(-1)), play, button("next", t("The next frame"), t("The next frame (→)"), step(1)), loop),
     number,
     scrub,
     marks,
@@ -56,8 +57,8 @@ export function playBar(frames, player, memory, life) {
   const showLoaded = () => {
     const { here, of } = memory.loaded();
     loaded.hidden = !memory.wanted;
-    setText(inMemory, `${count(here)} of ${count(of)}`);
-    setText(amount, ` in memory, ${bytes(memory.bytes())}`);
+    setText(inMemory, t("{here} of {of}", { here: count(here), of: count(of) }));
+    setText(amount, t(" in memory, {bytes}", { bytes: bytes(memory.bytes()) }));
     element.style.setProperty("--loaded", String(of ? here / of : 0));
   };
   const showPart = () => {
@@ -73,7 +74,7 @@ export function playBar(frames, player, memory, life) {
   life.add(
     player.playing.subscribe((on) => {
       play.replaceChildren(icon(on ? "pause" : "play"));
-      play.setAttribute("aria-label", on ? "Stop playing" : "Play");
+      play.setAttribute("aria-label", on ? t("Stop playing") : t("Play"));
     }),
   );
   life.add(player.loop.subscribe((on) => loop.setAttribute("aria-pressed", String(on))));
@@ -88,7 +89,7 @@ export function playBar(frames, player, memory, life) {
     frames.current.subscribe((current) => {
       setText(number, current);
       scrub.valueAsNumber = frames.at;
-      scrub.setAttribute("aria-valuetext", `Frame ${current}`);
+      scrub.setAttribute("aria-valuetext", t("Frame {number}", { number: current ?? "" }));
     }),
   );
   life.add(frames.range.subscribe(showPart));

@@ -2,12 +2,12 @@
 
 import { h, setText } from "../base/dom.js";
 import { explain, field, numberInput, numberOf } from "../forms/fields.js";
-import { plural } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { change } from "../job/job-panel.js";
 import { settingOf } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { partText } from "./shot-save.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../news/api.js").JobChange} JobChange */
@@ -29,27 +29,27 @@ export function shotEdit(job, frames, life) {
   };
 
   const order = h("select", null, (settingOf("shot", "order").choices ?? []).map(({ name, label }) => h("option", { value: name }, label)));
-  order.addEventListener("change", () => void change(job(), { order: order.value }, "The order stays"));
-  const orderField = field("Order", order);
+  order.addEventListener("change", () => void change(job(), { order: order.value }, t("The order stays")));
+  const orderField = field(t("Order"), order);
 
   const failedText = h("span");
   const again = h(
     "button",
-    { class: "button wide", type: "button", onclick: () => void change(job(), { state: "running" }, "They were not tried again") },
+    { class: "button wide", type: "button", onclick: () => void change(job(), { state: "running" }, t("They were not tried again")) },
     icon("refresh"),
     failedText,
   );
 
   const extend = framesInput();
-  const extendForm = smallForm("More frames", extend, "Add", async () => {
-    await apply({ extend: extend.value }, "The shot was not extended");
+  const extendForm = smallForm(t("More frames"), extend, t("Add"), async () => {
+    await apply({ extend: extend.value }, t("The shot was not extended"));
     extend.value = "";
   });
 
   const part = framesInput();
-  const more = numberInput({ value: MORE, min: 1, max: 1e6, label: "Samples" });
-  const partForm = smallForm("More samples for frames", part, "Add", () =>
-    apply({ frames: part.value, more: numberOf(more, MORE) }, "No samples were added"),
+  const more = numberInput({ value: MORE, min: 1, max: 1e6, label: t("Samples") });
+  const partForm = smallForm(t("More samples for frames"), part, t("Add"), () =>
+    apply({ frames: part.value, more: numberOf(more, MORE) }, t("No samples were added")),
   );
   part.after(more);
   const anew = h(
@@ -57,10 +57,10 @@ export function shotEdit(job, frames, life) {
     {
       class: "text-button small",
       type: "button",
-      title: "From nothing, as after a change of the scene's files",
-      onclick: () => part.reportValidity() && void apply({ again: part.value }, "They are not rendered anew"),
+      title: t("From nothing, as after a change of the scene's files"),
+      onclick: () => part.reportValidity() && void apply({ again: part.value }, t("They are not rendered anew")),
     },
-    "Render these anew",
+    t("Render these anew"),
   );
   partForm.append(anew);
 
@@ -79,13 +79,13 @@ export function shotEdit(job, frames, life) {
     if (document.activeElement !== order) order.value = shot.order;
     orderField.hidden = state === "finished";
     again.hidden = !shot.failed || !["finished", "failed"].includes(state);
-    setText(failedText, `Try ${plural(shot.states.failed ?? 0, "failed frame")} again`);
+    setText(failedText, tn(shot.states.failed ?? 0, "Try {n} failed frame again", "Try {n} failed frames again"));
   };
   update();
   const element = h(
     "details",
     { class: "side-section shot-edit" },
-    h("summary", null, "Change the shot"),
+    h("summary", null, t("Change the shot")),
     h("div", { class: "stack" }, orderField, extendForm, partForm),
   );
   return { element: h("div", { class: "shot-changes" }, h("div", { class: "again-box" }, again), element), update };

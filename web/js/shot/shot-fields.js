@@ -2,10 +2,10 @@
 
 import { choiceField, explain, field, freshId, numberOf, segments, setShown } from "../forms/fields.js";
 import { h, setText } from "../base/dom.js";
-import { plural } from "../base/format.js";
 import { numberFor } from "../forms/setting-field.js";
 import { settingOf } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Shot} Shot */
@@ -32,17 +32,17 @@ export function shotFields(scene, like, changed, asShot = false) {
   const frames = h("input", { type: "text", inputmode: "text", autocomplete: "off", spellcheck: "false" });
   const moment = h("input", { type: "number", min: 0, step: 0.5, value: "0", inputmode: "decimal", autocomplete: "off" });
   const choices = clipChoices(clips);
-  const clip = choiceField("Clip", choices, like?.clip ?? clips[0]?.name ?? "", () => refill());
-  const order = choiceField("Order", setting("order").choices ?? [], like?.order ?? "in-turn", () => show());
+  const clip = choiceField(t("Clip"), choices, like?.clip ?? clips[0]?.name ?? "", () => refill());
+  const order = choiceField(t("Order"), setting("order").choices ?? [], like?.order ?? "in-turn", () => show());
   const every = numberFor(setting("every"), like?.every ?? setting("every").default);
   let typed = like !== null && like.count > 1;
 
-  const framesField = field("Frames", frames, "Numbers and ranges: 0-99, or 1-250x5 for every fifth.");
-  explain(framesField, "Frames", [frames]);
-  const everyField = field("Every", every);
-  const turnField = field("Once around, s", turn, setting("turntable").help);
-  const stillField = field("Frame", moment, "The moment that is shown; halves are frames too. The view follows.");
-  const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": "Moment" });
+  const framesField = field(t("Frames"), frames, t("Numbers and ranges: 0-99, or 1-250x5 for every fifth."));
+  explain(framesField, t("Frames"), [frames]);
+  const everyField = field(t("Every"), every);
+  const turnField = field(t("Once around, s"), turn, setting("turntable").help);
+  const stillField = field(t("Frame"), moment, t("The moment that is shown; halves are frames too. The view follows."));
+  const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": t("Moment") });
   stillField.append(scrub);
   moment.addEventListener("input", () => (scrub.value = moment.value));
   scrub.addEventListener("input", () => {
@@ -52,7 +52,7 @@ export function shotFields(scene, like, changed, asShot = false) {
   const shotPart = h(
     "div",
     { class: "stack" },
-    framesField, field("Frames a second", fps), !moves && turnField, order.element, everyField);
+    framesField, field(t("Frames a second"), fps), !moves && turnField, order.element, everyField);
 
   /** The frames in which the clip moves, or the camera once around. */
   const whole = () => {
@@ -80,7 +80,7 @@ export function shotFields(scene, like, changed, asShot = false) {
     frames.setCustomValidity(typeof found === "string" ? found : "");
     const count = numbers().length;
     const length = count / numberOf(fps, USUAL_FPS);
-    setText(kind.aside, isShot() && count ? `${plural(count, "frame")}, ${Number(length.toFixed(2))} s` : "");
+    setText(kind.aside, isShot() && count ? `${tn(count, "{n} frame", "{n} frames")}, ${Number(length.toFixed(2))} s` : "");
     changed();
   };
   frames.addEventListener("input", () => ((typed = frames.value !== ""), check()));
@@ -96,10 +96,10 @@ export function shotFields(scene, like, changed, asShot = false) {
     check();
   };
   const options = [
-    { value: "still", label: "Still" },
-    { value: "shot", label: "Shot" },
+    { value: "still", label: t("Still") },
+    { value: "shot", label: t("Shot") },
   ];
-  const kind = segments("Picture", options, (value) => ((chosen = value), refill(), show()));
+  const kind = segments(t("Picture"), options, (value) => ((chosen = value), refill(), show()));
   kind.select(chosen);
   frames.id ||= freshId("frames");
   if (like) {
@@ -132,13 +132,13 @@ export function shotFields(scene, like, changed, asShot = false) {
 /** @param {import("../base/types.js").Clip[]} clips */
 function clipChoices(clips) {
   const seconds = (/** @type {import("../base/types.js").Clip} */ { start, end }) =>
-    `Moves from ${Number(start.toFixed(2))} to ${Number(end.toFixed(2))} s.`;
+    t("Moves from {start} to {end} s.", { start: Number(start.toFixed(2)), end: Number(end.toFixed(2)) });
   const known = new Set();
   const each = clips.map((clip, i) => {
     // By number where it has no name, or that of one before it.
     const plain = clip.name && !known.has(clip.name);
     known.add(clip.name);
-    return { name: plain ? clip.name : String(i), label: plain ? clip.name : `${clip.name || "Clip"} (${i})`, help: seconds(clip) };
+    return { name: plain ? clip.name : String(i), label: plain ? clip.name : `${clip.name || t("Clip")} (${i})`, help: seconds(clip) };
   });
-  return [...each, { name: "all", label: "All at once", help: "As files mean it that have a clip for each object." }];
+  return [...each, { name: "all", label: t("All at once"), help: t("As files mean it that have a clip for each object.") }];
 }

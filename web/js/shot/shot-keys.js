@@ -2,6 +2,7 @@
 
 import { announce } from "../shell/tray.js";
 import { frameSentence } from "./filmstrip.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
 
@@ -22,17 +23,17 @@ export function shotKeys(frames, player, renderFirst) {
   const mark = (/** @type {"in" | "out"} */ end) => () => {
     frames.mark(end);
     const [from, to] = frames.part;
-    announce(`Plays from frame ${frames.numbers.value[from]} to ${frames.numbers.value[to]}`);
+    announce(t("Plays from frame {from} to {to}", { from: frames.numbers.value[from] ?? "", to: frames.numbers.value[to] ?? "" }));
   };
   return [
-    { keys: "Space", does: "Play or stop the shot", run: () => player.toggle() },
-    ...step("ArrowLeft", "← →", "The frame before, the next; with Shift the part that is played grows", () => frames.at - 1),
+    { keys: "Space", does: t("Play or stop the shot"), run: () => player.toggle() },
+    ...step("ArrowLeft", "← →", t("The frame before, the next; with Shift the part that is played grows"), () => frames.at - 1),
     ...step("ArrowRight", null, "", () => frames.at + 1),
-    ...step("Home", "Home, End", "The first frame, the last; with Shift all up to it is played", () => 0),
+    ...step("Home", "Home, End", t("The first frame, the last; with Shift all up to it is played"), () => 0),
     ...step("End", null, "", () => last()),
-    { keys: "I", does: "Play from this frame", run: mark("in") },
-    { keys: "O", does: "Play to this frame", run: mark("out") },
-    { keys: "X", does: "Play all frames again", run: () => frames.range.set(null) },
-    { keys: "Enter", does: "Render this frame first", run: renderFirst },
+    { keys: "I", does: t("Play from this frame"), run: mark("in") },
+    { keys: "O", does: t("Play to this frame"), run: mark("out") },
+    { keys: "X", does: t("Play all frames again"), run: () => frames.range.set(null) },
+    { keys: "Enter", does: t("Render this frame first"), run: renderFirst },
   ];
 }

@@ -5,15 +5,16 @@ import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { row } from "../job/save-panel.js";
 import { framesText } from "../base/frame-numbers.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 
 const FILES = /** @type {const} */ ([
-  ["movie.mp4", "MP4", "H.264, as it looks now: all frames that have samples, at the shot's speed"],
-  ["movie.webm", "WebM", "AV1, as it looks now: all frames that have samples, at the shot's speed"],
-  ["frames.zip", "PNGs", "The finished frames in a zip, as they look now", "png"],
-  ["frames.zip", "EXRs", "The finished frames in a zip: scene-linear floats, untouched by exposure and curve", "exr"],
+  ["movie.mp4", "MP4", t("H.264, as it looks now: all frames that have samples, at the shot's speed")],
+  ["movie.webm", "WebM", t("AV1, as it looks now: all frames that have samples, at the shot's speed")],
+  ["frames.zip", "PNGs", t("The finished frames in a zip, as they look now"), "png"],
+  ["frames.zip", "EXRs", t("The finished frames in a zip: scene-linear floats, untouched by exposure and curve"), "exr"],
 ]);
 
 /** Characters in an address. */
@@ -44,7 +45,7 @@ export function shotSave(job, display, frames, life) {
   element.lastElementChild?.setAttribute("class", "pair");
   life.add(
     frames.range.subscribe((range) => {
-      setText(label, range ? `Frames ${partText(frames)}` : "The whole shot");
+      setText(label, range ? t("Frames {frames}", { frames: partText(frames) }) : t("The whole shot"));
     }),
   );
   return element;

@@ -17,6 +17,7 @@ import { compareFrames, frameOf } from "../shot/compare-frames.js";
 import { isShot } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { Disposer, Store } from "../base/store.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -39,7 +40,7 @@ import { Disposer, Store } from "../base/store.js";
  * @returns {{element: HTMLElement, dispose: () => void}}
  */
 export function compareView(a, b) {
-  setTitle("Comparison");
+  setTitle(t("Comparison"));
   const life = new Disposer();
   const element = h("div", { class: "job-page compare-page" });
   const instead = (/** @type {string} */ title, /** @type {string} */ sentence) =>
@@ -48,7 +49,7 @@ export function compareView(a, b) {
       h(
         "div",
         { class: "page" },
-        emptyState("compare", title, h("p", null, sentence), h("a", { href: linkTo("jobs") }, "To the jobs")),
+        emptyState("compare", title, h("p", null, sentence), h("a", { href: linkTo("jobs") }, t("To the jobs"))),
       ),
     );
   const { params } = here();
@@ -77,13 +78,13 @@ export function compareView(a, b) {
     for (const id of ids) {
       if (asked.has(id) || all.some((job) => job.id === id)) continue;
       asked.add(id);
-      getJob(id).then(adoptJob, (error) => instead("This picture is not here", error.message));
+      getJob(id).then(adoptJob, (error) => instead(t("This picture is not here"), error.message));
     }
     const [first, second] = ids.map((id) => all.find((job) => job.id === id));
     if (!first || !second) return;
     if (!first.width || !second.width) {
       const waits = first.width ? second : first;
-      instead(waits.name, waits.error ?? waits.message ?? "Waits for its scene.");
+      instead(waits.name, waits.error ?? waits.message ?? t("Waits for its scene."));
       return;
     }
     const key = `${first.id} ${second.id}`;
@@ -194,7 +195,7 @@ function open(page, a, b, state) {
     state.update((now) => ({ ...now, a: now.b, b: now.a, left: now.right, right: now.left, wipe: 1 - now.wipe }));
   life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
   life.add(addShortcuts(ways.keys));
-  life.add(addShortcuts([{ keys: "X", does: "Swap left and right", run: swap }]));
+  life.add(addShortcuts([{ keys: "X", does: t("Swap left and right"), run: swap }]));
 
   const frames = compareFrames([left, right], () => [latest.a, latest.b], state, life);
   const progress = [progressOf("A", a), progressOf("B", b)];
@@ -207,16 +208,16 @@ function open(page, a, b, state) {
       h(
         "a",
         {
-          ...{ class: "icon-button", href: linkTo("jobs", a.id), "aria-label": "Back to the picture" },
+          ...{ class: "icon-button", href: linkTo("jobs", a.id), "aria-label": t("Back to the picture") },
           onclick: (/** @type {Event} */ event) => followWithFrame(event, isShot(a) ? left.frame : null),
         },
         icon("back"),
       ),
-      h("h1", { class: "visually-hidden" }, `Comparison of ${a.name} and ${b.name}`),
+      h("h1", { class: "visually-hidden" }, t("Comparison of {a} and {b}", { a: a.name, b: b.name })),
       sideChoice("A", state, "a", "left", life),
       h(
         "button",
-        { class: "icon-button", type: "button", "aria-label": "Swap left and right", title: "Swap (X)", onclick: swap },
+        { class: "icon-button", type: "button", "aria-label": t("Swap left and right"), title: t("Swap (X)"), onclick: swap },
         icon("swap"),
       ),
       sideChoice("B", state, "b", "right", life),
@@ -225,19 +226,19 @@ function open(page, a, b, state) {
     stage.statusBar,
     h(
       "aside",
-      { class: "side", "aria-label": "Comparison" },
+      { class: "side", "aria-label": t("Comparison") },
       h(
         "section",
-        { class: "side-section stack", "aria-label": "Progress" },
+        { class: "side-section stack", "aria-label": t("Progress") },
         progress.map(({ element }) => element),
       ),
       ways.element,
       frames.element,
-      h("section", { class: "side-section", "aria-label": "Display" }, lookFields(state, normalise)),
+      h("section", { class: "side-section", "aria-label": t("Display") }, lookFields(state, normalise)),
       h(
         "section",
-        { class: "side-section stack tight", "aria-label": "Differences" },
-        h("h2", null, "Differences"),
+        { class: "side-section stack tight", "aria-label": t("Differences") },
+        h("h2", null, t("Differences")),
         table,
       ),
     ),
@@ -247,7 +248,7 @@ function open(page, a, b, state) {
     life,
     update(nextA, nextB) {
       latest = { a: nextA, b: nextB };
-      setTitle(`${nextA.name}: A and B`);
+      setTitle(t("{name}: A and B", { name: nextA.name }));
       progress[0]?.update(nextA);
       progress[1]?.update(nextB);
       frames.update();
@@ -257,7 +258,7 @@ function open(page, a, b, state) {
       shownRows = key;
       fill(
         table,
-        rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, "None: both have the same settings."),
+        rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, t("None: both have the same settings.")),
       );
       arrange(); // the sides are called by their differences
     },

@@ -13,6 +13,7 @@ import { showError } from "../shell/tray.js";
 import { choose } from "../shell/uploads.js";
 import { jobRow } from "./job-row.js";
 import { sceneCard } from "./scene-card.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Example} Example */
 
@@ -25,15 +26,15 @@ export function homeView() {
   const notice = h("div", { class: "notice-slot" });
   const zone = dropZone();
   const sceneGrid = h("ul", { class: "cards" });
-  const sceneSection = section("Scenes", sceneGrid);
+  const sceneSection = section(t("Scenes"), sceneGrid);
   const exampleGrid = h("ul", { class: "cards" });
   const exampleSection = section(
-    "Examples",
+    t("Examples"),
     exampleGrid,
-    h("span", { class: "quiet small" }, "No scene at hand? Start with one of these."),
+    h("span", { class: "quiet small" }, t("No scene at hand? Start with one of these.")),
   );
   const jobList = h("ul", { class: "rows" });
-  const jobSection = section("Latest pictures", jobList, h("a", { class: "small", href: linkTo("jobs") }, "All jobs"));
+  const jobSection = section(t("Latest pictures"), jobList, h("a", { class: "small", href: linkTo("jobs") }, t("All jobs")));
   for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
 
   const showScenes = keyedList(sceneGrid, (scene) => scene.id, sceneCard);
@@ -87,11 +88,11 @@ function dropZone() {
     "section",
     { class: "drop-zone", "aria-labelledby": "drop-title" },
     icon("upload"),
-    h("h2", { id: "drop-title" }, "Drop a scene anywhere on this page"),
+    h("h2", { id: "drop-title" }, t("Drop a scene anywhere on this page")),
     h(
       "p",
       { class: "quiet" },
-      "GLB, glTF, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do.",
+      t("GLB, glTF, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do."),
     ),
     h(
       "div",
@@ -100,13 +101,13 @@ function dropZone() {
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
         icon("image"),
-        "Choose files",
+        t("Choose files"),
       ),
       h(
         "button",
         { class: "button", type: "button", onclick: () => choose({ folder: true }) },
         icon("folder"),
-        "Choose a folder",
+        t("Choose a folder"),
       ),
     ),
   );
@@ -127,7 +128,7 @@ function exampleCard(example, comparisons) {
       adoptScene(scene);
       location.hash = linkTo("scenes", scene.id) + (example.frames ? "?shot" : "");
     } catch (error) {
-      showError(`${example.title} could not be opened`, error);
+      showError(t("{title} could not be opened", { title: example.title }), error);
     }
   };
   return h(
@@ -138,7 +139,7 @@ function exampleCard(example, comparisons) {
       "div",
       { class: "body" },
       h("button", { class: "name", type: "button", onclick: open }, example.title),
-      h("p", { class: "quiet small" }, example.description),
+      h("p", { class: "quiet small" }, t(example.description)),
       comparisons.map((comparison) => comparisonButton(example, comparison)),
     ),
   );
@@ -147,7 +148,7 @@ function exampleCard(example, comparisons) {
 /** "4 s": of a shot, when it is played. @param {string} frames @param {number | null} fps */
 function lengthOf(frames, fps) {
   const numbers = parseFrames(frames);
-  return typeof numbers === "string" || !fps ? "shot" : `${Number((numbers.length / fps).toFixed(1))} s`;
+  return typeof numbers === "string" || !fps ? t("shot") : `${Number((numbers.length / fps).toFixed(1))} s`;
 }
 
 /**
@@ -160,16 +161,16 @@ function comparisonButton(example, comparison) {
     try {
       await openComparison(example.name, comparison);
     } catch (error) {
-      showError(`“${comparison.title}” could not be opened`, error);
+      showError(t("“{title}” could not be opened", { title: t(comparison.title) }), error);
     } finally {
       button.disabled = false;
     }
   };
   const button = h(
     "button",
-    { class: "button small", type: "button", title: comparison.about, onclick: run },
+    { class: "button small", type: "button", title: t(comparison.about ?? ""), onclick: run },
     icon("compare"),
-    comparison.title,
+    t(comparison.title),
   );
   return button;
 }

@@ -2,8 +2,8 @@
 
 import { changeMany, restore } from "../news/job-list.js";
 import { setAllHidden } from "../news/farm.js";
-import { plural } from "../base/format.js";
 import { showError, undoable } from "../shell/tray.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../news/job-list.js").Change} Change */
 
@@ -17,9 +17,9 @@ import { showError, undoable } from "../shell/tray.js";
 
 /** @type {Deed[]} */
 export const DEEDS = [
-  { label: "Pause", done: "paused", icon: "pause", change: { state: "paused", of: ["queued", "running"] } },
-  { label: "Go on", done: "to go on", icon: "play", change: { state: "running", of: ["paused", "failed", "cancelled"] } },
-  { label: "Cancel", done: "cancelled", icon: "stop", change: { state: "cancelled", of: ["queued", "running", "paused"] } },
+  { label: t("Pause"), done: t("paused"), icon: "pause", change: { state: "paused", of: ["queued", "running"] } },
+  { label: t("Go on"), done: t("to go on"), icon: "play", change: { state: "running", of: ["paused", "failed", "cancelled"] } },
+  { label: t("Cancel"), done: t("cancelled"), icon: "stop", change: { state: "cancelled", of: ["queued", "running", "paused"] } },
 ];
 
 /**
@@ -31,17 +31,17 @@ export async function change(ids, change, done) {
   try {
     const { changed, refused } = await changeMany(ids, change);
     const first = refused[0];
-    if (first) showError(`${plural(refused.length, "job")} could not be ${done}`, first.why);
+    if (first) showError(tn(refused.length, "{n} job could not be {done}", "{n} jobs could not be {done}", { done }), first.why);
     if (changed.length === 0) {
-      if (!first) showError(`No job was ${done}`, "None of the chosen jobs is in a state in which that can be done.", { brief: true });
+      if (!first) showError(t("No job was {done}", { done }), t("None of the chosen jobs is in a state in which that can be done."), { brief: true });
       return;
     }
-    undoable(`${plural(changed.length, "job")} ${done}`, {
+    undoable(tn(changed.length, "{n} job {done}", "{n} jobs {done}", { done }), {
       commit: () => {},
-      undo: () => void restore(changed).catch((error) => showError("That could not be taken back", error)),
+      undo: () => void restore(changed).catch((error) => showError(t("That could not be taken back"), error)),
     });
   } catch (error) {
-    showError(`The jobs could not be ${done}`, error);
+    showError(t("The jobs could not be {done}", { done }), error);
   }
 }
 
@@ -51,14 +51,14 @@ export async function change(ids, change, done) {
  * @param {string[]} ids
  * @param {string} sentence
  */
-export function remove(ids, sentence = `${plural(ids.length, "job")} deleted`) {
+export function remove(ids, sentence = tn(ids.length, "{n} job deleted", "{n} jobs deleted")) {
   setAllHidden(ids, true);
   undoable(sentence, {
     undo: () => setAllHidden(ids, false),
     commit: () =>
       void changeMany(ids, { state: "deleted" }).catch((error) => {
         setAllHidden(ids, false);
-        showError(ids.length === 1 ? "The picture was not deleted" : "Not all jobs were deleted", error);
+        showError(ids.length === 1 ? t("The picture was not deleted") : t("Not all jobs were deleted"), error);
       }),
   });
 }

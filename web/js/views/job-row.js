@@ -11,6 +11,7 @@ import { linkTo } from "../shell/router.js";
 import { endOf } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -32,7 +33,7 @@ export function jobRow(job, lead) {
   const name = h("a", { class: "name", href: linkTo("jobs", job.id) });
   const size = h("div", { class: "quiet small number" });
   const chip = stateChip(job.state);
-  const bar = progressBar("Progress");
+  const bar = progressBar(t("Progress"));
   const far = h("div", { class: "quiet small number" });
   const when = h("span", { class: "quiet small when number" });
   const image = h("img", { alt: "", hidden: true });
@@ -62,7 +63,7 @@ export function jobRow(job, lead) {
     update(next) {
       latest = next;
       setText(name, next.name);
-      remove.setAttribute("aria-label", `Delete the picture of ${next.name}`);
+      remove.setAttribute("aria-label", t("Delete the picture of {name}", { name: next.name }));
       setText(size, next.width && next.height ? sizeLine(next) : "");
       chip.update(next.state);
       bar.update(next.state === "finished" ? 1 : next.progress, next.state);
@@ -91,12 +92,12 @@ function sizeLine(job) {
 function progressLine(job) {
   if (job.state === "failed") return job.error ?? "";
   if (job.message) return job.message;
-  if (job.state === "finished") return `in ${clock(job.active_s)}`;
+  if (job.state === "finished") return t("in {time}", { time: clock(job.active_s) });
   const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
-  return job.state === "running" && job.eta_s != null ? `${done}, ${clock(job.eta_s)} left` : done;
+  return job.state === "running" && job.eta_s != null ? t("{done}, {time} left", { done, time: clock(job.eta_s) }) : done;
 }
 
 /** @param {Job} job */
 export function removeJob(job) {
-  removeJobs([job.id], `Picture of “${job.name}” deleted`);
+  removeJobs([job.id], t("Picture of “{name}” deleted", { name: job.name }));
 }

@@ -28,6 +28,7 @@ import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -36,7 +37,7 @@ import { removeJob } from "./job-row.js";
  * @returns {{element: HTMLElement, dispose: () => void}}
  */
 export function jobView(id) {
-  setTitle("Picture");
+  setTitle(t("Picture"));
   const life = new Disposer();
   const element = h("div", { class: "job-page" });
   /** @param {...import("../base/dom.js").Child} children */
@@ -53,7 +54,7 @@ export function jobView(id) {
         update(job);
       } else if (job) {
         // Its size is the scene's, and that is not known yet.
-        instead(emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? "Waits for its scene.")));
+        instead(emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? t("Waits for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {
@@ -62,9 +63,9 @@ export function jobView(id) {
           instead(
             emptyState(
               wasThere ? "trash" : "image",
-              wasThere ? "This picture was deleted" : "This picture is not here",
+              wasThere ? t("This picture was deleted") : t("This picture is not here"),
               !wasThere && h("p", null, error.message),
-              h("a", { href: linkTo("jobs") }, "To the jobs"),
+              h("a", { href: linkTo("jobs") }, t("To the jobs")),
             ),
           );
         });
@@ -104,7 +105,7 @@ function open(page, job, life) {
   picture.tools.append(tools.element);
   life.add(addShortcuts([...focus.keys, ...pins.keys, ...tools.keys]));
   const chip = stateChip(job.state);
-  const line = progressBar("Progress");
+  const line = progressBar(t("Progress"));
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
   life.every(1000, progress.tick);
 
@@ -127,15 +128,15 @@ function open(page, job, life) {
     removeJob(latest);
     go("jobs");
   };
-  const back = { class: "icon-button", href: linkTo("scenes", job.scene), "aria-label": "Back to the scene" };
+  const back = { class: "icon-button", href: linkTo("scenes", job.scene), "aria-label": t("Back to the scene") };
   const compare = {
     class: "icon-button",
     href: linkTo("compare", job.id),
-    "aria-label": "Compare with another picture",
-    title: "Compare with another picture (C)",
+    "aria-label": t("Compare with another picture"),
+    title: t("Compare with another picture (C)"),
     onclick: (/** @type {Event} */ event) => followWithFrame(event, shot && here().params.get("frame")),
   };
-  const bin = { class: "icon-button danger", type: "button", "aria-label": "Delete this picture", onclick: remove };
+  const bin = { class: "icon-button danger", type: "button", "aria-label": t("Delete this picture"), onclick: remove };
   fill(
     page,
     h(
@@ -154,7 +155,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": "Picture" }, progress.element, shot?.panel, pins.element, look.element, histogram, history.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, pins.element, look.element, histogram, history.element, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
@@ -171,23 +172,23 @@ function open(page, job, life) {
 function details(job, life) {
   /** @type {[string, import("../base/dom.js").Child][]} */
   const rows = [
-    ["Scene", h("a", { href: linkTo("scenes", job.scene) }, job.name)],
+    [t("Scene"), h("a", { href: linkTo("scenes", job.scene) }, job.name)],
     ...shotRows(job, life),
-    ["Light", lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || "The scene's own"],
-    ["Size", `${job.width}×${job.height}`],
-    ["Field of view", job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
+    [t("Light"), lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || t("The scene's own")],
+    [t("Size"), `${job.width}×${job.height}`],
+    [t("Field of view"), job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
-    ["Job", h("code", null, job.id)],
+    [t("Job"), h("code", null, job.id)],
   ];
   return h(
     "section",
-    { class: "side-section", "aria-label": "Details" },
-    h("h2", null, "Details"),
+    { class: "side-section", "aria-label": t("Details") },
+    h("h2", null, t("Details")),
     h(
       "a",
       { class: "button again", href: `${linkTo("scenes", job.scene)}?like=${job.id}` },
       icon("refresh"),
-      "Render with other settings",
+      t("Render with other settings"),
     ),
     h(
       "dl",
@@ -214,9 +215,9 @@ function shotRows(job, life) {
   // Scenes are told after jobs, and know how fast a shot is that was not asked to be of any speed.
   life.add(scenes.subscribe((all) => setText(name, shotName(job, all?.find(({ id }) => id === job.scene)?.fps))));
   return [
-    ["Shot", name],
-    ["Clip", shot.clip],
-    ["Turntable", shot.turntable ? `around in ${shot.turntable} s` : null],
+    [t("Shot"), name],
+    [t("Clip"), shot.clip],
+    [t("Turntable"), shot.turntable ? t("around in {n} s", { n: shot.turntable }) : null],
   ];
 }
 

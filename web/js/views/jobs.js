@@ -3,7 +3,7 @@
 import { fill, h, setText } from "../base/dom.js";
 import { hidden, scenes, workers } from "../news/farm.js";
 import { JobList } from "../news/job-list.js";
-import { count, plural } from "../base/format.js";
+import { count } from "../base/format.js";
 import { freshId } from "../forms/fields.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { here, linkTo, onParams, setParams, setTitle } from "../shell/router.js";
@@ -12,44 +12,45 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { jobRow } from "./job-row.js";
 import { Selection, selectionBar } from "./selection.js";
 import { virtualRows } from "./virtual-rows.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").JobState} JobState */
 
 /** @type {[string, string, JobState[]][]} */
 const FILTERS = [
-  ["all", "All", []],
-  ["active", "Active", ["queued", "running", "paused"]],
-  ["finished", "Finished", ["finished"]],
-  ["failed", "Failed", ["failed"]],
-  ["cancelled", "Cancelled", ["cancelled"]],
+  ["all", t("All"), []],
+  ["active", t("Active"), ["queued", "running", "paused"]],
+  ["finished", t("Finished"), ["finished"]],
+  ["failed", t("Failed"), ["failed"]],
+  ["cancelled", t("Cancelled"), ["cancelled"]],
 ];
 
 const SORTS = [
-  ["newest", "Newest first"],
-  ["oldest", "Oldest first"],
-  ["name", "Name"],
-  ["priority", "Priority"],
-  ["state", "State"],
+  ["newest", t("Newest first")],
+  ["oldest", t("Oldest first")],
+  ["name", t("Name")],
+  ["priority", t("Priority")],
+  ["state", t("State")],
 ];
 const KINDS = [
-  ["", "Stills and shots"],
-  ["false", "Stills"],
-  ["true", "Shots"],
+  ["", t("Stills and shots")],
+  ["false", t("Stills")],
+  ["true", t("Shots")],
 ];
 const TYPING_MS = 200;
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function jobsView() {
-  setTitle("Jobs");
+  setTitle(t("Jobs"));
   const life = new Disposer();
   const notice = h("div", { class: "notice-slot" });
   const empty = h("div", null);
   const said = h("p", { class: "visually-hidden", role: "status" });
 
-  const search = h("input", { type: "search", placeholder: "Search names and scenes", "aria-label": "Search jobs", autocomplete: "off" });
-  const sort = choice("Order", SORTS);
-  const kind = choice("Kind", KINDS);
-  const scene = choice("Scene", [["", "All scenes"]]);
+  const search = h("input", { type: "search", placeholder: t("Search names and scenes"), "aria-label": t("Search jobs"), autocomplete: "off" });
+  const sort = choice(t("Order"), SORTS);
+  const kind = choice(t("Kind"), KINDS);
+  const scene = choice(t("Scene"), [["", t("All scenes")]]);
   const tabs = FILTERS.map(([key, label, states]) => {
     const tally = h("span", { class: "number" });
     const button = h("button", { type: "button", onclick: () => turnTo({ show: key === "all" ? null : key }) }, label, " ", tally);
@@ -83,8 +84,8 @@ export function jobsView() {
   };
   const offerScenes = () => {
     const chosen = here().params.get("scene") ?? "";
-    const offered = [["", "All scenes"], ...(scenes.value ?? []).map(({ id, name }) => [id, name])];
-    if (!offered.some(([id]) => id === chosen)) offered.push([chosen, "A deleted scene"]);
+    const offered = [["", t("All scenes")], ...(scenes.value ?? []).map(({ id, name }) => [id, name])];
+    if (!offered.some(([id]) => id === chosen)) offered.push([chosen, t("A deleted scene")]);
     fill(scene, ...offered.map(([value, label]) => h("option", { value }, label ?? "")));
     scene.value = chosen;
   };
@@ -100,11 +101,11 @@ export function jobsView() {
     rows.show(ids);
     rows.element.hidden = ids.length === 0;
     bar.update();
-    if (list.ids) setText(said, plural(ids.length, "job"));
+    if (list.ids) setText(said, tn(ids.length, "{n} job", "{n} jobs"));
     const any = Object.values(list.tallies).some((n) => n > 0);
-    if (list.error && !list.ids) fill(empty, emptyState("warning", "The jobs cannot be listed", h("p", null, list.error)));
+    if (list.error && !list.ids) fill(empty, emptyState("warning", t("The jobs cannot be listed"), h("p", null, list.error)));
     else if (!list.ids || ids.length) fill(empty);
-    else if (any || here().params.get("search")) fill(empty, emptyState("image", "No job matches", again(turnTo)));
+    else if (any || here().params.get("search")) fill(empty, emptyState("image", t("No job matches"), again(turnTo)));
     else fill(empty, noJobs());
   };
 
@@ -131,13 +132,13 @@ export function jobsView() {
   };
   life.add(
     addShortcuts([
-      { keys: "/", does: "Search", run: () => search.focus() },
-      { keys: "ArrowDown", shown: "↓", does: "Next job", run: () => step(1) },
-      { keys: "ArrowUp", shown: "↑", does: "Job before", run: () => step(-1) },
-      { keys: "X", does: "Select the job that has the focus", run: () => selection.toggleFocused() },
-      { keys: "Ctrl+A", does: "Select all that are listed", run: () => {} },
-      { keys: "Escape", does: "Select none", run: () => selection.clear() },
-      { keys: "Delete", does: "Delete the selection", run: () => bar.remove() },
+      { keys: "/", does: t("Search"), run: () => search.focus() },
+      { keys: "ArrowDown", shown: "↓", does: t("Next job"), run: () => step(1) },
+      { keys: "ArrowUp", shown: "↑", does: t("Job before"), run: () => step(-1) },
+      { keys: "X", does: t("Select the job that has the focus"), run: () => selection.toggleFocused() },
+      { keys: "Ctrl+A", does: t("Select all that are listed"), run: () => {} },
+      { keys: "Escape", does: t("Select none"), run: () => selection.clear() },
+      { keys: "Delete", does: t("Delete the selection"), run: () => bar.remove() },
     ]),
   );
   life.listen(document, "keydown", (/** @type {KeyboardEvent} */ event) => {
@@ -150,11 +151,11 @@ export function jobsView() {
   const element = h(
     "div",
     { class: "page wide jobs-page" },
-    h("h1", { class: "page-title" }, "Jobs"),
+    h("h1", { class: "page-title" }, t("Jobs")),
     h(
       "div",
       { class: "list-tools" },
-      h("div", { class: "tabs", role: "group", "aria-label": "Show" }, tabs.map(({ button }) => button)),
+      h("div", { class: "tabs", role: "group", "aria-label": t("Show") }, tabs.map(({ button }) => button)),
       h("div", { class: "list-choices" }, search, scene, kind, sort),
     ),
     notice,
@@ -178,12 +179,12 @@ function choice(label, options) {
 /** @param {(changes: Record<string, null>) => void} turnTo */
 function again(turnTo) {
   const all = { show: null, search: null, scene: null, shot: null };
-  return h("button", { class: "text-button", type: "button", onclick: () => turnTo(all) }, "Show all jobs");
+  return h("button", { class: "text-button", type: "button", onclick: () => turnTo(all) }, t("Show all jobs"));
 }
 
 function noJobs() {
-  const about = "Open a scene, press Render, and its picture appears here. ";
-  return emptyState("image", "No pictures yet", h("p", null, about, h("a", { href: linkTo() }, "To the scenes")));
+  const about = t("Open a scene, press Render, and its picture appears here. ");
+  return emptyState("image", t("No pictures yet"), h("p", null, about, h("a", { href: linkTo() }, t("To the scenes"))));
 }
 
 /**
@@ -221,7 +222,7 @@ function selectableRow(id, list, selection) {
         element.classList.remove("unknown");
         element.append(...row.element.children);
       }
-      box.setAttribute("aria-label", `Select ${job.name}`);
+      box.setAttribute("aria-label", t("Select {name}", { name: job.name }));
       row.update(job);
     },
   };

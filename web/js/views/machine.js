@@ -3,12 +3,13 @@
 import { changeWorker, getWorkerLog, imageUrl } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { jobs } from "../news/farm.js";
-import { bytes, compact, plural } from "../base/format.js";
+import { bytes, compact } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { sparkline } from "./sparkline.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Worker} Worker */
 /** @typedef {Worker["current"][number]} Slot */
@@ -33,7 +34,7 @@ export function machineCard() {
     () => slotTile(),
   );
   const button = h("button", { class: "button small", type: "button", onclick: () => turn() });
-  const log = h("details", { class: "log", ontoggle: () => showLog() }, h("summary", null, "Log"), h("pre", { tabindex: "0" }));
+  const log = h("details", { class: "log", ontoggle: () => showLog() }, h("summary", null, t("Log")), h("pre", { tabindex: "0" }));
   const lines = /** @type {HTMLElement} */ (log.lastElementChild);
   /** @type {Worker | null} */
   let latest = null;
@@ -44,16 +45,16 @@ export function machineCard() {
     try {
       update(await changeWorker(latest.name, latest.state === "paused" ? "running" : "paused"));
     } catch (error) {
-      showError(`${latest.name} could not be told`, error, { ofPage: true });
+      showError(t("{name} could not be told", { name: latest.name }), error, { ofPage: true });
     } finally {
       button.disabled = false;
     }
   };
   const showLog = async () => {
     if (!log.open || !latest) return;
-    setText(lines, "Asking the worker …");
+    setText(lines, t("Asking the worker …"));
     try {
-      setText(lines, (await getWorkerLog(latest.name)).join("\n") || "It has said nothing yet.");
+      setText(lines, (await getWorkerLog(latest.name)).join("\n") || t("It has said nothing yet."));
       lines.scrollTop = lines.scrollHeight;
     } catch (error) {
       setText(lines, error instanceof Error ? error.message : String(error));
@@ -70,12 +71,12 @@ export function machineCard() {
     setText(cpu, worker.cpu);
     cpu.title = worker.cpu;
     chip.update(state);
-    const draining = busy ? ` ${plural(busy, "slot")} still ${busy === 1 ? "finishes what it has" : "finish what they have"} in hand.` : "";
+    const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";
     setText(why, worker.state === "paused" ? `${worker.message ?? ""}${draining}` : "");
-    setText(speed, worker.speeds?.length ? `${compact(worker.speeds.at(-1) ?? 0)} samples/s` : "–");
+    setText(speed, worker.speeds?.length ? t("{n} samples/s", { n: compact(worker.speeds.at(-1) ?? 0) }) : "–");
     line.update(worker.speeds ?? []);
     const { memory_used: used, memory_total: total } = worker;
-    setText(memory, used != null && total ? `${bytes(used)} of ${bytes(total)}` : "not told");
+    setText(memory, used != null && total ? t("{done} of {all}", { done: bytes(used), all: bytes(total) }) : t("not told"));
     gauge.hidden = used == null || !total;
     if (used != null && total) {
       /** @type {HTMLElement} */ (gauge.firstElementChild).style.transform = `scaleX(${Math.min(1, used / total)})`;
@@ -85,8 +86,8 @@ export function machineCard() {
     failures.classList.toggle("bad", (worker.failures ?? 0) > 0);
     const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
     showSlots(all);
-    fill(button, icon(worker.state === "paused" ? "play" : "pause"), worker.state === "paused" ? "Take back" : "Pause");
-    button.title = worker.state === "paused" ? "It takes work again" : "It finishes what it has in hand and takes no more";
+    fill(button, icon(worker.state === "paused" ? "play" : "pause"), worker.state === "paused" ? t("Take back") : t("Pause"));
+    button.title = worker.state === "paused" ? t("It takes work again") : t("It finishes what it has in hand and takes no more");
   };
   const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...said) => h("div", null, h("dt", null, title), ...said);
   return {
@@ -98,10 +99,10 @@ export function machineCard() {
       h(
         "dl",
         { class: "vitals number" },
-        fact("Speed", speed),
-        fact("Last hour", line.element),
-        fact("Memory", memory, gauge),
-        fact("Failures", failures),
+        fact(t("Speed"), speed),
+        fact(t("Last hour"), line.element),
+        fact(t("Memory"), memory, gauge),
+        fact(t("Failures"), failures),
       ),
       slots,
       h("footer", null, button, log),
@@ -152,11 +153,11 @@ function slotTile() {
  */
 function sayWhat(label, slot, name, key) {
   const [href, text] = slot.job
-    ? [linkTo("jobs", slot.job), name ?? "A picture"]
+    ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
-      ? [linkTo("scenes", slot.scene), "Prepares a scene"]
-      : ["", slot.denoise ? "Denoises" : slot.vectors ? "Motion vectors" : slot.view ? "Live view" : `Slot ${Number(key) + 1}, idle`];
-  const said = slot.compiling ? `${text}, compiling` : text;
+      ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
+      : ["", slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}, idle", { number: Number(key) + 1 })];
+  const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;
   fill(label, href ? h("a", { href }, said) : said);

@@ -3,12 +3,13 @@
 import { deleteScene, thumbnailUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { putScene, setHidden } from "../news/farm.js";
-import { compact, plural } from "../base/format.js";
+import { compact } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
@@ -39,7 +40,7 @@ export function sceneCard(scene) {
       latest = next;
       setText(name, next.name);
       name.title = next.name;
-      remove.setAttribute("aria-label", `Delete ${next.name}`);
+      remove.setAttribute("aria-label", t("Delete {name}", { name: next.name }));
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setText(facts, next.status === "ready" ? shortFacts(next) : "");
@@ -52,11 +53,11 @@ export function sceneCard(scene) {
 export function shortFacts(scene) {
   const { counts } = scene;
   const parts = [variantOf(scene), lightOf(scene)].filter(Boolean);
-  if (counts.triangles) parts.push(`${compact(counts.triangles)} triangles`);
-  if (counts.spheres) parts.push(plural(counts.spheres, "sphere"));
-  if (counts.textures) parts.push(plural(counts.textures, "texture"));
+  if (counts.triangles) parts.push(t("{n} triangles", { n: compact(counts.triangles) }));
+  if (counts.spheres) parts.push(tn(counts.spheres, "{n} sphere", "{n} spheres"));
+  if (counts.textures) parts.push(tn(counts.textures, "{n} texture", "{n} textures"));
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
-  if (end) parts.push(`moves for ${Number(end.toFixed(1))} s`);
+  if (end) parts.push(t("moves for {n} s", { n: Number(end.toFixed(1)) }));
   return parts.join(" · ");
 }
 
@@ -86,13 +87,13 @@ export function thumbnail() {
  */
 export function removeScene(scene) {
   setHidden(scene.id, true);
-  undoable(`“${scene.name}” deleted`, {
+  undoable(t("“{name}” deleted", { name: scene.name }), {
     undo: () => setHidden(scene.id, false),
     commit: () =>
       void deleteScene(scene.id).catch((error) => {
         setHidden(scene.id, false);
         putScene(scene);
-        showError(`“${scene.name}” was not deleted`, error);
+        showError(t("“{name}” was not deleted", { name: scene.name }), error);
       }),
   });
 }

@@ -18,6 +18,7 @@ import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { renderStrip } from "../scene/render-strip.js";
 import { removeScene } from "./scene-card.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
@@ -26,14 +27,14 @@ import { removeScene } from "./scene-card.js";
  * @returns {{element: HTMLElement, dispose: () => void}}
  */
 export function sceneView(id) {
-  setTitle("Scene");
+  setTitle(t("Scene"));
   const life = new Disposer();
   const element = h("div", { class: "page scene-page" });
   /** @param {Error} error */
   const gone = ({ message }) =>
     fill(
       element,
-      emptyState("cube", "This scene is not here", h("p", null, message), h("a", { href: linkTo() }, "To the scenes")),
+      emptyState("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
@@ -44,7 +45,7 @@ export function sceneView(id) {
       const scene = all?.find((candidate) => candidate.id === id);
       if (scene) {
         if (part?.status !== scene.status) {
-          if (part && scene.status === "ready") announce(`${scene.name} is ready to render`);
+          if (part && scene.status === "ready") announce(t("{name} is ready to render", { name: scene.name }));
           part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, life) };
         }
         part.update(scene);
@@ -63,14 +64,14 @@ function heading(scene) {
   return h(
     "header",
     { class: "scene-head" },
-    h("a", { class: "icon-button", href: linkTo(), "aria-label": "All scenes" }, icon("back")),
+    h("a", { class: "icon-button", href: linkTo(), "aria-label": t("All scenes") }, icon("back")),
     h("h1", { title: scene.name }, scene.name),
     h(
       "button",
       {
         class: "icon-button danger",
         type: "button",
-        "aria-label": "Delete this scene",
+        "aria-label": t("Delete this scene"),
         onclick: () => (removeScene(scene), go()),
       },
       icon("trash"),
@@ -87,7 +88,7 @@ function heading(scene) {
 function preparing(page, scene, life) {
   const chip = stateChip("preparing");
   const step = h("p", { class: "quiet", "aria-live": "polite" });
-  const bar = progressBar("Preparing");
+  const bar = progressBar(t("Preparing"));
   const notice = h("div", { class: "notice-slot" });
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
@@ -110,7 +111,7 @@ function failed(page, scene) {
       "div",
       { class: "notice error", role: "alert" },
       icon("warning"),
-      h("div", null, h("strong", null, "This cannot be rendered. "), scene.error ?? ""),
+      h("div", null, h("strong", null, t("This cannot be rendered. ")), scene.error ?? ""),
     ),
     h(
       "section",
@@ -119,13 +120,13 @@ function failed(page, scene) {
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
         icon("upload"),
-        "Upload it again",
+        t("Upload it again"),
       ),
       h(
         "button",
         { class: "button", type: "button", onclick: () => choose({ folder: true }) },
         icon("folder"),
-        "Upload a folder",
+        t("Upload a folder"),
       ),
       addButton(scene, scene.error),
     ),
@@ -150,7 +151,7 @@ function ready(page, scene, life) {
       adoptJob(job);
       go("jobs", job.id);
     } catch (error) {
-      showError("The picture was not started", error);
+      showError(t("The picture was not started"), error);
     }
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
@@ -160,8 +161,8 @@ function ready(page, scene, life) {
   life.add(jobs.subscribe(() => form.update()));
   life.add(
     addShortcuts([
-      { keys: "R", does: "Render", run: () => form.element.requestSubmit() },
-      { keys: "Enter", does: "Render", run: () => form.element.requestSubmit() },
+      { keys: "R", does: t("Render"), run: () => form.element.requestSubmit() },
+      { keys: "Enter", does: t("Render"), run: () => form.element.requestSubmit() },
     ]),
   );
   page.classList.add("workspace");
@@ -173,13 +174,18 @@ function ready(page, scene, life) {
     h(
       "div",
       { class: "workspace-columns" },
-      h("div", { class: "workspace-view" }, viewOf(scene, form, life), renderStrip(scene.id, life)),
+      h(
+        "div",
+        { class: "workspace-view" },
+        viewOf(scene, form, life),
+        warnings(scene),
+        renderStrip(scene.id, life),
+        facts(scene),
+      ),
       h(
         "div",
         { class: "workspace-side" },
-        h("section", { class: "panel", "aria-label": "Render" }, form.element),
-        warnings(scene),
-        facts(scene),
+        h("section", { class: "panel", "aria-label": t("Render") }, form.element),
       ),
     ),
   );
@@ -249,7 +255,7 @@ function addButton(scene, sentences) {
     "button",
     { class: "button", type: "button", onclick: () => addFiles(scene) },
     icon("plus"),
-    "Add files",
+    t("Add files"),
   );
 }
 
@@ -263,26 +269,39 @@ function warnings(scene) {
     icon("warning"),
     h(
       "ul",
-      { "aria-label": "Warnings" },
+      { "aria-label": t("Warnings") },
       sentences.map((sentence) => h("li", null, sentence)),
     ),
     addButton(scene, sentences.join(" ")),
   );
 }
 
+/** What the service counts in a scene. @type {Record<string, string>} */
+const COUNTED = {
+  triangles: t("Triangles"),
+  unique_triangles: t("Unique triangles"),
+  vertices: t("Vertices"),
+  spheres: t("Spheres"),
+  meshes: t("Meshes"),
+  instances: t("Instances"),
+  materials: t("Materials"),
+  textures: t("Textures"),
+  lights: t("Lights"),
+};
+
 /** @param {Scene} scene */
 function facts(scene) {
   /** @type {[string, string][]} */
   const rows = Object.entries(scene.counts)
     .filter(([, n]) => n > 0)
-    .map(([name, n]) => [name[0]?.toUpperCase() + name.slice(1).replaceAll("_", " "), count(n)]);
-  if (scene.cameras.length > 1) rows.push(["Cameras", count(scene.cameras.length - 1)]); // the automatic one left out
+    .map(([name, n]) => [COUNTED[name] ?? name, count(n)]);
+  if (scene.cameras.length > 1) rows.push([t("Cameras"), count(scene.cameras.length - 1)]); // the automatic one left out
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
-  if (end) rows.push(["Moves", `${Number(end.toFixed(2))} s at ${scene.fps} fps`]);
-  if ((scene.clips?.length ?? 0) > 1) rows.push(["Clips", count(scene.clips?.length ?? 0)]);
+  if (end) rows.push([t("Moves"), t("{n} s at {fps} fps", { n: Number(end.toFixed(2)), fps: scene.fps ?? "" })]);
+  if ((scene.clips?.length ?? 0) > 1) rows.push([t("Clips"), count(scene.clips?.length ?? 0)]);
   const [lo, hi] = scene.bounds ?? [];
-  if (lo && hi) rows.push(["Extent", extent(hi.map((v, i) => v - (lo[i] ?? 0)))]);
-  rows.push(["Files", bytes(scene.bytes)]);
+  if (lo && hi) rows.push([t("Extent"), extent(hi.map((v, i) => v - (lo[i] ?? 0)))]);
+  rows.push([t("Files"), bytes(scene.bytes)]);
   return h(
     "dl",
     { class: "facts tiles number" },

@@ -1,10 +1,10 @@
 /** Jobs that are selected in a list, and the bar with what can be done to all of them. */
 
 import { h, setText } from "../base/dom.js";
-import { plural } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { DEEDS, change, remove } from "./job-deeds.js";
+import { t, tn } from "../base/words.js";
 
 /** Which of a list's ids are selected. */
 export class Selection {
@@ -70,7 +70,7 @@ export class Selection {
   }
 
   tell() {
-    announce(this.chosen.size ? `${plural(this.chosen.size, "job")} selected` : "Nothing selected");
+    announce(this.chosen.size ? tn(this.chosen.size, "{n} job selected", "{n} jobs selected") : t("Nothing selected"));
     this.changed();
   }
 }
@@ -88,14 +88,14 @@ export function selectionBar(selection) {
     selection.clear();
     remove(gone);
   };
-  const priority = h("input", { type: "number", min: "-100", max: "100", step: "1", value: "0", "aria-label": "Priority, -100 to 100; higher is sooner" });
+  const priority = h("input", { type: "number", min: "-100", max: "100", step: "1", value: "0", "aria-label": t("Priority, -100 to 100; higher is sooner") });
   const prioritise = () => {
     if (priority.reportValidity() && priority.value !== "")
-      void change(ids(), { priority: Number(priority.value) }, `given the priority ${Number(priority.value)}`);
+      void change(ids(), { priority: Number(priority.value) }, t("given the priority {n}", { n: Number(priority.value) }));
   };
   const element = h(
     "div",
-    { class: "selection-bar", role: "toolbar", "aria-label": "Selected jobs", hidden: true },
+    { class: "selection-bar", role: "toolbar", "aria-label": t("Selected jobs"), hidden: true },
     number,
     DEEDS.map((deed) =>
       h(
@@ -109,14 +109,14 @@ export function selectionBar(selection) {
       "form",
       { class: "priority", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), prioritise()) },
       priority,
-      h("button", { class: "button small", type: "submit" }, "Set priority"),
+      h("button", { class: "button small", type: "submit" }, t("Set priority")),
     ),
-    h("button", { class: "button small danger", type: "button", onclick: removeAll }, icon("trash"), "Delete"),
+    h("button", { class: "button small danger", type: "button", onclick: removeAll }, icon("trash"), t("Delete")),
     h("span", { class: "grow" }),
-    h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, "Select all"),
+    h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all")),
     h(
       "button",
-      { class: "icon-button", type: "button", "aria-label": "Select none", title: "Select none (Esc)", onclick: () => selection.clear() },
+      { class: "icon-button", type: "button", "aria-label": t("Select none"), title: t("Select none (Esc)"), onclick: () => selection.clear() },
       icon("close"),
     ),
   );
@@ -124,7 +124,7 @@ export function selectionBar(selection) {
     element,
     update() {
       element.hidden = selection.chosen.size === 0;
-      setText(number, `${selection.chosen.size.toLocaleString("en")} selected`);
+      setText(number, t("{n} selected", { n: selection.chosen.size.toLocaleString("en") }));
     },
     remove: removeAll,
   };

@@ -3,11 +3,12 @@
 import { getJobsOf } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { adoptJob, jobs, workers } from "../news/farm.js";
-import { compact, plural } from "../base/format.js";
+import { compact } from "../base/format.js";
 import { addMachineHint, emptyState } from "../shell/hints.js";
 import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
 import { machineCard } from "./machine.js";
+import { t, tn } from "../base/words.js";
 
 /** @type {Set<string>} */
 const asked = new Set();
@@ -26,7 +27,7 @@ function fetchUnknown(all) {
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function workersView() {
-  setTitle("Workers");
+  setTitle(t("Workers"));
   const life = new Disposer();
   const summary = h("p", { class: "quiet number summary" });
   const list = h("ul", { class: "machines" });
@@ -45,7 +46,10 @@ export function workersView() {
       setText(
         summary,
         all.length
-          ? `${plural(slots, "slot")} on ${plural(all.length, "worker")}${speed ? `, ${compact(speed)} samples/s together` : ""}`
+          ? t("{slots} on {workers}", {
+              slots: tn(slots, "{n} slot", "{n} slots"),
+              workers: tn(all.length, "{n} worker", "{n} workers"),
+            }) + (speed ? t(", {speed} samples/s together", { speed: compact(speed) }) : "")
           : "",
       );
       if (all.length) fill(empty);
@@ -54,13 +58,13 @@ export function workersView() {
           empty,
           emptyState(
             "worker",
-            "No worker is connected",
+            t("No worker is connected"),
             h(
               "p",
               null,
-              "Workers do the rendering. ",
+              t("Workers do the rendering. "),
               h("code", null, "python3 farm.py up"),
-              " starts some beside the service; any machine that reaches it can join.",
+              t(" starts some beside the service; any machine that reaches it can join."),
             ),
           ),
         );
@@ -69,11 +73,11 @@ export function workersView() {
   const element = h(
     "div",
     { class: "page wide" },
-    h("h1", { class: "page-title" }, "Workers"),
+    h("h1", { class: "page-title" }, t("Workers")),
     summary,
     list,
     empty,
-    h("section", { class: "section" }, h("header", null, h("h2", null, "Add a machine")), addMachineHint()),
+    h("section", { class: "section" }, h("header", null, h("h2", null, t("Add a machine"))), addMachineHint()),
   );
   return { element, dispose: () => life.dispose() };
 }

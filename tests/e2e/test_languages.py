@@ -1,0 +1,89 @@
+"""The page in the languages of its catalogues: headings translated, and nothing on a view left in English."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.screen import rendered
+from tests.helpers import ROOT, Farm
+
+pytestmark = [pytest.mark.browser, pytest.mark.farm]
+
+HEADINGS = {
+    "de-AT": ("Szene irgendwo auf diese Seite ziehen", "Rendern", "Speichern", "Jobs", "de"),
+    "zh-CN": ("将场景拖到页面任意位置", "渲染", "保存", "作业", "zh-Hans"),
+}
+# What the example scene is called, by its file and so in every language.
+NAME = "Spheres"
+TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
+
+
+@pytest.fixture(scope="module")
+def job(farm: Farm) -> str:
+    """A small finished picture."""
+    scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
+    return rendered(farm, scene, width=32, height=24, spp=2)
+
+
+@pytest.fixture(params=HEADINGS)
+def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
+    """A page in a browser of another language than English."""
+    context = browser.new_context(viewport={"width": 1024, "height": 640}, reduced_motion="reduce", locale=request.param)
+    context.set_default_timeout(20_000)
+    yield context.new_page(), request.param
+    context.close()
+
+
+def assert_nothing_is_english(page: Page, locale: str) -> None:
+    """No text of a view is a key of the catalogue that has a translation."""
+    catalogue: dict[str, str] = json.loads((ROOT / "web" / "words" / f"{locale[:2]}.json").read_text(encoding="utf-8"))
+    english = {key for key, text in catalogue.items() if key != text} - set(catalogue.values())
+    shown = page.evaluate(
+        """(selector) => [...document.querySelectorAll(selector)].flatMap((element) => [
+            element.textContent, element.title, element.getAttribute("aria-label") ?? "", element.placeholder ?? "",
+            ...[...element.childNodes].map((node) => node.nodeValue ?? ""),
+        ])""",
+        TEXTS,
+    )
+    left = english & {text.strip() for text in shown} - {NAME}
+    assert not left
+
+
+def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
+    page, locale = foreign
+    drop, render, save, jobs, tag = HEADINGS[locale]
+    page.goto(farm.url)
+    expect(page.get_by_role("heading", name=drop)).to_be_visible()
+    expect(page.locator("html")).to_have_attribute("lang", tag)
+    assert_nothing_is_english(page, locale)
+    with farm.client() as client:
+        scene = client.job(job).scene
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    expect(page.get_by_role("button", name=render, exact=True)).to_be_visible()
+    assert_nothing_is_english(page, locale)
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    expect(page.get_by_role("heading", name=save, exact=True)).to_be_visible()
+    assert_nothing_is_english(page, locale)
+    page.goto(f"{farm.url}/#/jobs")
+    expect(page.get_by_role("heading", name=jobs, exact=True, level=1)).to_be_visible()
+    expect(page.locator(".job-row").first).to_be_visible()
+    assert_nothing_is_english(page, locale)
+    page.goto(f"{farm.url}/#/workers")
+    expect(page.locator(".machine").first).to_be_visible()
+    assert_nothing_is_english(page, locale)
+
+
+def test_the_menu_changes_the_language_and_it_stays(farm: Farm, foreign: tuple[Page, str]) -> None:
+    page, locale = foreign
+    page.goto(farm.url)
+    expect(page.get_by_role("heading", name=HEADINGS[locale][0])).to_be_visible()
+    page.locator(".language select").select_option("en")
+    expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
+    expect(page.locator("html")).to_have_attribute("lang", "en")

@@ -1,0 +1,15 @@
+/** The language of the page, each under its own name: a change loads the page anew. */
+
+import { h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { LANGUAGES, language, speak, t } from "../base/words.js";
+
+export function languageMenu() {
+  const menu = h(
+    "select",
+    { "aria-label": t("Language"), title: t("Language") },
+    LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, selected: name === language }, own)),
+  );
+  menu.addEventListener("change", () => speak(/** @type {import("../base/words.js").Language} */ (menu.value)));
+  return h("label", { class: "icon-button language" }, icon("globe"), menu);
+}
