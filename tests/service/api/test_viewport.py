@@ -279,10 +279,10 @@ def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, 
 def test_a_view_that_is_whole_lets_other_work_through(service: Service) -> None:
     with service.worker(slots=1) as worker:
         scene = service.ready_scene()
-        worker.on_part = lambda work, part: time.sleep(0.05)
         with look(service, scene) as viewer:
-            viewer.show(1, spp=256)
-            viewer.wait(1, 1)
+            viewer.show(1, spp=256, width=384, height=256)
+            until(lambda: (viewer.read(), any(each["samples"] for each in viewer.states))[1], "it is whole")
+            worker.on_part = lambda work, part: time.sleep(0.1)
             job = service.submit(scene, spp=8)
             until(lambda: (viewer.read(), service.job(job)["state"] == "finished")[1], "the job is done")
             assert service.farm.desk.is_watched, "before the view is"
