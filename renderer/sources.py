@@ -42,6 +42,7 @@ ARRAYS = (
     "work.py",
     "formats.py",
     "frames.py",
+    "presets.py",
     "scene",
     "image/__init__.py",
     "image/read.py",

@@ -92,8 +92,14 @@ def test_a_small_picture_is_made_large_smoothly(page: Page) -> None:
 
 def slots_of(farm: Farm) -> list[psutil.Process]:
     """The processes that render."""
-    below = psutil.Process(farm.process.pid).children(recursive=True)
-    (worker,) = [each for each in below if each.cmdline()[1:3] == ["-m", "worker"] and each.ppid() == farm.process.pid]
+
+    def is_worker(process: psutil.Process) -> bool:
+        try:
+            return process.cmdline()[1:3] == ["-m", "worker"]
+        except psutil.NoSuchProcess:  # one that has just ended
+            return False
+
+    (worker,) = filter(is_worker, psutil.Process(farm.process.pid).children())
     return worker.children()
 
 
