@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from service.farm import Farm
 from service.settings import Settings
@@ -41,6 +41,7 @@ def browser(shared: ExitStack) -> Browser:
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")
+    expect.set_options(timeout=20_000)  # what is expected comes; on a machine that is busy with the other tests not within 5 s
     chromium = shared.enter_context(sync_playwright()).chromium.launch(executable_path=path, args=FLAGS)
     shared.callback(chromium.close)
     return chromium

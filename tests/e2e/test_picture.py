@@ -104,6 +104,7 @@ def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watch
         page.keyboard.up("Shift")
         chip = page.locator(".stage-chip")
         expect(chip).to_contain_text("First: ")
+        wait_until(lambda: httpx.get(url).json()["focus"] is not None, 20, "it is asked for")
         x, y, w, h = httpx.get(url).json()["focus"]
         assert abs(x - 130) <= 1 and abs(y - 70) <= 1 and abs(w - 56) <= 2 and abs(h - 51) <= 2
 
@@ -115,7 +116,7 @@ def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watch
         wait_until(ahead, 30, "the lower right tile is ahead of all others")
         chip.get_by_role("button").click()
         expect(chip).to_be_hidden()
-        assert httpx.get(url).json()["focus"] is None
+        wait_until(lambda: httpx.get(url).json()["focus"] is None, 20, "it is taken back")
 
         # By the button, and a click: the tile under it.
         page.get_by_role("button", name="Render a part first").click()
