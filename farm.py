@@ -196,7 +196,7 @@ def run_tests(python, arguments):
         arguments = ["-m", "not long", *arguments]
     # Many tests wait for other processes, so there is one process of tests more than processors. How they share the work is in
     # tests/conftest.py.
-    processes = min((os.cpu_count() or 1) + 1, 4)
+    processes = min(max(os.cpu_count() or 1, 2), 4)
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
     return subprocess.call([str(python), "-m", "pytest", "-n", str(processes), *arguments], cwd=str(ROOT), env=environment)

@@ -22,10 +22,10 @@ def gone(processes: list[psutil.Process]) -> bool:
     ("signals", "seconds", "slots"),
     [
         ([signal.SIGINT], 10, 2),
-        ([signal.SIGINT, signal.SIGINT], 3, 2),
+        ([signal.SIGINT, signal.SIGINT], 8, 2),
         ([signal.SIGTERM], 10, 0),  # for what is below, these two are as one Ctrl-C: a farm without a worker starts sooner
         pytest.param([signal.SIGHUP], 10, 0, marks=pytest.mark.long),
-        ([signal.SIGKILL], 3, 2),
+        ([signal.SIGKILL], 8, 2),
     ],
     ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "SIGKILL"],
 )
