@@ -109,7 +109,7 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
     while (passed := time.monotonic() - begun) < RECORDED_S:
         turn = min(passed / (RECORDED_S / 3), 1.0)
         if is_down:
-            page.mouse.move(x - 0.25 * box["width"] * math.sin(math.pi / 2 * turn), y - 0.04 * box["height"] * turn)
+            page.mouse.move(x - 0.06 * box["width"] * math.sin(math.pi * turn), y - 0.02 * box["height"] * turn)
         if is_down and turn == 1.0:
             page.mouse.up()
             is_down = False
