@@ -135,12 +135,6 @@ export const createJob = (request, idempotencyKey) =>
 /** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
-/** @param {string} id @returns {Promise<Frame[]>} */
-export const getFrames = (id) => call("GET", `/jobs/${id}/frames`);
-
-/** @param {string} id @returns {Promise<void>} */
-export const deleteJob = (id) => call("DELETE", `/jobs/${id}`, { keepalive: true }); // also while the page is left
-
 /** @returns {Promise<Environment[]>} presets, then what was uploaded, newest first */
 export const getEnvironments = () => call("GET", "/environments");
 
