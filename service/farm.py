@@ -19,6 +19,7 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import CannotStart, Conflict, FarmError
+from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
@@ -68,6 +69,7 @@ class Farm:
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))
+        self.outbox = Outbox(settings, self.sessions)
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
             *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
@@ -84,10 +86,12 @@ class Farm:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
         self.desk.start()
+        self.outbox.start()
 
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.outbox.stop()
         self.desk.stop()
         self.engine.stop()
         self._collector.shutdown()
