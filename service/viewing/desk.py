@@ -93,7 +93,7 @@ class Desk:
     @property
     def is_watched(self) -> bool:
         """Whether anybody looks and is not done."""
-        return any(not watch.is_paused and watch.samples < watch.bound for watch in list(self._watches.values()))
+        return any(watch.look is not None and not watch.is_paused and not watch.is_done for watch in list(self._watches.values()))
 
     def show(self, watch: Watch, look: Look) -> None:
         """Somebody wants to see this."""
