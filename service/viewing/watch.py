@@ -110,6 +110,8 @@ class Watch:
         """A piece is rendered."""
         with self._lock:
             canvas = self._canvases[piece.level]
+            if canvas.tile_is_complete(piece.tile):  # it was on its way when the tile had come to its noise
+                return
             canvas.add(piece.tile, piece.first, piece.count, sums)
             self.has_picture = self.has_picture or canvas.samples > 0
         if self.passes is not None and canvas.tile_is_complete(piece.tile):

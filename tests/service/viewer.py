@@ -16,7 +16,7 @@ from websockets.sync.client import ClientConnection, connect
 from renderer.image import rgbe9995
 from tests.service.conftest import Service, until
 
-__all__ = ["SIZE", "Viewer", "look"]
+__all__ = ["SIZE", "Viewer", "body_of", "look", "unpacked"]
 
 HEADER, TILE = struct.Struct("<BBHIIHHHH"), struct.Struct("<HHHHI")
 EXACT = 1 << 31
@@ -37,7 +37,6 @@ class Viewer:
         self.words = np.zeros((0, 0), np.uint32)
         self.samples = np.zeros((0, 0), np.uint32)
         self.is_exact = np.zeros((0, 0), bool)
-        self.bytes = 0
 
     def say(self, **message: Any) -> None:
         self.connection.send(json.dumps(message))
@@ -72,9 +71,7 @@ class Viewer:
             self.is_exact = np.zeros((height, width), bool)
         self.pictures.append((id, (width, height)))
         heads = [TILE.unpack_from(message, HEADER.size + number * TILE.size) for number in range(count)]
-        body = np.frombuffer(zlib.decompress(message[HEADER.size + count * TILE.size :], -15), np.uint8)
-        self.bytes += len(message)
-        for (x, y, w, h, told), words in zip(heads, unpacked(heads, body), strict=True):
+        for (x, y, w, h, told), words in zip(heads, unpacked(heads, body_of(message)), strict=True):
             samples = told & ~EXACT
             self.words[y : y + h, x : x + w] = words
             assert (self.samples[y : y + h, x : x + w] <= samples).all(), "never an older picture"
@@ -92,6 +89,12 @@ class Viewer:
             return bool(is_whole and self.samples.min() >= samples)
 
         until(has_come, f"view {id} has {samples} samples", say=lambda: (self.states[-2:], self.errors, self.pictures[-3:]))
+
+
+def body_of(message: bytes) -> np.ndarray:
+    """What comes behind the heads of the tiles."""
+    (count,) = struct.unpack_from("<H", message, 2)
+    return np.frombuffer(zlib.decompress(message[HEADER.size + count * TILE.size :], -15), np.uint8)
 
 
 def unpacked(heads: list[tuple[int, int, int, int, int]], body: np.ndarray) -> list[np.ndarray]:

@@ -53,6 +53,24 @@ def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, wo
     assert blobs(service) == before
 
 
+def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, noise=0.06, seed=3)  # evenly distributed samples: 0.577 / sqrt(n)
+        until(lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["done"])[1], "it is done")
+        told = viewer.states[-1]
+        assert (told["samples"], told["mean"], told["bound"]) == (128, 128, 256)
+        assert 0.04 < told["noise"] < 0.06
+        viewer.wait(1, 128)
+        until(lambda: (viewer.read(), viewer.is_exact.all())[1], "it is exact")
+        np.testing.assert_array_equal(
+            viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 128, 3), 24))
+        )
+        assert not service.farm.desk.is_watched
+        viewer.show(2, noise=-1)
+        until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes")
+        assert "noise" in viewer.errors[0]["detail"]
+
+
 def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, spp=1)
