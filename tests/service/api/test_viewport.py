@@ -328,6 +328,7 @@ def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, w
         assert worker.frames == [3.0, 4.0], "a frame that was seen is there"
         assert len(blobs(service) - before) == 2
         assert worker.parts[-1][0].compiled in blobs(service)
+        until(lambda: not service.farm.desk._frames, "nothing is kept of what is answered")
     until(lambda: blobs(service) == before, "what was compiled for them goes", say=lambda: blobs(service) - before)
     assert not left_behind(service)
 
