@@ -29,45 +29,43 @@ class Canvas:
     def __init__(self, level: Level, film_exponent: int, noise: float | None = None) -> None:
         self.level = level
         self.film_exponent = film_exponent
-        self.counts = [0] * len(level.tiles)  # samples of each tile's pixels
         self.changed: dict[int, None] = {}  # tiles to be shown anew, in the order in which they came to it
         self._wanted = noise
-        self._ended: set[int] = set()  # tiles that have come to the noise that is wanted
-        self._shown = [0] * len(level.tiles)  # with how many samples each was taken last
-        self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
+        self._areas = np.array([tile.w * tile.h for tile in level.tiles], np.int64)
+        self._counts = np.zeros(len(level.tiles), np.int64)  # samples of each tile's pixels
+        self._ended = np.zeros(len(level.tiles), bool)  # whether it has come to the noise that is wanted
+        self._shown = np.zeros(len(level.tiles), np.int64)  # with how many samples it was taken last
+        self._measured_at = np.zeros(len(level.tiles), np.int64)  # with how many samples its noise was looked at
+        self._noise = np.full(len(level.tiles), np.inf)  # as it was then
         self._color = np.zeros((2, 3, level.height, level.width), np.int64)  # of the half of the samples, and of the rest
         self._samples = np.zeros((2, level.height, level.width), np.int16)  # those that count
 
     @property
     def samples(self) -> int:
         """What every pixel has at least."""
-        return min(self.counts)
+        return int(self._counts.min())
 
     @property
     def mean_samples(self) -> float:
         """What a pixel has on the average."""
-        area = self.level.width * self.level.height
-        return sum(tile.w * tile.h * count for tile, count in zip(self.level.tiles, self.counts, strict=True)) / area
+        return float((self._areas * self._counts).sum() / self._areas.sum())
 
     @property
     def is_complete(self) -> bool:
         """Whether all tiles are."""
-        return all(map(self.tile_is_complete, range(len(self.counts))))
+        return bool((self._ended | (self._counts >= self.level.samples)).all())
 
     @property
     def noise(self) -> float | None:
         """Relative: the root mean square over its tiles, as of a job's frame; None while it is not known."""
-        square = area = 0.0
-        for number, (samples, noise) in list(self._measured.items()):
-            tile = self.level.tiles[number]
-            square += noise**2 * samples / self.counts[number] * tile.w * tile.h
-            area += tile.w * tile.h
-        found = math.sqrt(square / area) if len(self._measured) == len(self.counts) else math.inf
-        return found if math.isfinite(found) else None
+        if not self._measured_at.all() or not np.isfinite(self._noise).all():
+            return None
+        squares = self._noise**2 * self._measured_at / self._counts  # those that went on since they were looked at included
+        return math.sqrt(float((squares * self._areas).sum() / self._areas.sum()))
 
     def tile_is_complete(self, tile: int) -> bool:
         """Whether nothing more is wanted of it."""
-        return self.counts[tile] >= self.level.samples or tile in self._ended
+        return bool(self._ended[tile] or self._counts[tile] >= self.level.samples)
 
     def add(self, tile: int, first: int, count: int, sums: Sums) -> None:
         """Add a piece's sums, (CHANNELS, h, w): all its samples are in the same half (renderer.film.in_half)."""
@@ -75,24 +73,24 @@ class Canvas:
         half = 0 if film.in_half(first) else 1
         self._color[half][:, *place] += sums[COLOR]
         self._samples[half][place] += sums[SAMPLES].astype(np.int16)
-        self.counts[tile] += count
-        measured, has = self._measured.get(tile, (FIRST_LOOK // 2, 0.0))[0], self.counts[tile]
-        if has >= 2 * measured or (has >= self.level.samples and has >= FIRST_LOOK):
-            self._measured[tile] = has, self._noise_of(tile)
-            if self._wanted is not None and has >= FIRST_CHECK and self._measured[tile][1] <= self._wanted:
-                self._ended.add(tile)
+        self._counts[tile] += count
+        has = int(self._counts[tile])
+        if has >= max(FIRST_LOOK, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_LOOK:
+            self._measured_at[tile], self._noise[tile] = has, self._noise_of(tile)
+            if self._wanted is not None and has >= FIRST_CHECK and self._noise[tile] <= self._wanted:
+                self._ended[tile] = True
         if self.tile_is_complete(tile) or has >= GROWTH * self._shown[tile]:
             self.changed[tile] = None
 
     def take(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool]:
         """A tile to be shown: its mean (3, h, w), with how many samples, and whether it is complete."""
         self.changed.pop(tile, None)
-        self._shown[tile] = self.counts[tile]
+        self._shown[tile] = self._counts[tile]
         rows, columns = self._place(tile)
         samples = np.maximum(self._samples[:, rows, columns].sum(0), 1)
         color = self._color[0, :, rows, columns] + self._color[1, :, rows, columns]
         mean: npt.NDArray[Any] = color * (2.0**-self.film_exponent / samples)
-        return mean.astype(np.float32), self.counts[tile], self.tile_is_complete(tile)
+        return mean.astype(np.float32), int(self._counts[tile]), self.tile_is_complete(tile)
 
     def _noise_of(self, tile: int) -> float:
         rows, columns = self._place(tile)

@@ -23,6 +23,7 @@ from service.viewing.view_packet import Shown, packet
 __all__ = ["Watch"]
 
 SHOW_EVERY_S = 0.25  # while a picture is not complete at its number of samples
+SHOW_SELDOM_S = 2.0  # where a view has been looked at for long: less changes from second to second
 HOLD_S = 0.5  # that a view which has no picture yet goes on though a newer one is wanted: else a moving hand would see none
 
 
@@ -179,6 +180,7 @@ class Watch:
             if canvas.samples >= max(at_least, 1) or canvas.is_complete:
                 return level
             may_be_mixed = level == self._shown or (level == len(self._canvases) - 1 and self._shown >= 0)
-            if may_be_mixed and time.monotonic() - self._taken >= SHOW_EVERY_S:
+            now = time.monotonic()
+            if may_be_mixed and now - self._taken >= min(max(SHOW_EVERY_S, 0.05 * (now - self.begun)), SHOW_SELDOM_S):
                 return level
         return None
