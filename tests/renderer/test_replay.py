@@ -146,7 +146,7 @@ def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
 
 
 def test_why_a_path_is_over_is_told(made):
-    asked = settings(*VIEW, size=40, max_depth=12)
+    asked = settings(*VIEW, size=40, max_depth=12, roulette=0.5)
     ends = {}
     for x in range(0, 40, 2):
         for sample in range(6):
@@ -156,5 +156,5 @@ def test_why_a_path_is_over_is_told(made):
                 assert v.kind == "passed" or 0 < v.survival <= 1
     assert {"missed", "roulette"} <= ends.keys() <= set(ENDS)
     assert ends["missed"].vertices[-1].kind == "missed"
-    assert 0 < ends["roulette"].vertices[-1].survival < 1
+    assert ends["roulette"].vertices[-1].survival == 0.5
     assert replay(made, settings(*VIEW, size=40, max_depth=1), 20, 34, 0).end == "depth"

@@ -180,6 +180,17 @@ export const getHistory = (id, signal) => call("GET", `/jobs/${id}/history`, { s
 export const getPixel = ({ job, frame }, x, y, signal) =>
   call("GET", `/jobs/${job}/frames/${frame}/pixel?x=${x}&y=${y}`, { signal });
 
+/**
+ * @param {Place} place
+ * @param {number} x
+ * @param {number} y
+ * @param {number | null} sample one more that is to be shown
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("../base/types.js").Explained>}
+ */
+export const explainPixel = ({ job, frame }, x, y, sample, signal) =>
+  call("GET", `/jobs/${job}/explain${queryText({ x, y, frame, ...(sample == null ? {} : { sample }) })}`, { signal });
+
 /** @param {string} scene */
 export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
