@@ -369,7 +369,7 @@ class Result:
 
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
-        batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace (its lines)
+        batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
         batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)

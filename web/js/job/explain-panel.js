@@ -192,7 +192,7 @@ function pathDetail(path, look) {
 function row(vertex, button) {
   const { kind, throughput, emitted, direct, light } = vertex;
   const brought = luminance(sum(emitted, direct));
-  const lit = light && !direct.some((value) => value !== 0) ? t("blocked") : light ? t("light chosen") : "";
+  const lit = light && !direct.some((value) => value !== 0) ? t("blocked") : "";
   return h(
     "tr",
     null,

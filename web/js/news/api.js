@@ -168,6 +168,16 @@ export const openExample = (name) => call("POST", `/examples/${encodeURIComponen
 /** @param {string} id @param {AbortSignal} signal @returns {Promise<History>} */
 export const getHistory = (id, signal) => call("GET", `/jobs/${id}/history`, { signal });
 
+/** @param {string} id @param {AbortSignal} signal @returns {Promise<string>} */
+export async function getJobLog(id, signal) {
+  const answer = await fetch(jobLogUrl(id), { signal });
+  if (!answer.ok) throw errorOf(answer.status, await answer.text());
+  return answer.text();
+}
+
+/** @param {string} id */
+export const jobLogUrl = (id) => `api/jobs/${id}/log`;
+
 /** A picture of a job. @typedef {{job: string, frame: number}} Place */
 
 /**

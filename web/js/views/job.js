@@ -12,6 +12,7 @@ import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
 import { historyPanel } from "../job/history-panel.js";
+import { logPanel } from "../job/log-panel.js";
 import { histogramPanel } from "../job/histogram-panel.js";
 import { explainPanel } from "../job/explain-panel.js";
 import { pinsPanel } from "../job/pins.js";
@@ -94,6 +95,7 @@ function open(page, job, life) {
   const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
   picture.onHands(look.showHands);
   const history = historyPanel(() => latest, life);
+  const log = logPanel(() => latest, life);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
   const save = savePanel(display, () => picture.live);
@@ -157,7 +159,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, explained.element, pins.element, look.element, histogram, history.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, explained.element, pins.element, look.element, histogram, history.element, log, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
