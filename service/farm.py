@@ -34,6 +34,7 @@ from service.store.models import FINAL, Job
 from service.store.reserve import Reserve
 from service.store.whole import PRIVATE
 from service.viewing.desk import Desk
+from service.viewing.explaining import Explaining
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
 
@@ -75,6 +76,7 @@ class Farm:
             *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
         )
         self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
+        self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
@@ -93,6 +95,7 @@ class Farm:
         self.broadcast.close()
         self.outbox.stop()
         self.desk.stop()
+        self.explaining.stop()
         self.engine.stop()
         self._collector.shutdown()
         self.films.close()
