@@ -70,7 +70,7 @@ class FilmFile:
         """The packed sums of a tile's rows. Raises FilmLost where one is not what was written."""
         with film_faults():
             for *row, known in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
-                if not is_whole(tuple(row), known):  # type: ignore[arg-type]
+                if not is_whole(tuple(row), known):
                     raise damaged(f"samples from {row[2]} on of tile {tile} are not what was written")
                 yield row[5]
 

@@ -13,6 +13,6 @@ depends_on = None
 
 def upgrade() -> None:
     """No film of before was looked at, and nobody has pinned anything."""
-    with op.batch_alter_table("jobs") as jobs:
-        jobs.add_column(sa.Column("checked", sa.Float()))
-        jobs.add_column(sa.Column("pinned", sa.Boolean(), nullable=False, server_default=sa.false()))
+    # Not in a batch: that makes the table anew for a column with a default, and what refers to its rows goes with the old one.
+    op.add_column("jobs", sa.Column("checked", sa.Float()))
+    op.add_column("jobs", sa.Column("pinned", sa.Boolean(), nullable=False, server_default=sa.false()))
