@@ -20,7 +20,7 @@ from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import CannotStart, Conflict, FarmError
 from service.intake.lighting import Lighting
-from service.patrol import Patrol
+from service.keeping.patrol import Patrol
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.settings import Settings

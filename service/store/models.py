@@ -101,7 +101,7 @@ class Job(Base):
         JSON(none_as_null=True), deferred=True
     )  # see service/scheduling/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
-    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/patrol.py
+    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
 
     @property
