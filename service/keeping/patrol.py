@@ -14,7 +14,7 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from sqlalchemy import select, update
 
@@ -28,7 +28,7 @@ from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import Frame, Job, Scene
 
-__all__ = ["Patrol"]
+__all__ = ["Patrol", "check_film"]
 
 RESTS = 19  # times as long as it looked
 REST_AT_MOST_S = 60.0
@@ -37,6 +37,17 @@ TRIES = 3  # of one job, in one life of the service: a disk that damages again a
 DAY_S = 86400.0
 
 log = logging.getLogger(__name__)
+
+
+def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: int, recorded: Mapping[int, int]) -> None:
+    """Read all of a film; recorded: the samples that the database says of each frame. Raises FilmDamaged, FilmLost, FilmWaits."""
+    if not any(recorded.values()):
+        return
+    if not films.is_there(job):
+        raise FilmDamaged(f"{FILM} is missing or was emptied.")
+    has = films.verify(job, settings, tile_size)
+    if lacking := [number for number, samples in recorded.items() if has.get(number, 0) < samples]:
+        raise FilmDamaged(f"{FILM} lacks samples of {len(lacking)} of {len(recorded)} frames.")
 
 
 class Patrol:
@@ -139,22 +150,13 @@ class Patrol:
             return
         try:
             settings = RenderSettings.from_json(job.settings or {})
-            self._check(job, settings, {frame.number: frame.samples for frame in frames})
+            assert job.tile_size is not None
+            check_film(self._films, id, settings, job.tile_size, {frame.number: frame.samples for frame in frames})
         except FilmDamaged as error:
             self._mend(job, settings, str(error))
         except SettingsError:
             pass  # of another release: nobody can say what its film should have
         self._seen(id)
-
-    def _check(self, job: Job, settings: RenderSettings, recorded: dict[int, int]) -> None:
-        assert job.tile_size is not None
-        if any(recorded.values()) and not self._films.is_there(job.id):
-            raise FilmDamaged(f"{FILM} is missing or was emptied.")
-        if not any(recorded.values()):
-            return
-        has = self._films.verify(job.id, settings, job.tile_size)
-        if lacking := [number for number, samples in recorded.items() if has.get(number, 0) < samples]:
-            raise FilmDamaged(f"{FILM} lacks samples of {len(lacking)} of {len(recorded)} frames.")
 
     def _mend(self, job: Job, settings: RenderSettings, why: str) -> None:
         self._tries[job.id] += 1
