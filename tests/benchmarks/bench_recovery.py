@@ -3,8 +3,8 @@
     python3 farm.py bench recovery [--kills 12] [--seed 1] [--slots 1] [--parts service,worker,slot,redis]
 
 While a job renders, a process is killed, a different one each time and by different signals, as often as asked; the seed says
-which and when. `serves` is the time from the kill until the service answers as ready, `renders` until the film has samples that
-it had not. At the end the digest is held against that of the same job left alone.
+which and when. `serves` is the time from the kill until the process is there again and the service answers as ready, `renders`
+until samples come in after that. At the end the digest is held against that of the same job left alone.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ def measure(farm: Farm, client: Client, draw: random.Random, options: argparse.N
         name, number = options.parts[i % len(options.parts)], draw.choice(SIGNALS)
         _wait(lambda: _samples(client, job) > 0, "the job renders")
         time.sleep(draw.uniform(0.0, A_KILL_S / 2))
-        before, began = _samples(client, job), time.monotonic()
         if client.job(job).is_over:
             print(f"the job was over after {i} kills")
             break
-        _victim(farm, name, draw).send_signal(number)
-        time.sleep(0.01)
-        serves = _wait(lambda: _ready(farm), "the service answers") - began
+        began, victim, others = time.monotonic(), _victim(farm, name, draw), _number(farm)
+        victim.send_signal(number)
+        serves = _wait(lambda victim=victim, others=others: _is_back(farm, victim, others), "it is back") - began  # type: ignore[misc]
+        before = _samples(client, job)
         renders = _wait(lambda before=before: _samples(client, job) > before, "samples come") - began  # type: ignore[misc]
         found[name].append((serves, renders))
         print(f"{i + 1:3} {name:8} {number.name:8} serves {serves:5.2f} s   renders {renders:5.2f} s", flush=True)
@@ -76,10 +76,28 @@ def measure(farm: Farm, client: Client, draw: random.Random, options: argparse.N
     print("the digest is the undisturbed one" if same else f"THE DIGEST IS ANOTHER ({disturbed.state}, {disturbed.error})")
 
 
+def _slots(farm: Farm) -> list[psutil.Process]:
+    try:
+        return psutil.Process(farm.pids()["worker"]).children()
+    except psutil.NoSuchProcess:
+        return []
+
+
+def _number(farm: Farm) -> int:
+    return len(_slots(farm))
+
+
 def _victim(farm: Farm, name: str, draw: random.Random) -> psutil.Process:
     if name != "slot":
         return psutil.Process(farm.pids()[name])
-    return draw.choice(psutil.Process(farm.pids()["worker"]).children())
+    _wait(lambda: bool(_slots(farm)), "there are slots")
+    return draw.choice(_slots(farm))
+
+
+def _is_back(farm: Farm, victim: psutil.Process, slots: int) -> bool:
+    """Whether what was killed is gone, there are as many processes as before, and the service is ready."""
+    is_gone = not victim.is_running() or victim.status() == psutil.STATUS_ZOMBIE
+    return is_gone and victim.pid not in farm.pids().values() and _number(farm) >= slots and _ready(farm)
 
 
 def _ready(farm: Farm) -> bool:
