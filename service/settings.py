@@ -54,6 +54,10 @@ class Settings(BaseSettings):
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
+    film_check_days: float = Field(
+        default=7.0, ge=0
+    )  # films that rest are read so often, and what is missing is rendered; 0: never
+
     batch_seconds: float = 0.5
     window_per_slot: int = 2
     batch_deadline: float = 30.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 __all__ = ["ACTIVE", "FINAL", "Base", "Environment", "Frame", "Job", "Scene", "blobs_of"]
@@ -102,6 +102,8 @@ class Job(Base):
         JSON(none_as_null=True), deferred=True
     )  # see service/scheduling/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
+    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
+    pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
 
     @property
     def stage(self) -> str:
