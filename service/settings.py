@@ -49,6 +49,8 @@ class Settings(BaseSettings):
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
     batch_seconds: float = 0.5
+    batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
+    results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out
     window_per_slot: int = 2
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0

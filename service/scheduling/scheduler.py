@@ -18,7 +18,8 @@ from service.scheduling.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, Acti
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.held import Held
-from service.scheduling.leases import Lease, Leases
+from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
@@ -30,7 +31,6 @@ from worker.contract import render_queue
 
 __all__ = ["Scheduler"]
 
-UNSEEN_ALLOWED = 3  # looks, one a second
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
 REST_S = 1.0  # before the only worker is given again what it has handed back
@@ -43,8 +43,9 @@ Start = Callable[[ActiveJob, str], bool]
 class Scheduler:
     """Decides what is rendered next. Lives in the engine's thread."""
 
-    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads) -> None:
+    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
+        self._pace = pace
         self._dispatcher = dispatcher
         self._workers = workers
         self._bulkheads = bulkheads
@@ -54,14 +55,15 @@ class Scheduler:
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
 
-    def fill(self, start: Start) -> None:
+    def fill(self, start: Start, unread: int = 0) -> None:
         """Hand out batches until every kind's window is full. Raises QueueError.
 
         start(job, kind): a job begins on workers of a kind; False where it is not ready to.
+        unread: bytes of results that nobody has read yet.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = slots * self._settings.window_per_slot - self.leases.messages(kind)
+            room = self._pace.room(slots * self._settings.window_per_slot - self.leases.messages(kind), unread)
             for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
                 room -= self._share(list(equals), kind, slots, room, start)
                 if room <= 0:
@@ -93,7 +95,8 @@ class Scheduler:
         """Hand out the next batch of a job, or some of them, if it has any for workers of this kind. Raises QueueError."""
         if not start(job, kind):
             return
-        groups = together(job, self._settings.batch_seconds, slots, kind, self._workers.roster.takes_several(kind))
+        batch_s, in_turn = self._pace.batch_s(slots), self._pace.of_a_tile(slots)
+        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn)
         try:
             while groups:
                 self._send(job, kind, groups[0])
@@ -199,7 +202,7 @@ class Scheduler:
         """
         waiting = {id for kind in self._kinds() for id in self._dispatcher.waiting(render_queue(kind))}
         held = Held(self._workers.roster)
-        end = cache(results.end)
+        end, is_late = cache(results.end), cache(self._workers.are_late)
         for lease in self.leases:
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or lease.has_arrived:
@@ -209,7 +212,7 @@ class Scheduler:
             is_held_by_nobody = lease.holder is not None and holder is None and lease.holder not in self._workers.roster.reports
             lease.holder = holder or lease.holder
             lease.is_held = holder is not None
-            is_lost = is_held_by_nobody or lease.is_overdue or lease.unseen >= UNSEEN_ALLOWED
+            is_lost = is_held_by_nobody or lease.is_overdue or (lease.unseen >= UNSEEN_ALLOWED and not is_late())
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if is_lost and lease.message not in waiting and not may_be_answered:
                 self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
