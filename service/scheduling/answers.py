@@ -105,18 +105,16 @@ class Answers:
     def take_in(self, block_ms: int) -> None:
         """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
         self._gather()
-        begun = time.thread_time()
-        entries = self._results.read(block_ms)
-        self._pace.spent(time.thread_time() - begun)  # without what it waited
         with self._pace.busy():
+            entries = self._results.read(block_ms)
             self._take_in(entries)
         self._pace.took_in(sum(entry.result is not None and entry.result.sums is not None for entry in entries))
 
-    def unread_bytes(self) -> int:
-        """About how many bytes of results nobody has read yet. Raises redis.RedisError."""
-        if not self._results.size:
-            return 0
-        return int((self._results.length() - sum(map(len, self._kept.values()))) * self._results.size)
+    def look_for_unread(self) -> None:
+        """See how many results nobody has read yet. Raises redis.RedisError."""
+        if self._results.size:
+            unread = self._results.length() - sum(map(len, self._kept.values()))
+            self._pace.unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
         """Where results come fast, let some come: what is of one tile is then stored at once."""

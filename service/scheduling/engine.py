@@ -207,7 +207,8 @@ class Engine:
         self._vectors.fill()
         self._environments.fill()
         with self._pace.busy():
-            self._scheduler.fill(self._lifecycle.start, self._answers.unread_bytes())
+            self._answers.look_for_unread()
+            self._scheduler.fill(self._lifecycle.start)
         self._answers.take_in(BLOCK_MS)
 
     def _begin(self) -> None:

@@ -55,15 +55,14 @@ class Scheduler:
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
 
-    def fill(self, start: Start, unread: int = 0) -> None:
+    def fill(self, start: Start) -> None:
         """Hand out batches until every kind's window is full. Raises QueueError.
 
         start(job, kind): a job begins on workers of a kind; False where it is not ready to.
-        unread: bytes of results that nobody has read yet.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(slots * self._settings.window_per_slot - self.leases.messages(kind), unread)
+            room = self._pace.room(slots * self._settings.window_per_slot - self.leases.messages(kind))
             for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
                 room -= self._share(list(equals), kind, slots, room, start)
                 if room <= 0:
@@ -202,7 +201,7 @@ class Scheduler:
         """
         waiting = {id for kind in self._kinds() for id in self._dispatcher.waiting(render_queue(kind))}
         held = Held(self._workers.roster)
-        end, is_late = cache(results.end), cache(self._workers.are_late)
+        end, is_late, idle = cache(results.end), cache(self._workers.are_late), cache(self._has_idle_slots)
         for lease in self.leases:
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or lease.has_arrived:
@@ -216,7 +215,7 @@ class Scheduler:
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if is_lost and lease.message not in waiting and not may_be_answered:
                 self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
-            elif holder and self._is_straggler(job, lease):
+            elif holder and self._is_straggler(lease) and idle(lease.kind):
                 lease.doubled = True
                 job.lose(lease.batch)
 
@@ -265,11 +264,12 @@ class Scheduler:
             again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
             self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
 
-    def _is_straggler(self, job: ActiveJob, lease: Lease) -> bool:
-        """Whether others stand idle while they wait for this batch alone: then a second worker may try it as well."""
-        late = time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
-        idle = self._workers.roster.slots(lease.kind) > self.leases.messages(lease.kind)
-        return late and idle and not lease.doubled
+    def _is_straggler(self, lease: Lease) -> bool:
+        """Whether a batch is late: if others stand idle while they wait for it alone, a second worker may try it as well."""
+        return not lease.doubled and time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
+
+    def _has_idle_slots(self, kind: str) -> bool:
+        return self._workers.roster.slots(kind) > self.leases.messages(kind)
 
     def connected(self) -> set[str]:
         """The names of the workers that report themselves."""
