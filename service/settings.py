@@ -56,6 +56,7 @@ class Settings(BaseSettings):
     prepare_deadline: float = 900.0
     frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
     live_interval: float = 0.12
+    live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 
     @field_validator("data")
     @classmethod
