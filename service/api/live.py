@@ -39,7 +39,6 @@ __all__ = ["router"]
 router = APIRouter()
 
 MAX_UNACKNOWLEDGED = 2  # rounds
-STATE_EVERY_S = 0.25
 SPEAK_EVERY_S = 5.0
 FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
@@ -106,9 +105,10 @@ class _Watcher:
                 acknowledged = int(said["ack"])
             except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 continue
-            while self._rounds and self._rounds[0] <= acknowledged:
-                self._rounds.popleft()
-            self._listener.wake()
+            if self._rounds and self._rounds[0] <= acknowledged:
+                while self._rounds and self._rounds[0] <= acknowledged:
+                    self._rounds.popleft()
+                self._listener.wake()
 
     def _turn_to(self, frame: float, snapshot: bool) -> None:
         """Watch another frame. Raises ValueError."""
@@ -161,13 +161,13 @@ class _Watcher:
                     continue
                 await asyncio.sleep(self._farm.settings.live_interval)
             else:
-                await self._listener.wait(STATE_EVERY_S if self._listener.changed else 1.0)
+                await self._listener.wait(self._farm.shared.state_every_s if self._listener.changed else 1.0)
         await self._socket.close(1012, "The service is going down.")
 
     def _is_state_due(self, now: float) -> bool:
         if now - self._spoke > SPEAK_EVERY_S:
             return True
-        return bool(self._listener.changed) and now - self._state_at >= STATE_EVERY_S
+        return bool(self._listener.changed) and now - self._state_at >= self._farm.shared.state_every_s
 
     async def _send_state(self, now: float) -> bool:
         self._listener.changed.clear()

@@ -59,6 +59,7 @@ class Broadcast:
         self._everything: set[Listener] = set()
         self._of_job: dict[str, _OfJob] = {}
         self._lives = count(1)
+        self.watchers = 0  # that listen to a job
         self.closing = False
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -77,17 +78,14 @@ class Broadcast:
         listener = Listener(job, frame)
         group = self._everything if job is None else self._of_job.setdefault(job, _OfJob(next(self._lives))).listeners
         group.add(listener)
+        self.watchers += job is not None
         try:
             yield listener
         finally:
             group.discard(listener)
+            self.watchers -= job is not None
             if job is not None and not group:
                 self._of_job.pop(job, None)
-
-    @property
-    def watchers(self) -> int:
-        """How many listen to a job."""
-        return sum(len(of.listeners) for of in self._of_job.values())
 
     def version(self, job: str, frame: int, tile: int) -> tuple[int, int]:
         """Another one as soon as a tile was told to have changed; only of a job that somebody listens to."""

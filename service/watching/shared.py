@@ -25,6 +25,8 @@ __all__ = ["Body", "Shared"]
 
 THREADS = 2
 TRUE_FOR_S = 0.25  # what is said of a job, where nobody says that it changed: it tells of other things too
+STATE_EVERY_S = 0.25
+MANY = 50  # watchers: more of them are told less often
 ROUND_PIXELS = 1 << 20
 UNDER_WAY = 2 * 2 * 4  # bytes a pixel: two rounds that are not acknowledged, each here and in the connection
 FOR_PACKED = 0.5  # of the memory, for tiles that others may want too
@@ -67,6 +69,11 @@ class Shared:
         self._told: dict[Hashable, tuple[tuple[int, int], float, asyncio.Task[Any]]] = {}
 
     @property
+    def state_every_s(self) -> float:
+        """How often a watcher is told of a job that changes all the time: the less, the more watch."""
+        return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY)
+
+    @property
     def round_pixels(self) -> int:
         """How many pixels a watcher gets at a time: the fewer, the more watch."""
         watchers = max(self._broadcast.watchers, 1)
@@ -94,7 +101,7 @@ class Shared:
                 self._making[job, frame, tile] = _Making(film, version, task)
             tasks[task] = list(missing)
         for task, wanted in tasks.items():
-            made = await asyncio.shield(task)  # a watcher that leaves must not take it from the others
+            made = await _result(task)
             found.update((tile, made[tile]) for tile in wanted)
         return [body for body in found.values() if body is not None]
 
@@ -107,7 +114,7 @@ class Shared:
             task = asyncio.create_task(anyio.to_thread.run_sync(make))
             task.add_done_callback(_heard)
             known = self._told[job, what] = (changes, now, task)
-        said: T = await asyncio.shield(known[2])
+        said: T = await _result(known[2])
         return said
 
     async def _pack(self, job: str, film: Film, frame: int, versions: dict[int, tuple[int, int]]) -> dict[int, Body | None]:
@@ -133,6 +140,11 @@ class Shared:
         self._packed[key] = packed
         while self._bytes > self._memory * FOR_PACKED and len(self._packed) > 1:
             self._bytes -= _size(self._packed.popitem(last=False)[1])
+
+
+async def _result(task: asyncio.Task[T]) -> T:
+    """Its result; a watcher that leaves must not take it from the others."""
+    return task.result() if task.done() else await asyncio.shield(task)
 
 
 def _bodies(film: Film, frame: int, tiles: list[int]) -> dict[int, Body | None]:

@@ -69,6 +69,7 @@ class Taken:
     is_exact: bool = False
     repeated: int = 0  # samples of tiles that were rendered more than once, or are in no film
     rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
+    packets: int = 0  # that all watchers got
 
 
 class Served:
@@ -170,6 +171,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
     with Served(folder, **environment) as served, slots_of(served, load, kept) as slots:
         job = served.job(served.scene(), load)
         wait_until(lambda: served.counts().get("merged", 0) > 0, 60, "a batch is merged")
+        watching = _watching(served, job, load)
         time.sleep(load.warm_s)
         at_first = served.samples(job)
         before, begun, (service_s, redis_s) = served.counts(), time.monotonic(), served.processor_s()
@@ -182,6 +184,9 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         of_job = served.samples(job)
         for name in ("merged", "lost", "dropped"):
             setattr(taken, name, after[name] - before[name])
+        if watching is not None:
+            seen = json.loads(watching.communicate(timeout=60)[0].splitlines()[-1])
+            taken.rounds_s, taken.packets = seen["rounds_s"], seen["packets"]
         served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
         said = _settled(served, slots)
         served.stop()
@@ -203,6 +208,15 @@ def _look(served: Served, taken: Taken) -> None:
     about: Any = served.store.info("memory")
     taken.redis_bytes.append(int(about["used_memory"]))
     taken.service_bytes.append(served.service.memory_info().rss)
+
+
+def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | None:
+    if not load.watchers:
+        return None
+    command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.watchers", f"--warm={load.warm_s}"]
+    command += [f"--url=ws://127.0.0.1:{served.port}/api/jobs/{job}/live", f"--watchers={load.watchers}"]
+    command += [f"--seconds={load.seconds}"]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
 
 
 def _settled(served: Served, slots: subprocess.Popen[str]) -> dict[str, int]:
