@@ -38,6 +38,7 @@ from service.viewing.desk import Desk
 from service.viewing.explaining import Explaining
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
+from service.watching.shared import Shared
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
@@ -66,6 +67,7 @@ class Farm:
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
+        self.shared = Shared(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
         self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers

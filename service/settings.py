@@ -59,11 +59,14 @@ class Settings(BaseSettings):
     )  # films that rest are read so often, and what is missing is rendered; 0: never
 
     batch_seconds: float = 0.5
+    batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
+    results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out
     window_per_slot: int = 2
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0
     frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
     live_interval: float = 0.12
+    live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 
     @field_validator("data")
     @classmethod

@@ -191,8 +191,10 @@ class ActiveJob:
         left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost / max(slots, 1)
         return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
 
-    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
-        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end."""
+    def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
+        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
+
+        of_a_tile: how many of one tile may follow each other."""
         cost = self._pixel_cost
         aim = self.aim_s(batch_seconds, slots)
 
@@ -202,7 +204,7 @@ class ActiveJob:
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
         while (frame := self.agenda.next(kind)) is not None:
-            batch = frame.next(samples_wanted)
+            batch = frame.next(samples_wanted, of_a_tile)
             if batch is not None:
                 return batch
             if not self.agenda.passed(frame):
