@@ -18,6 +18,7 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from service.access.access import Access
 from service.errors import CannotStart, Conflict, FarmError
 from service.intake.lighting import Lighting
 from service.scheduling.engine import Engine
@@ -57,6 +58,7 @@ class Farm:
         except BaseException:
             self._lock.close()
             raise
+        self.access = Access(self.sessions, settings, self.instance)
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")

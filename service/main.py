@@ -16,6 +16,7 @@ from starlette.responses import RedirectResponse
 
 from renderer import __version__
 from service.api import problem, routes
+from service.api.gate import Gate
 from service.api.security import Door
 from service.errors import CannotStart
 from service.farm import Farm
@@ -66,7 +67,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.mount("/", WebPages(settings.web), name="web")
     else:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
-    app.add_middleware(Door, settings=settings)
+    app.add_middleware(Gate)
+    app.add_middleware(Door, settings=settings)  # the outermost: who speaks to the service at all
     return app
 
 

@@ -13,8 +13,11 @@ from service.api import (
     jobs,
     kernels,
     live,
+    login,
+    people,
     scenes,
     shot_files,
+    tokens,
     viewport,
     workers,
 )
@@ -37,5 +40,8 @@ for module in (
     farm,
     kernels,
     health,
+    login,
+    people,
+    tokens,
 ):
     router.include_router(module.router)
