@@ -55,10 +55,10 @@ class Farm:
         self.instance = settings.instance()
         try:
             self.database, self.sessions = connect(settings.database)
+            self.access = Access(self.sessions, settings, self.instance)
         except BaseException:
             self._lock.close()
             raise
-        self.access = Access(self.sessions, settings, self.instance)
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 from types import FrameType
@@ -43,6 +44,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             app.state.refusal = str(error)
             raise
         farm.start(asyncio.get_running_loop())
+        if settings.print_link and farm.access.needs_login:
+            where = f"http://{socket.gethostname()}:{settings.port}"
+            print(f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}")
         with _streams_end_with_the_server(farm.broadcast):
             try:
                 yield

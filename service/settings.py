@@ -38,6 +38,7 @@ class Settings(BaseSettings):
     published: str = ""  # the address by which it is reached, where that is not `host`: a container's
     port: int = 8000
     login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
+    print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")

@@ -8,11 +8,13 @@ from service.access.keys import Keys
 from service.access.roles import OWNER, Caller, Role
 from service.access.secrets import fingerprint, is_same
 from service.access.users import Users
+from service.errors import CannotStart
 from service.settings import Settings
 from service.store.database import Sessions
 
 __all__ = ["LINK_S", "SESSION_S", "Access"]
 
+FOR_THIS_MACHINE = "this-machine-only"  # docker-compose.yml's default
 SESSION_S = 30 * 86400.0
 LINK_S = 86400.0
 
@@ -21,6 +23,11 @@ class Access:
     """Who may do what."""
 
     def __init__(self, sessions: Sessions, settings: Settings, instance: str) -> None:
+        if settings.needs_login and settings.token == FOR_THIS_MACHINE:
+            raise CannotStart(
+                "The farm's token is the one that everybody knows, and other machines reach this service. "
+                "Set RAYFARM_TOKEN to one of your own, as of `openssl rand -hex 16`."
+            )
         self.needs_login = settings.needs_login
         self.is_never = settings.login == "never"
         self.keys = Keys(sessions)
@@ -31,6 +38,10 @@ class Access:
         self._farm = settings.token
         # Cookies know no ports: two farms of one machine must not overwrite each other's.
         self.cookie = f"rayfarm-{fingerprint(instance)[:12]}"
+
+    def owner_link(self) -> str:
+        """The code of a new link for the owner."""
+        return self.keys.make("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
 
     def remembered(self, secret: str) -> Caller | None:
         """Who shows this, where that is known without asking the database."""

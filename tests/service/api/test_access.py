@@ -17,6 +17,9 @@ from service.access import attempts
 from service.access.roles import Role
 from service.api import gate
 from service.api.needs import NEEDS, WORKER, Need
+from service.errors import CannotStart
+from service.farm import Farm
+from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
 
@@ -383,7 +386,11 @@ def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_se
     ],
 )
 def test_where_a_login_is_needed(tmp_path: Path, host: str, published: str, login: Any, needed: bool) -> None:
-    from service.settings import Settings
-
     settings = Settings(data=tmp_path, host=host, published=published, login=login)
     assert settings.needs_login is needed
+
+
+def test_a_token_that_everybody_knows_is_none_where_others_reach_it(tmp_path: Path) -> None:
+    with pytest.raises(CannotStart, match="RAYFARM_TOKEN"):
+        Farm(Settings(data=tmp_path, host="0.0.0.0", token="this-machine-only"))
+    Farm(Settings(data=tmp_path, host="0.0.0.0", published="127.0.0.1", token="this-machine-only")).stop()

@@ -62,7 +62,7 @@ export function loginView(code) {
     h("div", { class: "field" }, h("label", { for: "login-password" }, t("Password")), password),
     problem,
     button,
-    h("p", { class: "quiet" }, t("No password yet? Whoever runs this farm has a link for you: `rayfarm user add` prints it.")),
+    h("p", { class: "quiet" }, t("No password yet? Ask whoever runs this farm for a link.")),
   );
   if (code) void enter({ link: code });
   else queueMicrotask(() => name.focus());
