@@ -29,7 +29,7 @@ class Access:
                 "Set RAYFARM_TOKEN to one of your own, as of `openssl rand -hex 16`."
             )
         self.needs_login = settings.needs_login
-        self.is_never = settings.login == "never"
+        self.is_told = settings.login == "never" or bool(settings.published)  # and not only concluded from where it listens
         self.keys = Keys(sessions)
         self.users = Users(sessions, self.keys)
         self.attempts = Attempts()

@@ -104,7 +104,7 @@ def _shown(headers: Headers, cookie: str) -> str:
 
 def _needs_login(access: Access, headers: Headers) -> bool:
     """Whether this request does: on loopback, one that came through a proxy or by another name than loopback's."""
-    if access.needs_login or access.is_never:
+    if access.needs_login or access.is_told:
         return access.needs_login
     return name_of(headers.get("host", "")) not in LOOPBACK_NAMES or any(name in headers for name in FORWARDED)
 

@@ -25,6 +25,7 @@ from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
+from service.scheduling.job_log import JobLogs
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
@@ -84,9 +85,10 @@ class Engine:
         self._vectors = Vectors(self._dispatcher, self._workers, blobs)
         self._environments = Environments(self._dispatcher, self._workers, blobs)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads)
+        self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
-            *(self._vectors, self._bulkheads, self._changes, change, let_go),
+            *(self._vectors, self.logs, self._bulkheads, self._changes, change, let_go),
         )
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
@@ -209,7 +211,8 @@ class Engine:
     def _begin(self) -> None:
         """Clean up after an earlier life, and take up what it left."""
         self._dispatcher.purge()
-        self.films.sweep(self._records.all_jobs())
+        self.films.sweep(jobs := self._records.all_jobs())
+        self.logs.sweep(jobs)
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
         for job in self._records.active_jobs():
@@ -229,6 +232,7 @@ class Engine:
             self._changes.close((what, id))
 
     def _each_second(self) -> None:
+        self.logs.flush()
         self._answers.review()
         self._denoising.review()
         self._vectors.review()

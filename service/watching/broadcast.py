@@ -71,6 +71,11 @@ class Broadcast:
             if job is not None and not group:
                 self._of_job.pop(job, None)
 
+    @property
+    def listeners(self) -> int:
+        """How many listen."""
+        return len(self._everything) + sum(map(len, self._of_job.values()))
+
     def tell(self, what: str, id: str) -> None:
         """Something changed in a job, a scene or a worker."""
         if self._everything or (what == "job" and id in self._of_job):

@@ -54,7 +54,7 @@ def test_what_changes_something_needs_more_than_to_look() -> None:
         ("DELETE", "/api/jobs/7f3a", SUBMIT),
         ("PATCH", "/api/workers/a b", ADMIN),
         ("POST", "/api/users", KEEPER),
-        ("WS", "/api/scenes/x/viewport", SUBMIT),
+        ("WS", "/api/scenes/x/viewport", VIEW),
         ("PUT", "/api/farm/blobs/x", WORKER),
         ("GET", "/api/nowhere", UNKNOWN),
         ("DELETE", "/api", UNKNOWN),
