@@ -16,7 +16,7 @@ from sqlalchemy.exc import IntegrityError
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from service.api.describe import job_out, jobs_out
-from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, light_again, may_begin_anew
+from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
@@ -45,7 +45,7 @@ class HistoryEvent(BaseModel):
     """Something that happened."""
 
     at: float = Field(description="unix time")
-    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed")
+    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed")
     words: str = Field(description="of whom, or why")
 
 
@@ -196,7 +196,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     rendered first, which changes no bit of how the picture ends.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
-    light_again(id, farm)
+    farm.lit_again(id)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
