@@ -86,6 +86,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
     said(422, "There is no pixel 64, 7", x=64)
     said(404, "no frame 3", frame=3)
     assert ask(service, "none").status_code == 404
+    monkeypatch.setattr(explaining, "COMPILE_S", 0.1)
     for answers, status, words in (
         ([{"type": "failed", "error": "pixel 1,2 lies elsewhere"}], 502, "lies elsewhere"),
         ([{"type": "begun"}, {"type": "compiling"}], 503, "makes the kernel for it ready"),
