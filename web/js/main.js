@@ -4,7 +4,7 @@ import { fill, h } from "./base/dom.js";
 import { followFarm } from "./news/farm.js";
 import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
-import { emptyState } from "./shell/hints.js";
+import { emptyPage } from "./shell/hints.js";
 import { tellOfEnds } from "./shell/notify.js";
 import { linkTo, onNavigate } from "./shell/router.js";
 import { buildShell } from "./shell/shell.js";
@@ -37,7 +37,7 @@ function viewFor([section, id, other]) {
   const element = h(
     "div",
     { class: "page" },
-    emptyState("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
+    emptyPage("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
   );
   return { element, dispose: () => {} };
 }
