@@ -4,7 +4,7 @@ import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
-import { emptyState, noWorkerNotice } from "../shell/hints.js";
+import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { settingsForm } from "../scene/settings-form.js";
@@ -34,7 +34,7 @@ export function sceneView(id) {
   const gone = ({ message }) =>
     fill(
       element,
-      emptyState("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
+      emptyPage("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
