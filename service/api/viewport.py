@@ -13,7 +13,7 @@ and gets JSON:
 
     {"type": "state", "id", "samples", "bound", "slots", "message"}   message: why nothing new comes; null: it does
     {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, makes no sense
-    {"type": "picked", "x", "y", "depth", "position"}                 null: nothing is there
+    {"type": "picked", "x", "y", "direction", "depth", "position", "normal"}   the last three are null: nothing is there
 
 and pictures (service/viewing/view_packet.py): a small one first, then the whole view with ever more samples, of which each brings
 the tiles that have changed. At most two of them are unacknowledged: a slow watcher gets fewer pictures, never older ones.

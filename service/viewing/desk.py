@@ -325,7 +325,7 @@ class Desk:
     def _hear_part(self, out: Handed, answer: ViewAnswer) -> None:
         watch = out.watch
         if out.pick is not None:
-            watch.picked.append(picked(*out.pick, answer))
+            watch.picked.append(picked(watch, *out.pick, answer))
             watch.wake()
             return
         piece = out.pieces.pop(int(answer.more["number"]), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -270,7 +271,11 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         viewer.wait(1, 1)
         viewer.say(pick=[5, 60])
         until(lambda: (viewer.read(), bool(viewer.picked))[1], "it is answered")
-        assert viewer.picked == [{"x": 5, "y": 60, "depth": 2.0, "position": [0.0, 0.0, 0.0]}]
+        (found,) = viewer.picked
+        direction = found.pop("direction")
+        assert found == {"x": 5, "y": 60, "depth": 2.0, "position": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+        half = math.tan(math.radians(20)) / 32  # of a pixel of 64 rows
+        np.testing.assert_allclose(np.divide(direction, -direction[2]), [(5.5 - 48) * half, (32 - 60.5) * half, -1])
         (asked,) = [(work, part) for work, part in worker.parts if work.is_whole]
         assert asked[1].tile == (5, 60, 1, 1)
         assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
