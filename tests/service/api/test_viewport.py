@@ -281,6 +281,29 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
 
 
+def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, spp=2)
+        viewer.wait(1, 2)
+        picks: list[ViewParts] = []
+
+        def first_is_lost(work: ViewParts, part: Part) -> bool | None:
+            if not work.is_whole:
+                return None
+            picks.append(work)
+            if len(picks) == 1:
+                viewer.show(2, spp=2, seed=1)
+                until(lambda: any(each.view > work.view for each in service.farm.desk._watches.values()), "the view is another")
+            return None
+
+        worker.on_part = first_is_lost
+        viewer.say(pick=[5, 60])
+        until(lambda: (viewer.read(), bool(viewer.picked))[1], "it is answered", say=lambda: len(picks))
+        viewer.wait(2, 2)
+        viewer.read(0.3)
+        assert len(viewer.picked) == 1, "and no more than once"
+
+
 def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_part = lambda work, part: time.sleep(0.02) if work.is_whole else None
     with look(service, service.ready_scene()) as viewer:

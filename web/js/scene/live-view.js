@@ -12,13 +12,18 @@ import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
 import { enlarged } from "./enlarge.js";
+import { PLACE_SUN } from "../forms/environment-fields.js";
+import { addShortcuts } from "../shell/shortcuts.js";
+import { heldKey, lightHand } from "./light-hand.js";
 import { alongSight, lookAt } from "./orbit.js";
+import { sunHand } from "./sun-hand.js";
 import { viewHand } from "./view-hand.js";
 import { ViewLink } from "./view-link.js";
+import { viewTools } from "./view-tools.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
-/** @typedef {import("../base/types.js").JobRequest} JobRequest */
+/** @typedef {import("./view-link.js").Picked} Picked */
 
 /** The farm renders no more pixels than these, whatever the screen has. */
 const MOST_PIXELS = 1 << 20;
@@ -50,12 +55,6 @@ export function liveView(scene, form, meanwhile, turned) {
   );
   const state = h("p", { class: "small quiet number view-state", role: "status" });
   const said = h("p", { class: "small quiet view-hint" });
-  const pick = h(
-    "button",
-    { class: "button small", type: "button", "aria-pressed": "false" },
-    icon("target"),
-    t("Pick the focus"),
-  );
   const exposure = h("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
   const curve = h(
     "select",
@@ -63,13 +62,6 @@ export function liveView(scene, form, meanwhile, turned) {
     CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
-  const element = h(
-    "div",
-    { class: "live-view-box" },
-    h("div", { class: "live-view-frame" }, surface),
-    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), curve, pick),
-    h("div", { class: "view-bar" }, bookmarks(scene.id, form.view, (view) => turn(view)), h("span", { class: "grow" }), said),
-  );
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
   let picture;
@@ -77,8 +69,7 @@ export function liveView(scene, form, meanwhile, turned) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    setText(state, error.message);
-    return { element, refresh: () => {}, dispose: () => {} };
+    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {} };
   }
   // Until the first samples are here: better another view of the scene than a black one.
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
@@ -88,7 +79,7 @@ export function liveView(scene, form, meanwhile, turned) {
   let id = -1;
   /** What was asked for last. */
   let asked = { width: 1, height: 1 };
-  /** What to do with the place that the next answer names. @type {((picked: import("./view-link.js").Picked) => void) | null} */
+  /** What to do with the place that the next answer names. @type {((picked: Picked) => void) | null} */
   let onPicked = null;
 
   const link = new ViewLink(scene.id, {
@@ -118,7 +109,7 @@ export function liveView(scene, form, meanwhile, turned) {
       else if (bound) setText(state, `${tn(bound, "{done} of {n} sample", "{done} of {n} samples", { done: samples })}, ${tn(slots, "{n} slot", "{n} slots")}`);
     },
     failed: (sentence) => setText(state, sentence),
-    picked: (found) => (onPicked?.(found), (onPicked = null)),
+    picked: (found) => onPicked?.(found),
     link: (up) => up || setText(state, t("The connection is lost; trying again.")),
     refused: (sentence) => setText(state, sentence),
   });
@@ -143,8 +134,9 @@ export function liveView(scene, form, meanwhile, turned) {
     asked = { width, height };
     link.show({ ...request, width, height });
     const canFocus = (form.view().projection ?? "perspective") === "perspective";
-    pick.hidden = !canFocus;
-    if (!canFocus) setPicking(false);
+    const focus = tools.buttons.get("focus");
+    if (focus) focus.hidden = !canFocus;
+    if (!canFocus && tools.chosen() === "focus") tools.choose("");
     if (focused && form.view().aperture) tell();
   };
   /** @param {View} view */
@@ -154,7 +146,6 @@ export function liveView(scene, form, meanwhile, turned) {
     turned(view);
   };
 
-  let picking = false;
   /** The lens is focused and has no aperture yet, which makes it seen. */
   let focused = false;
   const tell = (/** @type {string} */ sentence = "") => {
@@ -165,57 +156,75 @@ export function liveView(scene, form, meanwhile, turned) {
       : t("Drag turns, Shift and drag moves, the wheel goes nearer; W A S D Q E fly.");
     setText(said, sentence || usual);
   };
-  const setPicking = (/** @type {boolean} */ on) => {
-    if (on === picking) return;
-    picking = on;
-    pick.setAttribute("aria-pressed", String(on));
-    surface.classList.toggle("picking", on);
-    tell(on ? t("Click what is to be sharp.") : "");
-  };
-  pick.addEventListener("click", () => setPicking(!picking));
-  tell();
 
-  /** @param {MouseEvent} event */
-  const pixelAt = (event) => {
+  /** @param {MouseEvent} event @param {(picked: Picked, at: {x: number, y: number}) => void} then */
+  const pick = (event, then) => {
     const box = surface.getBoundingClientRect();
-    return {
-      x: Math.floor(((event.clientX - box.left) / box.width) * asked.width),
-      y: Math.floor(((event.clientY - box.top) / box.height) * asked.height),
+    const within = (/** @type {number} */ share, /** @type {number} */ size) => Math.min(Math.max(Math.floor(share * size), 0), size - 1);
+    const at = {
+      x: within((event.clientX - box.left) / box.width, asked.width),
+      y: within((event.clientY - box.top) / box.height, asked.height),
     };
+    onPicked = (found) => {
+      if (found.x !== at.x || found.y !== at.y) return; // of an earlier click
+      onPicked = null;
+      then(found, at);
+    };
+    link.say({ pick: [at.x, at.y] });
   };
-  /** @param {MouseEvent} event */
-  const focusAt = (event) => {
-    const at = pixelAt(event);
-    onPicked = ({ depth }) => {
+  /** @param {PointerEvent} event */
+  const focusAt = (event) =>
+    pick(event, ({ depth }, at) => {
       if (!depth) {
         tell(t("Nothing is there to focus on. Click an object."));
         return;
       }
       const distance = alongSight(form.view(), asked, at, depth);
       form.focus(distance);
-      setPicking(false);
+      tools.choose("");
       const told = t("Sharp at a distance of {distance}.", { distance: distance.toPrecision(4) });
       tell(form.view().aperture ? told : t("{told} Give the lens an aperture to see it.", { told }));
       focused = !form.view().aperture;
       refresh();
-    };
-    link.say({ pick: [at.x, at.y] });
-  };
+    });
+  const light = lightHand(surface, form.light);
+  const tools = viewTools(
+    surface,
+    [
+      light.tool,
+      sunHand(surface, form.light, pick, tell),
+      {
+        ...{ name: "focus", icon: /** @type {const} */ ("target"), label: t("Pick the focus"), title: t("Pick the focus") },
+        ...{ hint: t("Click what is to be sharp."), press: focusAt },
+      },
+    ],
+    tell,
+  );
+  tell();
   const letGo = viewHand(surface, {
     view: form.view,
     turn,
     size: diagonal(scene.bounds),
-    pressed(event) {
-      if (picking) focusAt(event);
-      return picking;
-    },
-    centre(event) {
-      const at = pixelAt(event);
-      onPicked = ({ position }) => position && turn(lookAt(form.view(), position));
-      link.say({ pick: [at.x, at.y] });
-    },
+    pressed: tools.press,
+    keyed: tools.key,
+    centre: (event) => tools.chosen() || pick(event, ({ position }) => position && turn(lookAt(form.view(), position))),
   });
+  const lightKey = heldKey("l", () => tools.chosen() === "light", (on) => (tools.choose(on ? "light" : ""), on && surface.focus({ preventScroll: true })));
+  const endKeys = addShortcuts([
+    { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
+    { keys: "Escape", does: t("Take back what is dragged; lay the tool down"), run: () => void tools.escape() },
+  ]);
+  const placeSun = () => (tools.choose("sun"), surface.scrollIntoView({ block: "nearest" }), surface.focus({ preventScroll: true }));
+  form.element.addEventListener(PLACE_SUN, placeSun);
 
+  const element = h(
+    "div",
+    { class: "live-view-box" },
+    h("div", { class: "live-view-frame" }, surface, light.readout),
+    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), curve),
+    h("div", { class: "view-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view))),
+    said,
+  );
   const look = () => {
     picture.look = { exposure: exposure.valueAsNumber, curve: curve.value };
     setText(shown, `${exposure.valueAsNumber > 0 ? "+" : ""}${exposure.valueAsNumber} EV`);
@@ -239,6 +248,10 @@ export function liveView(scene, form, meanwhile, turned) {
     dispose() {
       resizing.disconnect();
       letGo();
+      light.dispose();
+      lightKey.dispose();
+      endKeys();
+      form.element.removeEventListener(PLACE_SUN, placeSun);
       link.close();
       picture.dispose();
     },

@@ -7,6 +7,8 @@ import { Backoff } from "../base/backoff.js";
 import { decodeView } from "./view-packet.js";
 import { t } from "../base/words.js";
 
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+
 /** A silent connection is dead: the service speaks at least every few seconds. */
 const SILENCE_MS = 20_000;
 
@@ -18,7 +20,13 @@ const SILENCE_MS = 20_000;
  * @property {number} slots
  * @property {string | null} message why nothing new comes
  *
- * @typedef {{x: number, y: number, depth: number | null, position: import("../base/types.js").Vec3 | null}} Picked
+ * @typedef {object} Picked what lies under a pixel; null: nothing does
+ * @property {number} x
+ * @property {number} y
+ * @property {Vec3 | null} direction which way the pixel looks; null: not known just now
+ * @property {number | null} depth from the eye
+ * @property {Vec3 | null} position
+ * @property {Vec3 | null} normal
  *
  * @typedef {object} ViewHandlers
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
