@@ -17,11 +17,12 @@ const HELD_MS = 400;
 const READ_MS = 1500;
 
 /**
- * @param {HTMLElement} surface
+ * @param {HTMLElement} surface that takes the pointer
+ * @param {() => HTMLElement} seen where the picture is, within it
  * @param {LightHandle} light
  * @returns {{tool: import("./view-tools.js").Tool, readout: HTMLElement, dispose: () => void}} readout: what it is now, over the view
  */
-export function lightHand(surface, light) {
+export function lightHand(surface, seen, light) {
   const readout = h("div", { class: "view-readout number", role: "status", hidden: true });
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
@@ -55,7 +56,7 @@ export function lightHand(surface, light) {
     surface.addEventListener("pointermove", (now) => {
       if (!drag || !own(now)) return;
       const moved = { across: now.clientX - drag.x, up: drag.y - now.clientY };
-      const { width, height } = surface.getBoundingClientRect();
+      const { width, height } = seen().getBoundingClientRect();
       const next = dragged(drag.before, moved, { width, height });
       light.set(drag.before.turns ? next : { ...next, rotation: drag.before.rotation }, false);
       show(words());

@@ -6,23 +6,26 @@
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
-import { Film } from "../film/film.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
-import { enlarged } from "./enlarge.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { alongSight, lookAt } from "./orbit.js";
+import { LIVE } from "./sides.js";
 import { sunHand } from "./sun-hand.js";
 import { viewHand } from "./view-hand.js";
+import { ViewFilm } from "./view-film.js";
 import { ViewLink } from "./view-link.js";
+import { viewStage } from "./view-stage.js";
 import { viewTools } from "./view-tools.js";
+import { Store } from "../base/store.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./view-link.js").Picked} Picked */
 
 /** The farm renders no more pixels than these, whatever the screen has. */
@@ -36,9 +39,11 @@ const NOT_OF_A_VIEW = ["spp", "noise", "seconds", "frames", "order", "every", "n
  * @param {import("./settings-form.js").SettingsForm} form
  * @param {string} meanwhile a picture's address, shown until the first one of the view is here; "" for none
  * @param {(view: View) => void} turned by hand
+ * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides what is seen in its place
+ * @param {(a: Job, b: Job) => [string, string]} names of two pictures, by what tells them apart
  * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void}} refresh: the form was changed
  */
-export function liveView(scene, form, meanwhile, turned) {
+export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
   const surface = h(
@@ -74,9 +79,12 @@ export function liveView(scene, form, meanwhile, turned) {
   // Until the first samples are here: better another view of the scene than a black one.
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
 
-  /** @type {Film | null} */
-  let film = null;
-  let id = -1;
+  const film = new ViewFilm();
+  film.onTurn(() => {
+    fit(film.film.width, film.film.height);
+    picture.layers[0].setFilm(film.film);
+  });
+  film.onTile((tile) => picture.layers[0].putTile(film.film, tile));
   /** What was asked for last. */
   let asked = { width: 1, height: 1 };
   /** What to do with the place that the next answer names. @type {((picked: Picked) => void) | null} */
@@ -84,22 +92,8 @@ export function liveView(scene, form, meanwhile, turned) {
 
   const link = new ViewLink(scene.id, {
     picture(next) {
-      if (!film || film.width !== next.width || film.height !== next.height) {
-        // Tiles that are still to come show what was seen before.
-        const covered = next.tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0);
-        const isWhole = covered === next.width * next.height;
-        film = film && !isWhole ? enlarged(film, next.width, next.height) : new Film(next.width, next.height);
-        fit(next.width, next.height);
-        for (const tile of next.tiles) film.put(tile);
-        picture.layers[0].setFilm(film);
-      } else {
-        for (const tile of next.tiles) {
-          film.put(tile);
-          picture.layers[0].putTile(film, tile);
-        }
-      }
-      id = next.id;
-      surface.dataset.view = String(id);
+      film.take(next);
+      surface.dataset.view = String(next.id);
       surface.style.backgroundImage = "";
       picture.invalidate();
     },
@@ -123,6 +117,8 @@ export function liveView(scene, form, meanwhile, turned) {
     viewport.show(1, width / 2, height / 2);
   };
 
+  /** Of the view on the screen, in CSS pixels. */
+  let wide = 0;
   const refresh = () => {
     if (!form.element.checkValidity()) return;
     /** @type {Record<string, any>} */
@@ -130,13 +126,10 @@ export function liveView(scene, form, meanwhile, turned) {
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of NOT_OF_A_VIEW) delete request[name];
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
-    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, surface);
+    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
     link.show({ ...request, width, height });
-    const canFocus = (form.view().projection ?? "perspective") === "perspective";
-    const focus = tools.buttons.get("focus");
-    if (focus) focus.hidden = !canFocus;
-    if (!canFocus && tools.chosen() === "focus") tools.choose("");
+    offer();
     if (focused && form.view().aperture) tell();
   };
   /** @param {View} view */
@@ -146,6 +139,16 @@ export function liveView(scene, form, meanwhile, turned) {
     turned(view);
   };
 
+  /** What is seen in the view's place. */
+  let instead = { isOpen: false, hasLive: true };
+  /** Shows the tools that there is something for. */
+  const offer = () => {
+    const canFocus = (form.view().projection ?? "perspective") === "perspective";
+    for (const [name, button] of tools.buttons) {
+      button.hidden = instead.isOpen ? !(instead.hasLive && name === "light") : name === "focus" && !canFocus;
+      if (button.hidden && tools.chosen() === name) tools.choose("");
+    }
+  };
   /** The lens is focused and has no aperture yet, which makes it seen. */
   let focused = false;
   const tell = (/** @type {string} */ sentence = "") => {
@@ -154,7 +157,10 @@ export function liveView(scene, form, meanwhile, turned) {
     const usual = touch
       ? t("Two fingers move the view; tap it to turn it with one.")
       : t("Drag turns, Shift and drag moves, the wheel goes nearer; W A S D Q E fly.");
-    setText(said, sentence || usual);
+    const ofStage = touch
+      ? t("A finger across moves the picture, two zoom.")
+      : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
+    setText(said, sentence || (instead.isOpen ? ofStage : usual));
   };
 
   /** @param {MouseEvent} event @param {(picked: Picked, at: {x: number, y: number}) => void} then */
@@ -187,7 +193,8 @@ export function liveView(scene, form, meanwhile, turned) {
       focused = !form.view().aperture;
       refresh();
     });
-  const light = lightHand(surface, form.light);
+  const frame = h("div", { class: "live-view-frame" }, surface);
+  const light = lightHand(frame, () => stage.shown() ?? surface, form.light);
   const tools = viewTools(
     surface,
     [
@@ -200,7 +207,6 @@ export function liveView(scene, form, meanwhile, turned) {
     ],
     tell,
   );
-  tell();
   const letGo = viewHand(surface, {
     view: form.view,
     turn,
@@ -209,44 +215,80 @@ export function liveView(scene, form, meanwhile, turned) {
     keyed: tools.key,
     centre: (event) => tools.chosen() || pick(event, ({ position }) => position && turn(lookAt(form.view(), position))),
   });
-  const lightKey = heldKey("l", () => tools.chosen() === "light", (on) => (tools.choose(on ? "light" : ""), on && surface.focus({ preventScroll: true })));
+  const lightKey = heldKey("l", () => tools.chosen() === "light", (on) => {
+    if (instead.isOpen && !instead.hasLive) return;
+    tools.choose(on ? "light" : "");
+    if (on) (instead.isOpen ? tools.buttons.get("light") : surface)?.focus({ preventScroll: true });
+  });
+  tools.buttons.get("light")?.addEventListener("keydown", (event) => tools.key(event) && event.preventDefault());
   const endKeys = addShortcuts([
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
-    { keys: "Escape", does: t("Take back what is dragged; lay the tool down"), run: () => void tools.escape() },
+    {
+      keys: "Escape",
+      does: t("Take back what is dragged; lay the tool down; back to the live view"),
+      run: () => void (tools.escape() || sides.set({ a: LIVE, b: "" })),
+    },
   ]);
   const placeSun = () => (tools.choose("sun"), surface.scrollIntoView({ block: "nearest" }), surface.focus({ preventScroll: true }));
   form.element.addEventListener(PLACE_SUN, placeSun);
 
+  const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
+  const toolBar = h("div", { class: "view-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view)));
+  const stage = viewStage({
+    ...{ scene: scene.id, sides, live: film, look, names },
+    changed(now) {
+      instead = now;
+      surface.hidden = now.isOpen;
+      state.hidden = toolBar.hidden = said.hidden = now.isOpen && !now.hasLive;
+      link.rest(state.hidden);
+      offer();
+      tell();
+    },
+  });
+  frame.append(stage.element, light.readout);
+  // Over the stage, which drags its picture, the light is turned all the same.
+  frame.addEventListener(
+    "pointerdown",
+    (event) => {
+      const onPicture = instead.isOpen && instead.hasLive && !(/** @type {Element} */ (event.target).closest(".wipe"));
+      if (onPicture && tools.press(event)) event.stopPropagation();
+    },
+    true,
+  );
+  frame.addEventListener("contextmenu", (event) => event.shiftKey && event.preventDefault());
   const element = h(
     "div",
     { class: "live-view-box" },
-    h("div", { class: "live-view-frame" }, surface, light.readout),
+    frame,
+    stage.bar,
     h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), curve),
-    h("div", { class: "view-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view))),
+    toolBar,
     said,
   );
-  const look = () => {
-    picture.look = { exposure: exposure.valueAsNumber, curve: curve.value };
-    setText(shown, `${exposure.valueAsNumber > 0 ? "+" : ""}${exposure.valueAsNumber} EV`);
+  const relook = () => look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
+  look.subscribe((now) => {
+    picture.look = now;
+    setText(shown, `${now.exposure > 0 ? "+" : ""}${now.exposure} EV`);
     picture.invalidate();
-  };
-  exposure.addEventListener("input", look);
-  exposure.addEventListener("dblclick", () => ((exposure.value = "0"), look()));
-  curve.addEventListener("change", look);
+  });
+  exposure.addEventListener("input", relook);
+  exposure.addEventListener("dblclick", () => ((exposure.value = "0"), relook()));
+  curve.addEventListener("change", relook);
 
-  let width = 0;
   const resizing = new ResizeObserver(() => {
-    if (Math.abs(surface.clientWidth - width) < 2) return;
-    width = surface.clientWidth;
+    const { clientWidth } = stage.shown() ?? surface;
+    if (!clientWidth || Math.abs(clientWidth - wide) < 2) return;
+    wide = clientWidth;
     refresh();
   });
-  resizing.observe(surface);
+  for (const each of [surface, stage.element]) resizing.observe(each);
   refresh();
   return {
     element,
     refresh,
     dispose() {
       resizing.disconnect();
+      stage.dispose();
       letGo();
       light.dispose();
       lightKey.dispose();
@@ -263,11 +305,11 @@ export function liveView(scene, form, meanwhile, turned) {
  *
  * @param {number} width of the picture that is asked for
  * @param {number} height
- * @param {HTMLElement} surface
+ * @param {number} wide the view, in CSS pixels; 0: not known yet
  */
-function sizeFor(width, height, surface) {
-  const wide = Math.max(LEAST_SIDE, (surface.clientWidth || 320) * Math.min(devicePixelRatio, 2));
-  const scale = Math.min(wide / width, Math.sqrt(MOST_PIXELS / (width * height)));
+function sizeFor(width, height, wide) {
+  const most = Math.max(LEAST_SIDE, (wide || 320) * Math.min(devicePixelRatio, 2));
+  const scale = Math.min(most / width, Math.sqrt(MOST_PIXELS / (width * height)));
   return { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
 }
 

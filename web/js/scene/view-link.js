@@ -52,7 +52,9 @@ export class ViewLink {
     this.socket = null;
     this.lastHeard = 0;
     this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
-    this.seen = () => this.say({ paused: document.hidden });
+    /** Its pictures are not looked at just now. */
+    this.rests = false;
+    this.seen = () => this.say({ paused: document.hidden || this.rests });
     document.addEventListener("visibilitychange", this.seen);
     this.connect();
   }
@@ -68,7 +70,7 @@ export class ViewLink {
     socket.onopen = () => {
       this.backoff.succeeded();
       this.handlers.link(true);
-      if (document.hidden) this.seen();
+      if (document.hidden || this.rests) this.seen();
       this.ask();
     };
     socket.onmessage = ({ data }) => {
@@ -98,6 +100,13 @@ export class ViewLink {
     if (said.type === "state") this.handlers.state(said);
     else if (said.type === "picked") this.handlers.picked(said);
     else if (said.type === "error" && (said.id === null || said.id === this.id)) this.handlers.failed(said.detail);
+  }
+
+  /** @param {boolean} on pictures may stay away for a while */
+  rest(on) {
+    if (on === this.rests) return;
+    this.rests = on;
+    this.seen();
   }
 
   /** @param {Record<string, any>} view what is to be seen from now on: a job's request */
