@@ -50,7 +50,7 @@ def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_
         return parse_qs(str(page.evaluate("location.hash")).partition("?")[2])
 
     page.goto(f"{farm.url}/#/scenes/{scene}")
-    surface, state = page.locator(".live-view"), page.locator(".view-state")
+    surface = page.locator(".live-view")
     page.wait_for_selector(".live-view[data-view]", timeout=120_000)
     tiles = [page.locator(f"[data-job='{job}']") for job in (a, b)]
 
@@ -76,7 +76,8 @@ def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_
 
     page.get_by_label("Picture B").select_option("live")
     expect(page.locator(".channel-tag.right")).to_have_text("B: Live view")
-    expect(state).to_contain_text("samples", timeout=60_000)
+    expect(page.locator(".view-state")).to_be_visible()
+    wait_until(lambda: int(surface.get_attribute("data-samples") or 0) > 0, 60, "it goes on")
     box = page.locator(".view-stage .stage").bounding_box()
     assert box
     page.keyboard.down("l")

@@ -13,6 +13,7 @@ import { bookmarks } from "./bookmarks.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
+import { clarity, clearness } from "./clarity.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { LIVE } from "./sides.js";
 import { sunHand } from "./sun-hand.js";
@@ -22,7 +23,7 @@ import { ViewLink } from "./view-link.js";
 import { viewStage } from "./view-stage.js";
 import { viewTools } from "./view-tools.js";
 import { Store } from "../base/store.js";
-import { t, tn } from "../base/words.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -67,6 +68,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
+  const clear = clearness(() => refresh());
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
   let picture;
@@ -97,10 +99,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.style.backgroundImage = "";
       picture.invalidate();
     },
-    state({ samples, bound, slots, message }) {
+    state({ samples, bound, mean, noise, done, slots, message }) {
       surface.dataset.samples = String(samples);
       if (message) setText(state, message);
-      else if (bound) setText(state, `${tn(bound, "{done} of {n} sample", "{done} of {n} samples", { done: samples })}, ${tn(slots, "{n} slot", "{n} slots")}`);
+      else if (bound) setText(state, clarity(mean, noise, done ? null : slots));
     },
     failed: (sentence) => setText(state, sentence),
     picked: (found) => onPicked?.(found),
@@ -128,7 +130,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
-    link.show({ ...request, width, height });
+    link.show({ ...request, ...clear.request(), width, height });
     offer();
     if (focused && form.view().aperture) tell();
   };
@@ -261,7 +263,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { class: "live-view-box" },
     frame,
     stage.bar,
-    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), curve),
+    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), clear.element, curve),
     toolBar,
     said,
   );
