@@ -7,6 +7,8 @@ import { LastingSocket } from "../base/lasting-socket.js";
 import { decodeView } from "./view-packet.js";
 import { t } from "../base/words.js";
 
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
+
 /**
  * @typedef {object} ViewState
  * @property {number | null} id
@@ -18,7 +20,13 @@ import { t } from "../base/words.js";
  * @property {number} slots
  * @property {string | null} message why nothing new comes
  *
- * @typedef {{x: number, y: number, depth: number | null, position: import("../base/types.js").Vec3 | null}} Picked
+ * @typedef {object} Picked what lies under a pixel; null: nothing does
+ * @property {number} x
+ * @property {number} y
+ * @property {Vec3 | null} direction which way the pixel looks; null: not known just now
+ * @property {number | null} depth from the eye
+ * @property {Vec3 | null} position
+ * @property {Vec3 | null} normal
  *
  * @typedef {object} ViewHandlers
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
@@ -42,7 +50,9 @@ export class ViewLink extends LastingSocket {
     this.pending = 0;
     /** The picture that came last is shown: they are unpacked beside each other, and shown in their order. */
     this.shown = Promise.resolve();
-    this.seen = () => this.say({ paused: document.hidden });
+    /** Its pictures are not looked at just now. */
+    this.rests = false;
+    this.seen = () => this.say({ paused: document.hidden || this.rests });
     document.addEventListener("visibilitychange", this.seen);
     this.connect();
   }
@@ -54,7 +64,7 @@ export class ViewLink extends LastingSocket {
 
   /** @override */
   opened() {
-    if (document.hidden) this.seen();
+    if (document.hidden || this.rests) this.seen();
     this.ask();
   }
 
@@ -77,6 +87,13 @@ export class ViewLink extends LastingSocket {
       this.handlers.picture(picture.value);
       this.say({ ack: picture.value.seq });
     });
+  }
+
+  /** @param {boolean} on pictures may stay away for a while */
+  rest(on) {
+    if (on === this.rests) return;
+    this.rests = on;
+    this.seen();
   }
 
   /** @param {Record<string, any>} view what is to be seen from now on: a job's request */
