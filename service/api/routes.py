@@ -15,6 +15,7 @@ from service.api import (
     live,
     scenes,
     shot_files,
+    snapshots,
     viewport,
     workers,
 )
@@ -28,6 +29,7 @@ for module in (
     jobs,
     frames,
     shot_files,
+    snapshots,
     live,
     viewport,
     workers,

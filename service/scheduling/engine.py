@@ -25,6 +25,7 @@ from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
+from service.scheduling.film_snapshots import SnapshotKeeper
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
 from service.scheduling.preparing import Preparing
@@ -36,6 +37,7 @@ from service.scheduling.vectors import Vectors
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from service.store.blobs import BlobStore
+from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmStore
 from service.store.films import Film
 from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
@@ -57,6 +59,7 @@ class Engine:
         settings: Settings,
         records: Records,
         films: FilmStore,
+        snapshots: FilmSnapshots,
         blobs: BlobStore,
         tell: Tell,
         tell_tiles: TellTiles,
@@ -88,9 +91,10 @@ class Engine:
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
             *(self._vectors, self._bulkheads, self._changes, change, let_go),
         )
+        self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
-            *(self._denoising, self._vectors, self._environments, change, tell_tiles),
+            *(self._denoising, self._vectors, self._environments, change, tell_tiles, self._keeper.look),
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
         self._has_begun = False
@@ -111,6 +115,7 @@ class Engine:
         self._denoising.close()
         self._vectors.close()
         self._environments.close()
+        self._keeper.close()
         self._dispatcher.close()
         self._redis.close()
 
@@ -227,6 +232,8 @@ class Engine:
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
                 continue
             self._changes.close((what, id))
+            if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
+                self._keeper.look(job)  # a picture that goes on was the job's own until now
 
     def _each_second(self) -> None:
         self._answers.review()

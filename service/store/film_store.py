@@ -12,6 +12,7 @@ from weakref import WeakValueDictionary
 from renderer.settings import RenderSettings
 from service.errors import FarmError
 from service.store.film_faults import film_faults
+from service.store.film_snapshots import FilmSnapshots
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 
@@ -55,8 +56,10 @@ class FilmStore(Protocol):
 class FilmFolder:
     """Films as `<folder>/<job>.sqlite`."""
 
-    def __init__(self, folder: Path, cache_bytes: int) -> None:
+    def __init__(self, folder: Path, cache_bytes: int, snapshots: FilmSnapshots) -> None:
+        """snapshots: of these films, which go with them."""
         self._folder = folder
+        self._snapshots = snapshots
         self._cache = TileCache(cache_bytes)
         # Whoever holds a film keeps it in `_films`; the store itself holds on to those that were used latest. So a job never
         # has two films at a time, each of which would remember what the other has changed.
@@ -103,6 +106,7 @@ class FilmFolder:
             if path.exists():
                 path.replace(path.with_name(path.name + LOST))
             self._remove(path)
+            self._snapshots.drop(job)
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
@@ -111,6 +115,7 @@ class FilmFolder:
             path = self._path(job)
             path.with_name(path.name + LOST).unlink(missing_ok=True)
             self._remove(path)
+            self._snapshots.drop(job)
 
     def sweep(self, keep: set[str]) -> None:
         """See FilmStore."""
@@ -120,6 +125,7 @@ class FilmFolder:
                 self.delete(job)
             except FarmError as error:
                 log.warning("the film of the deleted job %s stays: %s", job, error)
+        self._snapshots.sweep(keep)
 
     def close(self) -> None:
         """See FilmStore."""

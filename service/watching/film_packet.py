@@ -19,7 +19,7 @@ import numpy as np
 from renderer.film import CHANNELS
 from renderer.image import rgbe9995
 from service.store.bands import bands
-from service.store.films import Film
+from service.store.film_moment import Readable
 from service.watching.made import Made
 from service.watching.tile_packet import VERSION
 
@@ -32,7 +32,7 @@ LEVEL = 1  # what a higher one takes longer, it does not make smaller: mantissas
 PIECE = 1 << 18
 
 
-def film_packet(film: Film, frame: int, folder: Path, gzip: bool) -> Made:
+def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
     """The whole answer. folder: for temporary files. Raises what a Film raises when it is read."""
     # Before the light is read: where samples come meanwhile, a tile says too little of itself, and is sent again.
     samples = np.array([film.coverage(frame, tile).total for tile in range(len(film.tiles))], "<u4")
@@ -63,7 +63,7 @@ def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
     yield packer.flush()
 
 
-def memory(film: Film) -> int:
+def memory(film: Readable) -> int:
     """About the most bytes that `film_packet` takes."""
     tile = film.tiles[0]
     return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height
