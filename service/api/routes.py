@@ -13,6 +13,7 @@ from service.api import (
     jobs,
     kernels,
     live,
+    references,
     scenes,
     shot_files,
     snapshots,
@@ -24,6 +25,7 @@ __all__ = ["router"]
 
 router = APIRouter()
 for module in (
+    references,
     scenes,
     environments,
     jobs,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import zlib
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
@@ -19,7 +18,7 @@ from service.errors import Invalid, NotFound
 from service.farm import Farm, FarmDependency
 from service.store.film_snapshots import FilmSnapshot
 from service.watching import film_picture
-from service.watching.film_packet import GZIP
+from service.watching.film_packet import unpacked
 from service.watching.pictures import MEDIA
 
 __all__ = ["router"]
@@ -62,7 +61,7 @@ def snapshot_film(id: str, spp: Spp, request: Request, farm: FarmDependency) -> 
     size, pieces = _packed(id, spp, farm)
     if gzip:
         headers |= {"Content-Encoding": "gzip", "Content-Length": str(size)}
-    return StreamingResponse(pieces if gzip else _unpacked(pieces), media_type="application/octet-stream", headers=headers)
+    return StreamingResponse(pieces if gzip else unpacked(pieces), media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/{spp}/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
@@ -107,13 +106,6 @@ def _packed(id: str, spp: int, farm: Farm) -> tuple[int, Iterator[bytes]]:
         return farm.snapshots.packed(id, spp)
     except FileNotFoundError:
         raise _no_snapshot(spp) from None
-
-
-def _unpacked(pieces: Iterator[bytes]) -> Iterator[bytes]:
-    unpacker = zlib.decompressobj(GZIP)
-    for piece in pieces:
-        yield unpacker.decompress(piece)
-    yield unpacker.flush()
 
 
 def _etag(id: str, found: FilmSnapshot, form: str) -> str:

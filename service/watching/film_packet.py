@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.film import CHANNELS
 from renderer.image import rgbe9995
@@ -23,7 +24,7 @@ from service.store.film_moment import Readable
 from service.watching.made import Made
 from service.watching.tile_packet import VERSION
 
-__all__ = ["KIND_FILM", "film_packet", "memory"]
+__all__ = ["GZIP", "HEADER", "KIND_FILM", "film_packet", "memory", "packed_picture", "unpacked"]
 
 KIND_FILM = 2
 HEADER = struct.Struct("<BBHHHI")
@@ -52,6 +53,21 @@ def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
                 file.write(piece)
 
     return Made.written(write, folder, ".gz")
+
+
+def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
+    """A picture that no farm has rendered, RGB9E5 (h, w), in the same form by gzip: one tile of one sample."""
+    height, width = words.shape
+    planes = np.ascontiguousarray(np.moveaxis(words.astype("<u4").view(np.uint8).reshape(height, width, 4), 2, 0))
+    yield from _compressed(HEADER.pack(VERSION, KIND_FILM, 0, width, height, max(width, height)) + struct.pack("<I", 1), planes)
+
+
+def unpacked(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """What was packed by gzip, for readers that do not take it so."""
+    unpacker = zlib.decompressobj(GZIP)
+    for piece in pieces:
+        yield unpacker.decompress(piece)
+    yield unpacker.flush()
 
 
 def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
