@@ -37,7 +37,7 @@ UNKNOWN_NAME = (
 )
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
-STREAMED = ("/api/scenes", "/api/farm/blobs/", "/api/farm/kernels/")
+STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
 class Door:
