@@ -9,7 +9,7 @@ import { DENOISED } from "./channels.js";
 import { Film } from "./film.js";
 import { Store } from "../base/store.js";
 
-/** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
+/** @typedef {import("./live-film.js").LiveFilm | import("./still-film.js").StillFilm} SideFilm */
 
 /** What is stale is renewed at most this often. */
 const EVERY_MS = 3000;
@@ -26,7 +26,7 @@ const SETTLE_MS = 300;
 
 export class PictureSide {
   /**
-   * @param {LiveFilm} live
+   * @param {SideFilm} live
    * @param {import("./film-layer.js").FilmLayer} layer
    */
   constructor(live, layer) {
@@ -62,7 +62,7 @@ export class PictureSide {
   /** The film whose values are seen; null where a plane is. */
   get film() {
     const { channel } = this.state.value;
-    if (this.played) return null; // its pixels are others
+    if (this.played) return this.played.total ? this.played : null; // a frame that is played has no samples of its own
     return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
   }
 
