@@ -17,7 +17,7 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 from service.errors import FarmError
-from service.scheduling.active_frame import ActiveFrame
+from service.scheduling.active_frame import FIRST_LOOK, ActiveFrame
 from service.scheduling.active_job import ActiveJob
 from service.store.film_moment import FilmMoment
 from service.store.film_snapshots import FilmSnapshot, FilmSnapshots
@@ -83,7 +83,8 @@ class SnapshotKeeper:
             self._room.release()
             log.info("job %s: no snapshot at %d samples: %s", job.id, spp, error)
             return
-        facts = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), job.noise_now, round(time.time(), 2))
+        noise = job.noise_now if spp >= FIRST_LOOK else None  # until then not every tile was looked at
+        facts = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), noise, round(time.time(), 2))
         self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
 
     def close(self) -> None:
