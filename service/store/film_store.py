@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 from weakref import WeakValueDictionary
 
 from renderer.settings import RenderSettings
-from service.errors import FarmError
+from service.errors import FarmError, FilmLost
+from service.store.film_check import film_samples, rows_left
 from service.store.film_faults import film_faults
 from service.store.film_snapshots import FilmSnapshots
+from service.store.film_version import FilmShape
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 
@@ -43,6 +47,18 @@ class FilmStore(Protocol):
     def set_aside(self, job: str) -> None:
         """Put a film that cannot be read any more out of the way, so that its job begins anew. Raises FilmWaits or FilmLost."""
 
+    def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
+        """Make a film readable again: what is not what was written is removed, and so counts as missing.
+
+        One that cannot be read as a whole is set aside, and what is left of it taken over. Raises FilmWaits or FilmLost.
+        """
+
+    def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
+        """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
+
+    def is_there(self, job: str) -> bool:
+        """Whether a job has a film with something in it; a look at its file's size."""
+
     def delete(self, job: str) -> None:
         """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
 
@@ -56,8 +72,8 @@ class FilmStore(Protocol):
 class FilmFolder:
     """Films as `<folder>/<job>.sqlite`."""
 
-    def __init__(self, folder: Path, cache_bytes: int, snapshots: FilmSnapshots) -> None:
-        """snapshots: of these films, which go with them."""
+    def __init__(self, folder: Path, cache_bytes: int, snapshots: FilmSnapshots | None = None) -> None:
+        """snapshots: of these films, which go with them; None: of those nothing is touched."""
         self._folder = folder
         self._snapshots = snapshots
         self._cache = TileCache(cache_bytes)
@@ -104,18 +120,43 @@ class FilmFolder:
             self._close(job)
             path = self._path(job)
             if path.exists():
-                path.replace(path.with_name(path.name + LOST))
+                self._remove(self._lost(job))
+                for suffix in ("-wal", ""):  # the log first, which says nothing without its film
+                    with contextlib.suppress(FileNotFoundError):
+                        path.with_name(path.name + suffix).replace(path.with_name(path.name + LOST + suffix))
             self._remove(path)
-            self._snapshots.drop(job)
+            self._drop_snapshots(job)
+
+    def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
+        """See FilmStore."""
+        try:
+            film = self.open(job, settings, tile_size)
+            if lost := film.heal():
+                log.warning("the film of %s was damaged: %d samples are missing", job, lost)
+        except FilmLost as error:
+            log.warning("the film of %s is set aside: %s", job, error)
+            self.set_aside(job)
+            film = self.open(job, settings, tile_size)
+            film.take_over(rows_left(self._lost(job), self._shape(settings, tile_size)))
+
+    def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
+        """See FilmStore."""
+        return film_samples(self._path(job), self._shape(settings, tile_size))
+
+    def is_there(self, job: str) -> bool:
+        """See FilmStore."""
+        try:
+            return self._path(job).stat().st_size > 0
+        except FileNotFoundError:
+            return False
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
         with self._lock, film_faults():
             self._close(job)
-            path = self._path(job)
-            path.with_name(path.name + LOST).unlink(missing_ok=True)
-            self._remove(path)
-            self._snapshots.drop(job)
+            self._remove(self._lost(job))
+            self._remove(self._path(job))
+            self._drop_snapshots(job)
 
     def sweep(self, keep: set[str]) -> None:
         """See FilmStore."""
@@ -125,7 +166,8 @@ class FilmFolder:
                 self.delete(job)
             except FarmError as error:
                 log.warning("the film of the deleted job %s stays: %s", job, error)
-        self._snapshots.sweep(keep)
+        if self._snapshots is not None:
+            self._snapshots.sweep(keep)
 
     def close(self) -> None:
         """See FilmStore."""
@@ -133,8 +175,18 @@ class FilmFolder:
             for job in list(self._films):
                 self._close(job)
 
+    def _drop_snapshots(self, job: str) -> None:
+        if self._snapshots is not None:
+            self._snapshots.drop(job)
+
     def _path(self, job: str) -> Path:
         return self._folder / f"{job}.sqlite"
+
+    def _lost(self, job: str) -> Path:
+        return self._folder / f"{job}.sqlite{LOST}"
+
+    def _shape(self, settings: RenderSettings, tile_size: int) -> FilmShape:
+        return FilmShape(settings.width, settings.height, tile_size, settings.film_exponent)
 
     def _close(self, job: str) -> None:
         film = self._films.pop(job, None)

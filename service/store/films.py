@@ -11,7 +11,7 @@ import hashlib
 import logging
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from renderer.film import BadSample, Sums
@@ -22,9 +22,9 @@ from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
 from service.store.film_file import FilmFile
 from service.store.film_moment import FilmMoment
-from service.store.film_version import FilmShape
+from service.store.film_version import FilmShape, Row
 from service.store.tile_cache import TileCache
-from worker.sums import check_sums, pack_sums, unpack_sums
+from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 
@@ -157,7 +157,8 @@ class Film:
             new = [s for s in staged if s is not None]
             if not new:
                 return [False] * len(staged)
-            rows = [(p.frame, p.tile, p.first, p.count, p.bad_count, p.sums) for p in new]
+            joined = self._joined(new)
+            rows = [(j.frame, j.tile, j.first, j.count, j.bad_count, j.sums) for j, _ in joined]
             bad = [(p.frame, *sample) for p in new for sample in p.bad]
             try:
                 self._file.add(rows, bad)
@@ -165,8 +166,8 @@ class Film:
                 self._in_doubt = True
                 raise
             self._coverage.update(claimed)
-            for part in new:
-                self._remember(part)
+            for part, sums in joined:
+                self._remember(part, sums)
             for key in claimed:
                 self._fold(*key)
             return [s is not None for s in staged]
@@ -180,6 +181,37 @@ class Film:
             self._in_doubt = True
             self._file.forget(frame)
             self._take_in(self._file)
+
+    def heal(self) -> int:
+        """Remove what is not what was written, so that it counts as missing; returns how many samples, all pixels together."""
+        with self._lock:
+            self.load()
+            if self._file is None:
+                return 0
+            self._in_doubt = True
+            lost = 0
+            for frame, tile, first, count in self._file.ranges():
+                if not self._is_readable(self._file.row(frame, tile, first), tile):
+                    area = self.tiles[tile]
+                    self._file.remove(frame, tile, first)
+                    self._file.forget_bad(frame, area, first, count)
+                    lost += count * area.w * area.h
+            self._take_in(self._file)
+        return lost
+
+    def take_over(self, rows: Iterable[Row]) -> None:
+        """Add rows that are left of a film which cannot be read as a whole. Which of their samples were bad is not told."""
+        for frame, tile, first, count, bad, sums in rows:
+            self.merge([Part(frame, tile, first, count, sums, bad_count=bad)])
+
+    def _is_readable(self, row: Row | None, tile: int) -> bool:
+        if row is None:
+            return False
+        try:
+            unpack_sums(row[5], self.tiles[tile], stored=True)
+        except (ValueError, TypeError):
+            return False
+        return True
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
         """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet."""
@@ -259,14 +291,33 @@ class Film:
         claimed[where] = coverage
         return part
 
-    def _remember(self, part: Part) -> None:
+    def _joined(self, parts: list[Part]) -> list[tuple[Part, Sums | None]]:
+        """Parts whose samples follow each other, as one: a row costs more than what is added to it. With the sums that it has."""
+        runs: list[list[Part]] = []
+        for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
+            last = runs[-1][-1] if runs else None
+            if last and (last.frame, last.tile, last.first + last.count) == (part.frame, part.tile, part.first):
+                runs[-1].append(part)
+            else:
+                runs.append([part])
+        return [self._one(run) if len(run) > 1 else (run[0], None) for run in runs]
+
+    def _one(self, run: list[Part]) -> tuple[Part, Sums]:
+        tile = self.tiles[run[0].tile]
+        sums = unpack_sums(run[0].sums, tile)
+        for part in run[1:]:
+            add_sums(sums, part.sums, tile)
+        count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
+        return replace(run[0], count=count, sums=pack_sums(sums), bad_count=bad_count), sums
+
+    def _remember(self, part: Part, sums: Sums | None) -> None:
         """Note what was added. Sums that somebody looks at are kept up to date; others are added up when they are asked for."""
         where = (part.frame, part.tile)
         key = (self._path.stem, *where)
         self._rows[where] = self._rows.get(where, 0) + 1
         old = self._cache.get(key)
         if old is not None:
-            self._cache.put(key, old + unpack_sums(part.sums, self.tiles[part.tile]))
+            self._cache.put(key, old + (unpack_sums(part.sums, self.tiles[part.tile]) if sums is None else sums))
 
     def _total(self, rows: Iterable[bytes], tile: int, planes: Sequence[int] | None = None) -> Sums:
         return added_up(rows, self.tiles[tile], planes)

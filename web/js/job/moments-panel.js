@@ -11,6 +11,8 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Snapshot} Snapshot */
 
 const RENEW_MS = 3000;
+/** From so many on every second one is labelled. */
+const CROWDED = 7;
 
 /**
  * @param {() => Job} job
@@ -105,7 +107,7 @@ export function momentsPanel(job, picture, display, life) {
       return; // cut off or gone, which the page says elsewhere
     }
     element.hidden = known.length === 0;
-    fill(ticks, ...[...known.map(({ spp }) => shortOf(spp)), t("now")].map((text) => h("span", null, text)));
+    fill(ticks, ...[...known.map(({ spp }, i) => ((known.length - i) % 2 === 0 || known.length < CROWDED ? shortOf(spp) : "")), t("now")].map((text) => h("span", null, text)));
     void show();
   };
   void renew();
