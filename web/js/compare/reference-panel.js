@@ -52,7 +52,7 @@ export function referencePanel(state, life) {
       input.value = "";
     },
   });
-  const add = h("button", { type: "button", onclick: () => input.click() }, icon("upload"), t("Add a reference picture"));
+  const add = h("button", { class: "button", type: "button", onclick: () => input.click() }, icon("upload"), t("Add a reference picture"));
   const remove = (/** @type {Reference} */ reference) =>
     dropReference(reference.id).then(
       () => announce(t("{name} is removed", { name: reference.name })),
