@@ -15,10 +15,13 @@ from service.api import (
     jobs,
     kernels,
     live,
+    login,
+    people,
     references,
     scenes,
     shot_files,
     snapshots,
+    tokens,
     viewport,
     workers,
 )
@@ -45,5 +48,8 @@ for module in (
     farm,
     kernels,
     health,
+    login,
+    people,
+    tokens,
 ):
     router.include_router(module.router)
