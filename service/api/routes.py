@@ -17,8 +17,10 @@ from service.api import (
     live,
     login,
     people,
+    references,
     scenes,
     shot_files,
+    snapshots,
     tokens,
     viewport,
     workers,
@@ -28,12 +30,14 @@ __all__ = ["router"]
 
 router = APIRouter()
 for module in (
+    references,
     scenes,
     environments,
     jobs,
     frames,
     explain,
     shot_files,
+    snapshots,
     live,
     viewport,
     workers,
