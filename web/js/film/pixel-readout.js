@@ -113,7 +113,7 @@ export class PixelReadout {
       setText(value, texts[i] ?? "");
     });
     const { live } = this.side;
-    setText(this.samples, live instanceof LiveFilm || live.hasSamples ? t("{n} spp", { n: samples }) : "");
+    setText(this.samples, "hasSamples" in live && !live.hasSamples ? "" : t("{n} spp", { n: samples }));
     this.line.classList.toggle("exact", exact);
     this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, true to 0.2 %");
   }
