@@ -187,7 +187,7 @@ def _is_film_there(films: FilmFolder, job: Job, recorded: dict[int, int], deep: 
     if not any(recorded.values()) or job.settings is None or job.tile_size is None:
         return True
     if not deep:
-        return films.is_there(job.id)
+        return films.size(job.id) > 0
     try:
         check_film(films, job.id, RenderSettings.from_json(job.settings), job.tile_size, recorded)
     except SettingsError:

@@ -176,7 +176,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
     set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
-    rendered first, which changes no bit of how the picture ends.
+    rendered first, which changes no bit of how the picture ends. pinned: what a farm lets go by its rules, it keeps of this job.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
     farm.lit_again(id)
@@ -186,6 +186,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             raise no_job(id)
         if change.priority is not None:
             job.priority = change.priority
+        if change.pinned is not None:
+            job.pinned = change.pinned
         shot = Shot.of(job.shot)
         if shot is not None:
             frames = {frame.number: frame for frame in session.scalars(select(Frame).where(Frame.job == id))}

@@ -13,6 +13,7 @@ from service.api import (
     jobs,
     kernels,
     live,
+    retention,
     scenes,
     shot_files,
     viewport,
@@ -36,6 +37,7 @@ for module in (
     info,
     farm,
     kernels,
+    retention,
     health,
 ):
     router.include_router(module.router)

@@ -43,7 +43,7 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
     """Read all of a film; recorded: the samples that the database says of each frame. Raises FilmDamaged, FilmLost, FilmWaits."""
     if not any(recorded.values()):
         return
-    if not films.is_there(job):
+    if not films.size(job):
         raise FilmDamaged(f"{FILM} is missing or was emptied.")
     has = films.verify(job, settings, tile_size)
     if lacking := [number for number, samples in recorded.items() if has.get(number, 0) < samples]:
@@ -130,7 +130,7 @@ class Patrol:
         for job in jobs:
             if self._stopping.is_set():
                 return
-            if not self._films.is_there(job):
+            if not self._films.size(job):
                 self._suspects.put(job)
 
     def _oldest(self) -> str | None:
