@@ -19,7 +19,9 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from service.access.access import Access
 from service.errors import CannotStart, Conflict, FarmError
+from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
@@ -36,8 +38,10 @@ from service.store.models import FINAL, Job, Scene
 from service.store.reserve import Reserve
 from service.store.whole import PRIVATE
 from service.viewing.desk import Desk
+from service.viewing.explaining import Explaining
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
+from service.watching.shared import Shared
 
 __all__ = ["Farm", "FarmDependency", "get_farm"]
 
@@ -57,6 +61,7 @@ class Farm:
         self.instance = settings.instance()
         try:
             self.database, self.sessions = connect(settings.database)
+            self.access = Access(self.sessions, settings, self.instance)
         except BaseException:
             self._lock.close()
             raise
@@ -66,11 +71,13 @@ class Farm:
         self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
+        self.shared = Shared(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
         self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))
+        self.outbox = Outbox(settings, self.sessions)
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
             *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
@@ -80,6 +87,7 @@ class Farm:
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
         self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.changed, self.rules)
         self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
+        self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
@@ -91,15 +99,18 @@ class Farm:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
         self.desk.start()
+        self.outbox.start()
         self.patrol.start()
         self.retention.start()
 
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.outbox.stop()
         self.patrol.stop()
         self.retention.stop()
         self.desk.stop()
+        self.explaining.stop()
         self.engine.stop()
         self._collector.shutdown()
         self.films.close()

@@ -6,17 +6,20 @@ import contextlib
 import re
 import secrets
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
 
-__all__ = ["Settings"]
+__all__ = ["OWNER_TOKEN", "Settings"]
 
 MIB = 1 << 20
 GIB = 1 << 30
+OWNER_TOKEN = "owner-token"  # in the data folder: who reads it owns the farm
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -31,11 +34,20 @@ class Settings(BaseSettings):
     database_url: str = ""  # SQLite in the data folder where empty
     blobs: str = ""  # s3://bucket/prefix: uploads and compiled scenes are kept there; in the data folder where empty
     token: str = ""  # what workers show; kept in the data folder where empty
+    owner_token: str = ""  # what lets its owner in, as an administrator; kept in the data folder where empty
     host: str = "127.0.0.1"
+    published: str = ""  # the address by which it is reached, where that is not `host`: a container's
     port: int = 8000
+    login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
+    print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
+
+    webhooks: list[str] = Field(default_factory=list)  # URLs that are told when a job ends
+    webhook_secret: str = ""  # whsec_...: what messages are signed with; kept in the data folder where empty
+    job_hook: str = ""  # a program that is run when a job ends
+    public_url: str = ""  # where people open the page, for links in messages
 
     max_upload_bytes: int = GIB
     max_upload_files: int = 4096
@@ -57,11 +69,14 @@ class Settings(BaseSettings):
     )  # films that rest are read so often, and what is missing is rendered; 0: never
 
     batch_seconds: float = 0.5
+    batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
+    results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out
     window_per_slot: int = 2
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0
     frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
     live_interval: float = 0.12
+    live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 
     @field_validator("data")
     @classmethod
@@ -73,6 +88,21 @@ class Settings(BaseSettings):
     def _bucket(cls, value: str) -> str:
         if value and not re.fullmatch(r"s3://[^/]+(/.*)?", value):
             raise ValueError(f"{value!r} is no address of blobs; give s3://bucket/prefix, or nothing for the data folder")
+        return value
+
+    @field_validator("webhooks")
+    @classmethod
+    def _addresses(cls, value: list[str]) -> list[str]:
+        for url in value:
+            if not re.fullmatch(r"https?://[^/?#\s]+[^\s]*", url):
+                raise ValueError(f"{url!r} is no address of a webhook; give http:// or https://")
+        return value
+
+    @field_validator("webhook_secret")
+    @classmethod
+    def _secret(cls, value: str) -> str:
+        if value:
+            key_of(value)
         return value
 
     @property
@@ -90,8 +120,15 @@ class Settings(BaseSettings):
         """Whether only this machine can reach the service."""
         return self.host in LOOPBACK
 
+    @property
+    def needs_login(self) -> bool:
+        """Whether nobody is let in without showing who they are."""
+        if self.login == "auto":
+            return not self.is_loopback if not self.published else self.published not in LOOPBACK
+        return self.login == "always"
+
     def make_folders(self) -> None:
-        """The folders of the data directory, the instance's id, and the token where none is given."""
+        """The folders of the data directory, the instance's id, and the tokens where none are given."""
         self.data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(PermissionError):  # another user's folder: as private as they made it
             self.data.chmod(PRIVATE_FOLDER)
@@ -99,6 +136,13 @@ class Settings(BaseSettings):
             (self.data / name).mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
         if not self.token:
             self.token = _kept(self.data / "token")
+        if not self.owner_token:
+            self.owner_token = _kept(self.data / OWNER_TOKEN)
+        if self.webhooks and not self.webhook_secret:
+            path = self.data / "webhook-secret"
+            if not path.exists():
+                write_whole(path, f"{new_secret()}\n".encode())
+            self.webhook_secret = path.read_text().strip()
 
     def instance(self) -> str:
         """The random id by which a worker recognises that it sees this very data folder."""

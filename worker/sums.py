@@ -19,7 +19,7 @@ import numpy.typing as npt
 from renderer.film import CHANNELS, Sums
 from renderer.settings import Tile
 
-__all__ = ["PACKED", "check_sums", "pack_sums", "unpack_sums"]
+__all__ = ["PACKED", "add_sums", "check_sums", "pack_sums", "unpack_sums"]
 
 Array = npt.NDArray[Any]
 
@@ -78,6 +78,24 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
             else:
                 _widen(_raw(body, code, tile), code, sums[number])
     return sums
+
+
+def add_sums(total: Sums, data: bytes, tile: Tile) -> None:
+    """Add what `pack_sums` packed. Raises ValueError where that is not of this tile; then nothing was added."""
+    planes = dict(_planes(data, tile, False))
+    values: dict[int, Any] = {}
+    for number, (code, value, body) in planes.items():
+        if code == COPY:
+            values[number] = values[value]
+        elif code == ALIKE:
+            values[number] = value
+        elif code in WIDTHS and code < 8:
+            values[number] = np.frombuffer(_raw(body, code, tile), WIDTHS[code]).reshape(tile.h, tile.w)
+        else:
+            values[number] = np.empty((tile.h, tile.w), "<i8")
+            _widen(body if code == PLAIN else _raw(body, code, tile), 8, values[number])
+    for number, value in values.items():
+        total[number] += value
 
 
 def check_sums(data: bytes, tile: Tile) -> None:

@@ -11,10 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from rayfarm import options
-from rayfarm.client import Client
-from rayfarm.commands.submit import server_url
 from rayfarm.console import out
 from rayfarm.errors import CommandError
+from rayfarm.login import farm_client
 
 __all__ = ["register"]
 
@@ -62,7 +61,7 @@ def gc(
         "compiled_days": compiled_older_than,
         "uploads_days": uploads_older_than,
     }
-    with Client(server_url(server)) as farm:
+    with farm_client(server) as farm:
         found = farm.let_go(dry_run=True, **rules)
         if not dry_run and found["items"]:
             if not as_json:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 import uuid
 from typing import Annotated, Any, get_args
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field, TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
@@ -155,6 +157,21 @@ def get_job(id: str, farm: FarmDependency) -> JobOut:
     view = farm.engine.snapshot
     with farm.sessions() as session:
         return job_out(find_job(id, farm), session, farm.engine, view)
+
+
+@router.get("/{id}/log", response_class=PlainTextResponse)
+def job_log(id: str, farm: FarmDependency, request: Request) -> Response:
+    """What happened to a job, line by line: its scene prepared, batches handed out, back, lost, failed, and by which workers.
+
+    The newest 256 kB. Lines begin with the time (UTC); below errors, further in, stand the last lines of their traces.
+    """
+    find_job(id, farm)
+    text = farm.engine.logs.text(id)
+    tag = f'"{hashlib.sha256(text).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if tag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    return PlainTextResponse(text, headers=headers)
 
 
 @router.get("/{id}/history", response_model=HistoryOut)

@@ -17,6 +17,7 @@ import contextlib
 import json
 import time
 from collections import deque
+from functools import partial
 from typing import Any
 
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
@@ -38,8 +39,6 @@ __all__ = ["router"]
 router = APIRouter()
 
 MAX_UNACKNOWLEDGED = 2  # rounds
-ROUND_PIXELS = 1 << 20  # about 4 MB
-STATE_EVERY_S = 0.25
 SPEAK_EVERY_S = 5.0
 FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
@@ -106,9 +105,10 @@ class _Watcher:
                 acknowledged = int(said["ack"])
             except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 continue
-            while self._rounds and self._rounds[0] <= acknowledged:
-                self._rounds.popleft()
-            self._listener.wake()
+            if self._rounds and self._rounds[0] <= acknowledged:
+                while self._rounds and self._rounds[0] <= acknowledged:
+                    self._rounds.popleft()
+                self._listener.wake()
 
     def _turn_to(self, frame: float, snapshot: bool) -> None:
         """Watch another frame. Raises ValueError."""
@@ -161,25 +161,25 @@ class _Watcher:
                     continue
                 await asyncio.sleep(self._farm.settings.live_interval)
             else:
-                await self._listener.wait(STATE_EVERY_S if self._listener.changed else 1.0)
+                await self._listener.wait(self._farm.shared.state_every_s if self._listener.changed else 1.0)
         await self._socket.close(1012, "The service is going down.")
 
     def _is_state_due(self, now: float) -> bool:
         if now - self._spoke > SPEAK_EVERY_S:
             return True
-        return bool(self._listener.changed) and now - self._state_at >= STATE_EVERY_S
+        return bool(self._listener.changed) and now - self._state_at >= self._farm.shared.state_every_s
 
     async def _send_state(self, now: float) -> bool:
         self._listener.changed.clear()
         self._state_at = self._spoke = now
-        state = await run_in_threadpool(_state, self._farm, self._job)
+        state, text = await self._farm.shared.told(self._job, "state", partial(_state, self._farm, self._job))
         if state is None:
             return False
-        await self._socket.send_text(json.dumps({"type": "state", "job": state}))
+        await self._socket.send_text(text)
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
             self._listener.changed["job", self._job] = None  # it is looked at again
         elif state["shot"] is not None:
-            frames, taken_s = await run_in_threadpool(_frames, self._farm, self._job)
+            frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
             changed = [frame for frame in frames if self._told.get(frame.number) != frame]
             self._told = {frame.number: frame for frame in frames}
             self._frames_at = now + FRAMES_REST * taken_s
@@ -189,15 +189,15 @@ class _Watcher:
         return True
 
     async def _send_round(self, film: Film) -> None:
-        chosen, pixels = [], 0
+        chosen, pixels, most = [], 0, self._farm.shared.round_pixels
         for tile in list(self._listener.tiles):
-            if pixels >= ROUND_PIXELS:
+            if pixels >= most:
                 break
             del self._listener.tiles[tile]
             chosen.append(tile)
             pixels += film.tiles[tile].w * film.tiles[tile].h
         frame = self._listener.frame
-        packed = await run_in_threadpool(_pack, film, frame, chosen)
+        packed = await self._farm.shared.tiles(self._job, film, frame, chosen)
         if not packed or frame != self._listener.frame:
             return
         self._rounds.append(self._sequence + len(packed))
@@ -205,11 +205,6 @@ class _Watcher:
             self._sequence += 1
             await self._socket.send_bytes(tile_packet.packet(film, frame, tile, self._sequence, spp, words))
         self._spoke = time.monotonic()
-
-
-def _pack(film: Film, frame: int, tiles: list[int]) -> list[tuple[int, int, bytes]]:
-    bodies = ((tile, tile_packet.body(film, frame, tile)) for tile in tiles)
-    return [(tile, *body) for tile, body in bodies if body is not None]
 
 
 def _first_frame(farm: Farm, id: str) -> int | None:
@@ -239,6 +234,8 @@ def _film(farm: Farm, id: str) -> Film | None:
         return None  # the job's state says why there is nothing to see
 
 
-def _state(farm: Farm, id: str) -> dict[str, Any] | None:
+def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
+    """A job, and the message that says it."""
     with farm.sessions() as session:
-        return snapshot("job", id, session, farm.engine)
+        state = snapshot("job", id, session, farm.engine)
+    return state, json.dumps({"type": "state", "job": state})

@@ -156,9 +156,9 @@ class ActiveFrame:
         self.is_idle = False
         self._changed()
 
-    def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
+    def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
         """The next batch under its ceiling; None where that is handed out. Raises FilmWaits or FilmLost."""
-        return self.plan.next(samples_wanted)
+        return self.plan.next(samples_wanted, of_a_tile)
 
     def lose(self, batch: Range) -> None:
         """A batch did not come back."""

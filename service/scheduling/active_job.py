@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ FAILURES_ALLOWED = 3
 LOSSES_ALLOWED = 5
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
+WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
 
 
 @dataclass
@@ -161,6 +163,14 @@ class ActiveJob:
         by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
 
+    @property
+    def slots_wanted(self) -> int:
+        """How many slots would each have at least half a minute of work with it; one where it is not known how long it takes."""
+        if self.done or self.state == "paused":
+            return 0
+        left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost
+        return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
+
     def frame_numbers(self) -> Mapping[int, FrameNumbers]:
         """How far each frame is. Never changed: what is made anew is another mapping, with new entries for what has changed."""
         if self._touched:
@@ -181,8 +191,10 @@ class ActiveJob:
         left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost / max(slots, 1)
         return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
 
-    def next(self, batch_seconds: float, slots: int, kind: str) -> Range | None:
-        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end."""
+    def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
+        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
+
+        of_a_tile: how many of one tile may follow each other."""
         cost = self._pixel_cost
         aim = self.aim_s(batch_seconds, slots)
 
@@ -192,7 +204,7 @@ class ActiveJob:
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
         while (frame := self.agenda.next(kind)) is not None:
-            batch = frame.next(samples_wanted)
+            batch = frame.next(samples_wanted, of_a_tile)
             if batch is not None:
                 return batch
             if not self.agenda.passed(frame):

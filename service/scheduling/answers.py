@@ -7,6 +7,7 @@ and is tried again. So what a worker has rendered is rendered once, and one job'
 from __future__ import annotations
 
 import logging
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,6 +42,7 @@ from service.scheduling.messages import (
     understand,
 )
 from service.scheduling.moments import Moments
+from service.scheduling.pace import Pace
 from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler
@@ -80,6 +82,7 @@ class Answers:
         environments: Environments,
         tell: Tell,
         tell_tiles: TellTiles,
+        pace: Pace,
     ) -> None:
         self._results = results
         self._bulkheads = bulkheads
@@ -92,15 +95,37 @@ class Answers:
         self._environments = environments
         self._tell = tell
         self._tell_tiles = tell_tiles
+        self._pace = pace
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
+        self._took_in = 0.0
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed
 
     def take_in(self, block_ms: int) -> None:
         """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
+        self._gather()
+        with self._pace.busy():
+            entries = self._results.read(block_ms)
+            self._take_in(entries)
+        self._pace.took_in(sum(entry.result is not None and entry.result.sums is not None for entry in entries))
+
+    def look_for_unread(self) -> None:
+        """See how many results nobody has read yet. Raises redis.RedisError."""
+        if self._results.size:
+            unread = self._results.length() - sum(map(len, self._kept.values()))
+            self._pace.unread(max(unread, 0), self._results.size)
+
+    def _gather(self) -> None:
+        """Where results come fast, let some come: what is of one tile is then stored at once."""
+        left_s = self._took_in + self._pace.gather_s - time.monotonic()
+        if left_s > 0:
+            time.sleep(left_s)
+        self._took_in = time.monotonic()
+
+    def _take_in(self, entries: list[Entry]) -> None:
         known = {answer.entry.id for answers in self._kept.values() for answer in answers}
-        for entry in self._results.read(block_ms):
+        for entry in entries:
             if entry.id not in known:
                 self._sort(entry)
         for owner in list(self._kept):
@@ -216,6 +241,7 @@ class Answers:
             case FramesReturned():
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
                     log.info("job %s: %s", job.id, message.error)
+                    job.history.log.say(message.error)
                     self._moments.returned(job, message.work)
                     self._tell("job", job.id)
 
@@ -225,7 +251,9 @@ class Answers:
         if job is None or batch is None:
             return
         self.counts["failed"] += 1
-        trouble = self._scheduler.failed(job, message.batch, batch, message.worker, message.error, message.reproduce)
+        trouble = self._scheduler.failed(
+            job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
+        )
         if trouble is not None:
             sentence = f"A batch failed {len(trouble.workers)} times: {trouble.error}"
             self._scheduler.give_up(job, batch, sentence, trouble.reproduce)

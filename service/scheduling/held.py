@@ -31,7 +31,9 @@ class Held:
             return None
         tile, first, count, frame = lease.batch
         held = self._by_message.get(lease.message)
-        return held or self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
+        if held is not None or not self._by_range:
+            return held
+        return self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
 
 def _key(*about: Any) -> str:

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from service.scheduling.plan import Range
 from service.scheduling.results import Position
 
-__all__ = ["Lease", "Leases"]
+__all__ = ["UNSEEN_ALLOWED", "Lease", "Leases"]
 
 HELD_FACTOR = 4
+UNSEEN_ALLOWED = 3  # looks, one a second
 
 
 @dataclass
@@ -29,7 +30,7 @@ class Lease:
     holder: str | None = None  # the worker that was last seen with it
     is_held: bool = False  # whether it was seen there at the last look
     unseen: int = 0  # looks in a row at which it neither waited nor was worked on
-    answered_by: Position | None = None  # the results' end when it was first unseen: its answer, if there is one, lies before
+    answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
     message: str = ""  # with which it was sent: its own, unless it went with others
@@ -45,12 +46,17 @@ class Lease:
         return time.monotonic() - self.issued > patience
 
     def seen(self, is_seen: bool, end: Callable[[], Position]) -> None:
-        """Note whether it waits or is worked on at this look. end: of the results; looked up after the look."""
+        """Note whether it waits or is worked on at this look. end: of the results; looked up after the look.
+
+        What is first unseen may be in the hands of a worker that has not said so yet, and be answered by the next look: the end
+        counts that the last of these looks found.
+        """
         if is_seen:
             self.unseen, self.answered_by = 0, None
-        else:
-            self.unseen += 1
-            self.answered_by = self.answered_by or end()
+            return
+        self.unseen += 1
+        if self.answered_by is None or self.unseen <= UNSEEN_ALLOWED:
+            self.answered_by = end()
 
 
 class Leases:

@@ -16,9 +16,8 @@ from service.scheduling.active_frame import ActiveFrame
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.frame_bytes import alone, held, more
-from service.scheduling.leases import Lease, Leases
+from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.results import Results
-from service.scheduling.scheduler import UNSEEN_ALLOWED
 from service.scheduling.workers import Workers
 from worker.contract import FrameInfo, PrepareFrames, prepare_queue
 

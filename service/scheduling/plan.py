@@ -22,6 +22,11 @@ FIRST_CHECK = 32  # samples: below it the noise estimate of a tile says little
 FIRST_GUESS = 128  # samples that a tile is expected to need before its noise was looked at
 GROWTH = 7  # a batch has at most this many times the samples that its tile has
 
+ALONE_UNTIL = 32  # samples: the first come to all tiles alike
+
+_Turn = tuple[int, int, int, int]  # samples at which a tile's turn began, its place from the middle, its index, samples planned
+_NOBODY: tuple[tuple[int, int], int] = ((-1, -1), 0)
+
 
 class Range(NamedTuple):
     """Samples first ... first + count - 1 of a tile, by its index, of a frame (renderer.frames.frame_key)."""
@@ -69,9 +74,10 @@ class FramePlan:
         self._planned = [0] * len(tiles)
         self._limit = [0] * len(tiles)
         self._guess = [spp if noise is None else min(spp, FIRST_GUESS)] * len(tiles)  # where a tile is expected to stop
-        self._heap: list[tuple[int, int, int]] = []
+        self._heap: list[_Turn] = []
         self._focus: frozenset[int] = frozenset()
-        self._focused: list[tuple[int, int, int]] = []  # as the heap, of the tiles in focus
+        self._focused: list[_Turn] = []  # as the heap, of the tiles in focus
+        self._following = _NOBODY  # the tile whose turn goes on, and how many of its batches this turn has given
         self.covered = [0] * len(tiles)
         for tile in range(len(tiles)):
             covered = coverage(tile)
@@ -116,8 +122,10 @@ class FramePlan:
         heapq.heapify(self._focused)
         heapq.heapify(self._heap)
 
-    def next(self, samples_wanted: Callable[[int], int]) -> Range | None:
+    def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
         """The next batch, or None where all is handed out. samples_wanted(tile): how many samples suit the workers.
+
+        of_a_tile: so many of one tile follow each other once it has a few samples; they come back together.
 
         The film is looked at before anything is taken off: where it has to be waited for, that is still the next.
         """
@@ -130,15 +138,19 @@ class FramePlan:
             self._lose_gaps(lost, covered)
         is_first_wave = bool(self._heap) and self._heap[0][0] == 0
         for heap in (self._heap, self._focused) if is_first_wave else (self._focused, self._heap):
-            if (batch := self._next_of(heap, samples_wanted)) is not None:
+            if (batch := self._next_of(heap, samples_wanted, of_a_tile)) is not None:
                 return batch
         return None
 
-    def _next_of(self, heap: list[tuple[int, int, int]], samples_wanted: Callable[[int], int]) -> Range | None:
+    def _next_of(self, heap: list[_Turn], samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
         while heap:
-            planned, _, tile = heap[0]
-            if planned >= self.ceiling:
+            turn, _, tile, planned = heap[0]
+            if turn >= self.ceiling:
                 return None
+            if planned >= self.ceiling:
+                heapq.heappop(heap)
+                self._push(tile)
+                continue
             is_current = tile in self._open and planned == self._planned[tile]
             gap = next(self._coverage(tile).gaps(planned, self._limit[tile]), None) if is_current else None
             heapq.heappop(heap)
@@ -157,7 +169,10 @@ class FramePlan:
             count = left if left <= most else min(most, (left + 1) // 2 if left < 2 * most else most)
             self._planned[tile] = start + count
             if self._planned[tile] < self._limit[tile]:
-                self._push(tile)
+                following = self._following[1] + 1 if self._following[0] == (tile, turn) else 1
+                goes_on = start >= ALONE_UNTIL and following < of_a_tile
+                self._following = ((tile, turn), following) if goes_on else _NOBODY
+                self._push(tile, turn if goes_on else None)
             return Range(tile, start, count, self._frame)
         return None
 
@@ -214,9 +229,11 @@ class FramePlan:
         self._guess[tile] = int(min(self.spp, covered.prefix * min((noise / self.noise) ** 2, self.spp)))
         return noise <= self.noise
 
-    def _push(self, tile: int) -> None:
+    def _push(self, tile: int, turn: int | None = None) -> None:
+        """turn: before whom it comes next; unless told, before those with more samples."""
         heap = self._focused if tile in self._focus else self._heap
-        heapq.heappush(heap, (self._planned[tile], self._order[tile], tile))
+        planned = self._planned[tile]
+        heapq.heappush(heap, (planned if turn is None else turn, self._order[tile], tile, planned))
 
 
 def _from_the_middle(tiles: list[Tile]) -> list[int]:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from service.scheduling.dispatch import Dispatcher
-from service.scheduling.leases import Lease, Leases
+from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.results import Results
-from service.scheduling.scheduler import UNSEEN_ALLOWED
 from service.scheduling.workers import Workers
 from worker.contract import prepare_queue
 

@@ -16,8 +16,11 @@ __all__ = ["Entry", "Position", "Results"]
 
 log = logging.getLogger(__name__)
 
-AT_MOST = 64  # entries a read: bounds the time until the next look at the queue
-BYTES = 8 << 20  # a read, about: what is stored while it is still in the processor's cache costs a third
+AT_MOST = 256  # entries a read: bounds the time until the next look at the queue
+BYTES = 64 << 20  # a read, about: bounds memory
+
+FIRST_READ = 64  # entries, before their size is known
+SMOOTHING = 0.3
 
 Position = tuple[int, int]  # in the stream: what lies at or before it was appended earlier
 BEGINNING: Position = (0, 0)
@@ -37,7 +40,8 @@ class Results:
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
         self._read_to = BEGINNING
-        self._at_most = AT_MOST
+        self._at_most = FIRST_READ
+        self.size = 0.0  # bytes of a result, over the latest
 
     def read(self, block_ms: int) -> list[Entry]:
         """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError."""
@@ -51,8 +55,11 @@ class Results:
             entries += [Entry(id, _parse(fields)) for id, fields in flat]
         if entries:
             self._read_to = _position(entries[-1].id)
-            size = sum(len(entry.result.sums or b"") for entry in entries if entry.result is not None)
-            self._at_most = max(1, min(AT_MOST, BYTES * len(entries) // max(size, 1)))
+            sizes = [len(entry.result.sums) for entry in entries if entry.result is not None and entry.result.sums]
+            if sizes:
+                mean = sum(sizes) / len(sizes)
+                self.size += (mean - self.size) * (SMOOTHING if self.size else 1.0)
+                self._at_most = int(max(1, min(AT_MOST, BYTES / max(self.size, mean))))
         return entries
 
     def end(self) -> Position:

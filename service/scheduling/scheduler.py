@@ -14,11 +14,13 @@ from itertools import count, groupby
 
 import redis
 
+from renderer.frames import frame_number, frame_text
 from service.scheduling.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, ActiveJob, Trouble
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.held import Held
-from service.scheduling.leases import Lease, Leases
+from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
@@ -30,7 +32,6 @@ from worker.contract import render_queue
 
 __all__ = ["Scheduler"]
 
-UNSEEN_ALLOWED = 3  # looks, one a second
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
 REST_S = 1.0  # before the only worker is given again what it has handed back
@@ -43,8 +44,9 @@ Start = Callable[[ActiveJob, str], bool]
 class Scheduler:
     """Decides what is rendered next. Lives in the engine's thread."""
 
-    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads) -> None:
+    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
+        self._pace = pace
         self._dispatcher = dispatcher
         self._workers = workers
         self._bulkheads = bulkheads
@@ -61,7 +63,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = slots * self._settings.window_per_slot - self.leases.messages(kind)
+            room = self._pace.room(slots * self._settings.window_per_slot - self.leases.messages(kind))
             for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
                 room -= self._share(list(equals), kind, slots, room, start)
                 if room <= 0:
@@ -93,7 +95,8 @@ class Scheduler:
         """Hand out the next batch of a job, or some of them, if it has any for workers of this kind. Raises QueueError."""
         if not start(job, kind):
             return
-        groups = together(job, self._settings.batch_seconds, slots, kind, self._workers.roster.takes_several(kind))
+        batch_s, in_turn = self._pace.batch_s(slots), self._pace.of_a_tile(slots)
+        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn)
         try:
             while groups:
                 self._send(job, kind, groups[0])
@@ -121,6 +124,7 @@ class Scheduler:
             self._dispatcher.send_batches(works, kind, leases[0].id)
         for lease in leases:
             self.leases.add(lease)
+        job.history.log.given(len(batches))
         job.served = next(self._turn)
 
     def arrived(self, owner: str, lease: str) -> None:
@@ -137,6 +141,8 @@ class Scheduler:
         if batch is None:
             return
         job.history.rendered_by(worker)
+        tile = job.film.tiles[batch.tile]
+        job.history.log.back(worker, batch.count * tile.w * tile.h, seconds)
         trouble = job.trouble.pop(batch, None)
         failed_on = trouble.workers if trouble else []
         self.suspicion.succeeded(worker, failed_on)
@@ -144,13 +150,16 @@ class Scheduler:
         for other in set(failed_on):
             self._set_aside_if_alone(other)
 
-    def failed(self, job: ActiveJob, lease: str, batch: Range, worker: str, error: str, reproduce: str | None) -> Trouble | None:
+    def failed(
+        self, job: ActiveJob, lease: str, batch: Range, worker: str, error: str, reproduce: str | None, trace: str = ""
+    ) -> Trouble | None:
         """A worker could not render a batch. It is handed out again, or what stops the job is returned."""
         if self.leases.end(lease) is None:
             return None  # handed out again meanwhile, or of an earlier life of the service
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
+        job.history.log.say(f"{worker} could not render {_named(batch)}: {error}", trace)
         able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may have it again and again before another gets it.
@@ -169,6 +178,7 @@ class Scheduler:
             return
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why)
+            job.history.log.say(f"{_named(batch)} is handed out again: {why}")
         job.handed_back = why
         job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
@@ -199,7 +209,7 @@ class Scheduler:
         """
         waiting = {id for kind in self._kinds() for id in self._dispatcher.waiting(render_queue(kind))}
         held = Held(self._workers.roster)
-        end = cache(results.end)
+        end, is_late, idle = cache(results.end), cache(self._workers.are_late), cache(self._has_idle_slots)
         for lease in self.leases:
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or lease.has_arrived:
@@ -209,11 +219,11 @@ class Scheduler:
             is_held_by_nobody = lease.holder is not None and holder is None and lease.holder not in self._workers.roster.reports
             lease.holder = holder or lease.holder
             lease.is_held = holder is not None
-            is_lost = is_held_by_nobody or lease.is_overdue or lease.unseen >= UNSEEN_ALLOWED
+            is_lost = is_held_by_nobody or lease.is_overdue or (lease.unseen >= UNSEEN_ALLOWED and not is_late())
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if is_lost and lease.message not in waiting and not may_be_answered:
                 self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
-            elif holder and self._is_straggler(job, lease):
+            elif holder and self._is_straggler(lease) and idle(lease.kind):
                 lease.doubled = True
                 job.lose(lease.batch)
 
@@ -242,6 +252,7 @@ class Scheduler:
         trouble.losses += blame
         job.history.happened("lost", lease.holder or "")
         log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch)
+        job.history.log.say(f"that was {_named(batch)}, lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
@@ -262,11 +273,12 @@ class Scheduler:
             again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
             self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
 
-    def _is_straggler(self, job: ActiveJob, lease: Lease) -> bool:
-        """Whether others stand idle while they wait for this batch alone: then a second worker may try it as well."""
-        late = time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
-        idle = self._workers.roster.slots(lease.kind) > self.leases.messages(lease.kind)
-        return late and idle and not lease.doubled
+    def _is_straggler(self, lease: Lease) -> bool:
+        """Whether a batch is late: if others stand idle while they wait for it alone, a second worker may try it as well."""
+        return not lease.doubled and time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
+
+    def _has_idle_slots(self, kind: str) -> bool:
+        return self._workers.roster.slots(kind) > self.leases.messages(kind)
 
     def connected(self) -> set[str]:
         """The names of the workers that report themselves."""
@@ -303,3 +315,8 @@ class Scheduler:
         jobs = [job for job in jobs if kind == self.kind_for(job)]
         jobs.sort(key=lambda job: (-job.priority, job.created, job.id))
         return jobs
+
+
+def _named(batch: Range) -> str:
+    frame = frame_text(frame_number(batch.frame))
+    return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

@@ -13,12 +13,13 @@ SHARE = 0.5  # of what a batch may take: a slot has two messages, and what waits
 MOST = 32
 
 
-def together(job: ActiveJob, batch_seconds: float, slots: int, kind: str, several: bool) -> list[list[Range]]:
+def together(job: ActiveJob, batch_seconds: float, slots: int, kind: str, several: bool, of_a_tile: int = 1) -> list[list[Range]]:
     """What a job hands out next, by messages; none where it has nothing. several: whether the workers take such.
+    of_a_tile: how many of one tile may follow each other.
 
     A batch of which nobody knows how long it takes goes alone, and so does one that had trouble: others must not suffer for it.
     """
-    first = job.next(batch_seconds, slots, kind)
+    first = job.next(batch_seconds, slots, kind, of_a_tile)
     if first is None:
         return []
     groups = [[first]]

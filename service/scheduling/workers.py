@@ -14,12 +14,13 @@ import redis
 from pydantic import TypeAdapter
 
 from service.scheduling.speeds import Speeds
-from worker.contract import WORKER_KEYS, WorkerReport, order_key
+from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
 from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
 __all__ = ["Roster", "Workers"]
 
 LOOK_EVERY_S = 1.0
+LATE_S = 2.5 * HEARTBEAT_EVERY_S
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
 MAX_SLOTS = 4096
@@ -131,6 +132,14 @@ class Workers:
         for name in sorted(before.reports.keys() | reports.keys()):
             if (before.reports.get(name), before.orders.get(name)) != (reports.get(name), orders.get(name)):
                 self._on_change(name)
+
+    def are_late(self) -> bool:
+        """Whether a worker has not reported itself for so long that nobody knows what it has in hand. Raises redis.RedisError."""
+        with self._redis.pipeline(transaction=False) as all_at_once:
+            for name in self.roster.reports:
+                all_at_once.pttl(worker_key(name))
+            left_ms = [ms for ms in all_at_once.execute() if ms >= 0]
+        return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
 
     def pause(self, name: str, why: str) -> None:
         """Let a worker take no more tasks, until `resume`; from any thread. Raises redis.RedisError."""

@@ -11,7 +11,7 @@ import hashlib
 import logging
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from renderer.film import CHANNELS, BadSample, Sums
@@ -22,7 +22,7 @@ from service.store.film_faults import FilmClosed, damaged, film_faults, incomple
 from service.store.film_file import FilmFile
 from service.store.film_version import FilmShape, Row
 from service.store.tile_cache import TileCache
-from worker.sums import check_sums, pack_sums, unpack_sums
+from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 
@@ -155,7 +155,8 @@ class Film:
             new = [s for s in staged if s is not None]
             if not new:
                 return [False] * len(staged)
-            rows = [(p.frame, p.tile, p.first, p.count, p.bad_count, p.sums) for p in new]
+            joined = self._joined(new)
+            rows = [(j.frame, j.tile, j.first, j.count, j.bad_count, j.sums) for j, _ in joined]
             bad = [(p.frame, *sample) for p in new for sample in p.bad]
             try:
                 self._file.add(rows, bad)
@@ -163,8 +164,8 @@ class Film:
                 self._in_doubt = True
                 raise
             self._coverage.update(claimed)
-            for part in new:
-                self._remember(part)
+            for part, sums in joined:
+                self._remember(part, sums)
             for key in claimed:
                 self._fold(*key)
             return [s is not None for s in staged]
@@ -280,14 +281,33 @@ class Film:
         claimed[where] = coverage
         return part
 
-    def _remember(self, part: Part) -> None:
+    def _joined(self, parts: list[Part]) -> list[tuple[Part, Sums | None]]:
+        """Parts whose samples follow each other, as one: a row costs more than what is added to it. With the sums that it has."""
+        runs: list[list[Part]] = []
+        for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
+            last = runs[-1][-1] if runs else None
+            if last and (last.frame, last.tile, last.first + last.count) == (part.frame, part.tile, part.first):
+                runs[-1].append(part)
+            else:
+                runs.append([part])
+        return [self._one(run) if len(run) > 1 else (run[0], None) for run in runs]
+
+    def _one(self, run: list[Part]) -> tuple[Part, Sums]:
+        tile = self.tiles[run[0].tile]
+        sums = unpack_sums(run[0].sums, tile)
+        for part in run[1:]:
+            add_sums(sums, part.sums, tile)
+        count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
+        return replace(run[0], count=count, sums=pack_sums(sums), bad_count=bad_count), sums
+
+    def _remember(self, part: Part, sums: Sums | None) -> None:
         """Note what was added. Sums that somebody looks at are kept up to date; others are added up when they are asked for."""
         where = (part.frame, part.tile)
         key = (self._path.stem, *where)
         self._rows[where] = self._rows.get(where, 0) + 1
         old = self._cache.get(key)
         if old is not None:
-            self._cache.put(key, old + unpack_sums(part.sums, self.tiles[part.tile]))
+            self._cache.put(key, old + (unpack_sums(part.sums, self.tiles[part.tile]) if sums is None else sums))
 
     def _total(self, rows: Iterable[bytes], tile: int, planes: Sequence[int] | None = None) -> Sums:
         total: Sums | None = None

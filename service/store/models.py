@@ -1,14 +1,14 @@
-"""What the database records: scenes, jobs and frames. Samples are recorded by the films."""
+"""What the database records: scenes, jobs and frames, and who may do what with them. Samples are recorded by the films."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, false
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["ACTIVE", "FINAL", "Base", "Environment", "Frame", "Job", "Scene", "blobs_of"]
+__all__ = ["ACTIVE", "FINAL", "Base", "Delivery", "Environment", "Frame", "Job", "Key", "Scene", "User", "blobs_of"]
 
 ACTIVE = ("queued", "running", "paused")
 FINAL = ("finished", "failed", "cancelled")
@@ -73,6 +73,7 @@ class Job(Base):
     __table_args__ = (
         Index("jobs_listed", "created", "id", "state", "scene", "name"),
         Index("jobs_by_state", "state", "created", "id", "scene", "name"),
+        Index("jobs_ended", "finished", "id"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -153,3 +154,47 @@ class Frame(Base):
         """The hashes of the blobs that it refers to."""
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         return blobs_of([ref for ref in compiled.values() if isinstance(ref, dict)])
+
+
+class User(Base):
+    """Somebody who may log in."""
+
+    __tablename__ = "users"
+
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    role: Mapped[str] = mapped_column(String(16))  # view | submit | admin
+    password: Mapped[str | None] = mapped_column(Text)  # Argon2id; None: by a link alone
+    created: Mapped[float] = mapped_column(Float)
+
+
+class Key(Base):
+    """A secret that lets somebody in. Only its hash is here."""
+
+    __tablename__ = "keys"
+
+    id: Mapped[str] = mapped_column(String(20), primary_key=True)  # which may be shown
+    hash: Mapped[str] = mapped_column(String(64), unique=True)  # SHA-256
+    kind: Mapped[str] = mapped_column(String(16))  # session | token | link | worker
+    user: Mapped[str] = mapped_column(String(64), index=True)  # whose it is; of a worker's: who made it
+    name: Mapped[str] = mapped_column(String(255))  # what it is for, in its owner's words
+    role: Mapped[str] = mapped_column(String(16))  # at most this, and at most what the user may
+    created: Mapped[float] = mapped_column(Float)
+    expires: Mapped[float | None] = mapped_column(Float)
+    seen: Mapped[float | None] = mapped_column(Float)
+
+
+class Delivery(Base):
+    """A message to one hook about the end of one job; service/hooks/outbox.py sends it until it has arrived."""
+
+    __tablename__ = "deliveries"
+    __table_args__ = (UniqueConstraint("hook", "job", "ended", name="deliveries_once"), Index("deliveries_due", "due"))
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)  # the same at every attempt
+    hook: Mapped[str] = mapped_column(String(2048))  # a URL, or the path of a program
+    job: Mapped[str] = mapped_column(String(40))  # empty: since when this hook is told
+    ended: Mapped[float] = mapped_column(Float)
+    message: Mapped[dict[str, Any]] = mapped_column(JSON)
+    attempts: Mapped[int] = mapped_column(Integer, default=0)
+    due: Mapped[float | None] = mapped_column(Float)  # when it is sent next; None: it has arrived, or is given up
+    done: Mapped[float | None] = mapped_column(Float)
+    error: Mapped[str | None] = mapped_column(Text)  # of the latest attempt

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections import Counter
 from collections.abc import Iterator
+from itertools import count
 
 __all__ = ["Broadcast", "Listener"]
 
@@ -39,13 +41,25 @@ class Listener:
         self._wake.set()
 
 
+class _OfJob:
+    """The listeners of a job, and how often they were told of it and of its tiles."""
+
+    def __init__(self, life: int) -> None:
+        self.life = life  # what was told while nobody listened is not counted
+        self.listeners: set[Listener] = set()
+        self.changes = 0
+        self.tiles: Counter[tuple[int, int]] = Counter()  # by frame and tile
+
+
 class Broadcast:
     """All listeners. `tell` and `tell_tiles` may be called from any thread, and cost next to nothing when nobody listens."""
 
     def __init__(self) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._everything: set[Listener] = set()
-        self._of_job: dict[str, set[Listener]] = {}
+        self._of_job: dict[str, _OfJob] = {}
+        self._lives = count(1)
+        self.watchers = 0  # that listen to a job
         self.closing = False
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -62,14 +76,31 @@ class Broadcast:
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
         """Listen to one job and its tiles, or to all jobs, scenes and workers."""
         listener = Listener(job, frame)
-        group = self._everything if job is None else self._of_job.setdefault(job, set())
+        group = self._everything if job is None else self._of_job.setdefault(job, _OfJob(next(self._lives))).listeners
         group.add(listener)
+        self.watchers += job is not None
         try:
             yield listener
         finally:
             group.discard(listener)
+            self.watchers -= job is not None
             if job is not None and not group:
                 self._of_job.pop(job, None)
+
+    @property
+    def listeners(self) -> int:
+        """How many listen."""
+        return len(self._everything) + self.watchers
+
+    def version(self, job: str, frame: int, tile: int) -> tuple[int, int]:
+        """Another one as soon as a tile was told to have changed; only of a job that somebody listens to."""
+        of = self._of_job[job]
+        return of.life, of.tiles[frame, tile]
+
+    def changes(self, job: str) -> tuple[int, int]:
+        """Another one as soon as a job was told to have changed; only of one that somebody listens to."""
+        of = self._of_job[job]
+        return of.life, of.changes
 
     def tell(self, what: str, id: str) -> None:
         """Something changed in a job, a scene or a worker."""
@@ -87,16 +118,23 @@ class Broadcast:
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def _deliver(self, what: str, id: str) -> None:
-        for listener in (*self._everything, *(self._of_job.get(id, ()) if what == "job" else ())):
+        of = self._of_job.get(id) if what == "job" else None
+        if of is not None:
+            of.changes += 1
+        for listener in (*self._everything, *(of.listeners if of is not None else ())):
             listener.changed[what, id] = None
             listener.wake()
 
     def _deliver_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
-        for listener in self._of_job.get(job, ()):
+        if (of := self._of_job.get(job)) is None:
+            return
+        changed = dict.fromkeys(sorted(tiles))
+        of.tiles.update((frame, tile) for tile in changed)
+        for listener in of.listeners:
             if listener.frame == frame:
-                listener.tiles.update(dict.fromkeys(sorted(tiles)))
+                listener.tiles.update(changed)
                 listener.wake()
 
     def _wake_all(self) -> None:
-        for listener in (*self._everything, *(each for group in self._of_job.values() for each in group)):
+        for listener in (*self._everything, *(each for of in self._of_job.values() for each in of.listeners)):
             listener.wake()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 
 from renderer import film as film_math
+from renderer.film import CHANNELS, COLOR, SAMPLES
 from renderer.image import rgbe9995
 from service.store.films import Film
 
@@ -16,12 +17,13 @@ __all__ = ["KIND_TILE", "VERSION", "body", "packet"]
 
 VERSION = 1
 KIND_TILE = 1
+PLANES = (*range(CHANNELS)[COLOR], SAMPLES)
 HEADER = struct.Struct("<BBHIHHHHI")
 
 
 def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
     """A tile's samples a pixel and its mean as RGB9E5 words; None where no sample is in."""
-    sums = film.tile_sums(frame, tile)
+    sums = film.tile_planes(frame, tile, PLANES)
     if sums is None:
         return None
     spp = film.coverage(frame, tile).total

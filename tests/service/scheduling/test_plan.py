@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from renderer.settings import tiles_of
 from service.errors import FilmWaits
-from service.scheduling.plan import FramePlan, Range
+from service.scheduling.plan import ALONE_UNTIL, FramePlan, Range
 from service.store.coverage import Coverage
 
 T = TypeVar("T")
@@ -56,6 +56,7 @@ class Bench:
         """Run to the end; returns what was handed out. waits: the film has to be waited for every now and then."""
         dice = random.Random(seed)
         self._faults = random.Random(seed) if waits else None
+        of_a_tile = 1 + seed % 4
         out: list[Range] = []
         history = []
 
@@ -68,7 +69,8 @@ class Bench:
             if restart and dice.random() < restart:
                 self.plan = self.again(lambda: FramePlan(*self.args))  # what is in `out` arrives late, from an earlier life
             while (
-                len(out) < 6 and (batch := self.again(lambda: self.plan.next(lambda tile: dice.randint(1, wanted)))) is not None
+                len(out) < 6
+                and (batch := self.again(lambda: self.plan.next(lambda tile: dice.randint(1, wanted), of_a_tile))) is not None
             ):
                 out.append(batch)
                 history.append(batch)
@@ -130,6 +132,25 @@ def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
     assert all(batch and (batch.first, batch.count) == (0, 1) for batch in wave)
     assert wave[0] is not None
     assert bench.tiles[wave[0].tile] == (16, 16, 16, 16)
+
+
+def test_batches_of_a_tile_follow_each_other_once_all_tiles_have_some() -> None:
+    bench = Bench(4096, None)
+    for _ in range(400):
+        batch = bench.plan.next(lambda tile: 8, 4)
+        assert batch is not None
+        if batch.first < ALONE_UNTIL:
+            latest = batch.tile
+            bench.arrive(batch)
+            continue
+        run = [batch, *(bench.plan.next(lambda tile: 8, 4) for _ in range(3))]
+        assert min(covered.total for covered in bench.coverage) >= ALONE_UNTIL - 8
+        assert [each and (each.tile, each.first) for each in run] == [(batch.tile, batch.first + 8 * i) for i in range(4)]
+        assert batch.tile != latest, "then another has its turn"
+        latest = batch.tile
+        for each in run:
+            assert each is not None
+            bench.arrive(each)
 
 
 def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:

@@ -105,6 +105,23 @@ def test_rows_are_folded_and_the_digest_stays(tmp_path: Path) -> None:
     again.close()
 
 
+def test_parts_that_follow_each_other_become_one_row(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    bad = [BadSample(1, 2, 3)]
+    parts = [
+        part(film, 1, 4, 3, bad_count=2),
+        part(film, 0, 0, 1),
+        part(film, 1, 0, 4, bad=bad, bad_count=1),
+        part(film, 1, 9, 1),
+    ]
+    assert film.merge([*parts, part(film, 1, 5, 1)]) == [True] * 4 + [False]
+    rows = rows_of(film).execute("SELECT tile, first, count, bad FROM part ORDER BY tile, first").fetchall()
+    assert rows == [(0, 0, 1, 0), (1, 0, 7, 3), (1, 9, 1, 0)]
+    assert film.bad_samples(0) == (3, bad)
+    assert film.merge(parts) == [False] * 4, "what came twice is known, whatever it was joined with"
+    film.close()
+
+
 def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     good = part(film, 0, 0, 1)

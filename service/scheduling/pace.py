@@ -1,0 +1,89 @@
+"""How fast the engine takes in what slots send, and what follows for what they are given: batches that are longer the more slots
+there are, a few of one tile after the other, and none while results pile up unread.
+
+A result costs about the same whatever its batch took, so a farm of many slots needs longer batches, and not a faster service.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+__all__ = ["Pace"]
+
+SHARE = (
+    0.5  # of the engine's time that results may take: the rest is for people, for bad moments and for other work on the machine
+)
+SMOOTHING = 0.3
+RENEWED_EVERY_S = 1.0
+BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
+MOST_STRETCH = 20.0
+FEW = 8  # results: less say nothing
+SLOTS_ALONE = 32  # so many take batches of as many tiles
+MOST_OF_A_TILE = 8
+GATHERED_FROM = 40.0  # results a second: fewer are taken in one by one, as they come
+GATHER_S = 0.15
+
+
+class Pace:
+    """Lives in the engine's thread."""
+
+    def __init__(self, shortest_s: float, longest_s: float, unread_bytes: int) -> None:
+        """shortest_s, longest_s: bounds of a batch. unread_bytes: of results, beyond which nothing more is handed out."""
+        self._shortest_s = shortest_s
+        self._longest_s = max(shortest_s, longest_s)
+        self._unread_bytes = unread_bytes
+        self.result_s = 0.0  # of the engine's processor time, that a result takes
+        self.results_per_s = 0.0
+        self._unread = 0
+        self._size = 0.0
+        self._stretch = 1.0  # of batches, where results wait for other things than this thread's work: a disk, other programs
+        self._busy_s = 0.0
+        self._results = 0
+        self._since = time.monotonic()
+
+    @contextmanager
+    def busy(self) -> Iterator[None]:
+        """The engine does something that comes with results."""
+        begun = time.thread_time()
+        try:
+            yield
+        finally:
+            self._busy_s += time.thread_time() - begun
+
+    def took_in(self, results: int) -> None:
+        """So many results of batches are dealt with."""
+        self._results += results
+        now = time.monotonic()
+        if now - self._since < RENEWED_EVERY_S:
+            return
+        self.results_per_s = self._results / (now - self._since)
+        if self._results >= FEW:
+            cost = self._busy_s / self._results
+            self.result_s += (cost - self.result_s) * (SMOOTHING if self.result_s else 1.0)
+        behind = self._unread > max(FEW, BEHIND_S * self.results_per_s)
+        self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
+        self._busy_s, self._results, self._since = 0.0, 0, now
+
+    def batch_s(self, slots: int) -> float:
+        """How long a batch is to take where so many slots work."""
+        return min(max(self._shortest_s, slots * self.result_s / SHARE) * self._stretch, self._longest_s)
+
+    def of_a_tile(self, slots: int) -> int:
+        """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row."""
+        return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_OF_A_TILE)
+
+    def room(self, room: int) -> int:
+        """Of that much room, what is left while results wait unread: less and less, and none at the limit."""
+        return int(room * max(0.0, 1.0 - self._unread * self._size / self._unread_bytes)) if room > 0 else room
+
+    def unread(self, results: int, size: float) -> None:
+        """So many results of about that many bytes wait unread."""
+        self._unread, self._size = results, size
+
+    @property
+    def gather_s(self) -> float:
+        """How long results are waited for before those that came are taken in together."""
+        return GATHER_S if self.results_per_s >= GATHERED_FROM else 0.0

@@ -1,0 +1,166 @@
+"""What many watchers of a job are told is made once for all of them: its tiles packed, its state in words.
+
+Used on the event loop alone, which never waits for a film: how often a tile was told to have changed says whether what was
+packed of it is still true.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+import anyio
+import anyio.to_thread
+
+from service.store.films import Film
+from service.watching import tile_packet
+from service.watching.broadcast import Broadcast
+
+__all__ = ["Body", "Shared"]
+
+THREADS = 2
+TRUE_FOR_S = 0.25  # what is said of a job, where nobody says that it changed: it tells of other things too
+STATE_EVERY_S = 0.25
+MANY = 50  # watchers: more of them are told less often
+ROUND_PIXELS = 1 << 20
+UNDER_WAY = 2 * 2 * 4  # bytes a pixel: two rounds that are not acknowledged, each here and in the connection
+FOR_PACKED = 0.5  # of the memory, for tiles that others may want too
+
+T = TypeVar("T")
+
+
+class Body(NamedTuple):
+    """A packed tile: its number, its samples a pixel, its words (tile_packet)."""
+
+    tile: int
+    spp: int
+    words: bytes
+
+
+@dataclass(frozen=True)
+class _Packed:
+    film: weakref.ref[Film]  # an earlier one of the same job is another
+    version: tuple[int, int]
+    body: Body | None
+
+
+@dataclass(frozen=True)
+class _Making:
+    film: Film
+    version: tuple[int, int]
+    task: asyncio.Task[dict[int, Body | None]]
+
+
+class Shared:
+    """memory: bytes, about, for what is packed and what is on its way to all watchers together."""
+
+    def __init__(self, broadcast: Broadcast, memory: int) -> None:
+        self._broadcast = broadcast
+        self._memory = memory
+        self._limiter = anyio.CapacityLimiter(THREADS)
+        self._packed: OrderedDict[tuple[str, int, int], _Packed] = OrderedDict()
+        self._bytes = 0
+        self._making: dict[tuple[str, int, int], _Making] = {}
+        self._told: dict[Hashable, tuple[tuple[int, int], float, asyncio.Task[Any]]] = {}
+
+    @property
+    def state_every_s(self) -> float:
+        """How often a watcher is told of a job that changes all the time: the less, the more watch."""
+        return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY)
+
+    @property
+    def round_pixels(self) -> int:
+        """How many pixels a watcher gets at a time: the fewer, the more watch."""
+        watchers = max(self._broadcast.watchers, 1)
+        return int(min(ROUND_PIXELS, self._memory * (1 - FOR_PACKED) / (UNDER_WAY * watchers)))
+
+    async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
+        """These tiles as they are now; those without a sample are left out. Raises FilmWaits, FilmLost and FilmClosed."""
+        found: dict[int, Body | None] = {}
+        tasks: dict[asyncio.Task[dict[int, Body | None]], list[int]] = {}
+        missing: dict[int, tuple[int, int]] = {}
+        for tile in tiles:
+            version = self._broadcast.version(job, frame, tile)
+            packed, making = self._packed.get((job, frame, tile)), self._making.get((job, frame, tile))
+            if packed is not None and packed.version == version and packed.film() is film:
+                self._packed.move_to_end((job, frame, tile))
+                found[tile] = packed.body
+            elif making is not None and making.version == version and making.film is film:
+                tasks.setdefault(making.task, []).append(tile)
+            else:
+                missing[tile] = version
+        if missing:
+            task = asyncio.create_task(self._pack(job, film, frame, missing))
+            task.add_done_callback(_heard)
+            for tile, version in missing.items():
+                self._making[job, frame, tile] = _Making(film, version, task)
+            tasks[task] = list(missing)
+        for task, wanted in tasks.items():
+            made = await _result(task)
+            found.update((tile, made[tile]) for tile in wanted)
+        return [body for body in found.values() if body is not None]
+
+    async def told(self, job: str, what: str, make: Callable[[], T]) -> T:
+        """What is said of a job: what another was told, while nothing has changed since that was begun."""
+        changes, now = self._broadcast.changes(job), time.monotonic()
+        known = self._told.get((job, what))
+        if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):
+            self._told = {key: each for key, each in self._told.items() if now - each[1] <= TRUE_FOR_S}
+            task = asyncio.create_task(anyio.to_thread.run_sync(make))
+            task.add_done_callback(_heard)
+            known = self._told[job, what] = (changes, now, task)
+        said: T = await _result(known[2])
+        return said
+
+    async def _pack(self, job: str, film: Film, frame: int, versions: dict[int, tuple[int, int]]) -> dict[int, Body | None]:
+        me = asyncio.current_task()
+        try:
+            made = await anyio.to_thread.run_sync(_bodies, film, frame, list(versions), limiter=self._limiter)
+            for tile, version in versions.items():
+                self._keep((job, frame, tile), _Packed(weakref.ref(film), version, made[tile]))
+            return made
+        finally:
+            for tile in versions:
+                if (making := self._making.get((job, frame, tile))) is not None and making.task is me:
+                    del self._making[job, frame, tile]
+
+    def _keep(self, key: tuple[str, int, int], packed: _Packed) -> None:
+        old = self._packed.pop(key, None)
+        if old is not None and old.film() is packed.film() and old.version > packed.version:
+            packed = old
+        elif old is not None:
+            self._bytes += _size(packed) - _size(old)
+        else:
+            self._bytes += _size(packed)
+        self._packed[key] = packed
+        while self._bytes > self._memory * FOR_PACKED and len(self._packed) > 1:
+            self._bytes -= _size(self._packed.popitem(last=False)[1])
+
+
+async def _result(task: asyncio.Task[T]) -> T:
+    """Its result; a watcher that leaves must not take it from the others."""
+    return task.result() if task.done() else await asyncio.shield(task)
+
+
+def _bodies(film: Film, frame: int, tiles: list[int]) -> dict[int, Body | None]:
+    made = ((tile, tile_packet.body(film, frame, tile)) for tile in tiles)
+    return {tile: None if body is None else Body(tile, *body) for tile, body in made}
+
+
+def _size(packed: _Packed) -> int:
+    return 0 if packed.body is None else len(packed.body.words)
+
+
+def _has_failed(task: asyncio.Task[Any]) -> bool:
+    return task.done() and (task.cancelled() or task.exception() is not None)
+
+
+def _heard(task: asyncio.Task[Any]) -> None:
+    """An error is the watchers' to handle; where all have left, it is nobody's."""
+    if not task.cancelled():
+        task.exception()

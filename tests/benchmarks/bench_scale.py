@@ -1,0 +1,93 @@
+"""What a service takes as slots become many: results merged a second, processors, the stream, memory, and whether all is exact.
+
+    python3 farm.py bench scale [--slots 100,1000] [--tile 64,128] [--watchers 0,50] [--seconds 30]
+
+Slots are simulated (tests/benchmarks/scale/slots.py); Redis, the service, the messages and the sums are real. A slot takes a
+sixteenth of a second for a sample of a tile of 128 x 128. Processor seconds count beside wall time: the slots' own work is on
+the same machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+import statistics
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+
+from rayfarm.options import Env
+from rayfarm.rendering import Clock, load_scene
+from renderer.film import Sums
+from renderer.render import render_batch
+from renderer.settings import RenderSettings, Tile, View
+from tests.benchmarks.scale.measured import Load, Taken, run
+from tests.benchmarks.scale.slots import SAMPLES
+from tests.helpers import ROOT
+from worker.sums import pack_sums
+
+SCENE = ROOT / "scenes" / "cornell-box.yaml"
+MIB = 1 << 20
+HEAD = (
+    "slots  tile       frame   kB/msg  merged/s  ms/msg  service  Redis  samples/s  stream  lost  repeated"
+    "  Redis MB  service MB  health ms  exact  watchers  round p95  packets/s"
+)
+
+
+def main() -> None:
+    """A row for each combination."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--slots", default="100,200,1000")
+    parser.add_argument("--tile", default="128")
+    parser.add_argument("--size", default="1920x1024", help="multiples of the tiles' side")
+    parser.add_argument("--watchers", default="0")
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--warm", type=float, default=10.0, help="seconds before anything is measured")
+    parser.add_argument("--json", type=Path, help="write all that was measured there too")
+    options = parser.parse_args()
+    numbers = [[int(n) for n in text.split(",")] for text in (options.slots, options.tile, options.watchers)]
+    sizes = [tuple(map(int, size.split("x"))) for size in options.size.split(",")]
+    rows = []
+    sums = real_sums(max(numbers[1]))
+    print(HEAD, flush=True)
+    for slots, tile, watchers, (width, height) in itertools.product(*numbers, sizes):
+        if width % tile or height % tile:
+            parser.error(f"{width}x{height} is no multiple of {tile}: all tiles have the same sums")
+        load = Load(slots, tile, width, height, seconds=options.seconds, warm_s=options.warm, watchers=watchers)
+        with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
+            taken = run(load, sums, Path(name))
+        print(line(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8))), flush=True)
+        rows.append({"load": asdict(load), "taken": asdict(taken)})
+        if options.json:
+            options.json.write_text(json.dumps(rows))
+
+
+def real_sums(side: int) -> Sums:
+    """Sums of a tile in the middle of a real picture, of a renderer's noise."""
+    compiled, summary = load_scene(SCENE, Env(), Clock())
+    view = summary["cameras"][0]["view"]
+    settings = RenderSettings(1920, 1080, View(**{k: tuple(v) if isinstance(v, list) else v for k, v in view.items()}))
+    return render_batch(compiled, settings, Tile(896, 384, side, side), 0, SAMPLES).sums
+
+
+def line(load: Load, taken: Taken, size: int) -> str:
+    """A row of the table."""
+    each = 1e3 * taken.service_s / max(taken.merged, 1)
+    health = 1e3 * statistics.quantiles(taken.health_s, n=20)[-1]
+    wait = 1e3 * statistics.quantiles(taken.rounds_s, n=20)[-1] if taken.rounds_s else 0.0
+    rate = taken.sample_rate
+    columns = (
+        f"{load.slots:5}  {load.tile:4}  {load.width}x{load.height:<4}  {size / 1e3:7.0f}  {taken.merged / taken.seconds:8.1f}",
+        f"{each:6.2f}  {taken.service_s / taken.seconds:7.2f}  {taken.redis_s / taken.seconds:5.2f}",
+        f"{rate:9.0f}  {max(taken.stream):6}  {taken.lost:4}  {taken.repeated:8}",
+        f"{max(taken.redis_bytes) / MIB:8.0f}  {max(taken.service_bytes) / MIB:10.0f}  {health:9.1f}",
+        f"{'yes' if taken.is_exact else 'NO':>5}  {load.watchers:8}  {wait:9.0f}  {taken.packets / taken.seconds:9.0f}",
+    )
+    return "  ".join(columns)
+
+
+if __name__ == "__main__":
+    os.chdir(ROOT)
+    main()

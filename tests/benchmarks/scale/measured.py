@@ -1,0 +1,247 @@
+"""A service under simulated slots: started, watched and stopped, with what it took and whether its film is right."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import psutil
+import redis
+
+from rayfarm.local.farm import free_port
+from renderer.film import Sums
+from service.store.films import Film
+from service.store.tile_cache import TileCache
+from tests.helpers import ROOT, running_redis, wait_until
+from worker.contract import RESULTS
+from worker.process import spawn_guard
+
+__all__ = ["Load", "Served", "Taken", "run"]
+
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+EXPONENT = 24
+SETTLES_S = 60.0
+MANY = 1 << 20  # samples: more than anybody renders here
+
+
+@dataclass(frozen=True)
+class Load:
+    """What is asked of a service."""
+
+    slots: int
+    tile: int = 128
+    width: int = 1920
+    height: int = 1024
+    sample_s: float = 1 / 16  # of a tile of 128 x 128, on one slot
+    seconds: float = 30.0
+    warm_s: float = 8.0
+    watchers: int = 0
+
+
+@dataclass
+class Taken:
+    """What was measured; rates are over `seconds` of wall time."""
+
+    seconds: float = 0.0
+    merged: int = 0
+    lost: int = 0
+    dropped: int = 0
+    samples: int = 0  # of tiles, in the film at the end
+    sample_rate: float = 0.0  # of tiles, a second
+    service_s: float = 0.0  # of processors
+    redis_s: float = 0.0
+    stream: list[int] = field(default_factory=list)
+    redis_bytes: list[int] = field(default_factory=list)
+    service_bytes: list[int] = field(default_factory=list)
+    health_s: list[float] = field(default_factory=list)
+    is_exact: bool = False
+    repeated: int = 0  # samples of tiles that were rendered more than once, or are in no film
+    rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
+    packets: int = 0  # that all watchers got
+
+
+class Served:
+    """A Redis and a service of their own, in a folder."""
+
+    def __init__(self, folder: Path, **environment: str) -> None:
+        self.folder = folder
+        self.redis = running_redis(folder)
+        self.token = secrets.token_hex(8)
+        self.port = free_port("127.0.0.1")
+        self.url = f"http://127.0.0.1:{self.port}"
+        self._more = environment
+
+    def __enter__(self) -> Served:
+        self.redis.start()
+        self.store = redis.Redis.from_url(self.redis.url)
+        told = {"DATA": str(self.folder / "data"), "REDIS_URL": self.redis.url, "TOKEN": self.token, "PORT": str(self.port)}
+        environment = os.environ | {f"RAYFARM_{name}": value for name, value in told.items()} | self._more
+        uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
+        uvicorn += ["--port", str(self.port), "--timeout-graceful-shutdown", "2", "--ws-per-message-deflate", "false"]
+        with (self.folder / "service.log").open("ab") as log:
+            self.process = subprocess.Popen(uvicorn, cwd=ROOT, env=environment, stdout=log, stderr=log, preexec_fn=spawn_guard())
+        self.http = httpx.Client(base_url=self.url, timeout=30)
+        wait_until(self._answers, 60, "the service answers")
+        self.service = psutil.Process(self.process.pid)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self.redis.stop()
+
+    def stop(self) -> None:
+        """End the service."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(30)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    def _answers(self) -> bool:
+        with contextlib.suppress(httpx.HTTPError):
+            return self.http.get("/healthz").is_success
+        return False
+
+    def scene(self) -> str:
+        """A scene; it is prepared as soon as there are slots."""
+        return str(self.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"])
+
+    def job(self, scene: str, load: Load, spp: int = MANY) -> str:
+        """A job of that scene."""
+        request = {"scene": scene, "width": load.width, "height": load.height, "spp": spp, "tile_size": load.tile}
+        return str(self.http.post("/api/jobs", json=request).raise_for_status().json()["id"])
+
+    def counts(self) -> dict[str, int]:
+        """The service's own counts of batches."""
+        text = self.http.get("/metrics").raise_for_status().text
+        found = re.findall(r"^rayfarm_batches_(\w+?)(?:_total)? ([\d.e+]+)$", text, re.M)
+        return {name: int(float(value)) for name, value in found}
+
+    def samples(self, job: str) -> int:
+        """Samples of pixels that a job has."""
+        return int(self.http.get(f"/api/jobs/{job}").raise_for_status().json()["samples"])
+
+    def processor_s(self) -> tuple[float, float]:
+        """Of the service, and of Redis."""
+        assert self.redis.process is not None
+        service, store = self.service.cpu_times(), psutil.Process(self.redis.process.pid).cpu_times()
+        return service.user + service.system, store.user + store.system
+
+    def film(self, job: str, load: Load) -> Film:
+        """A job's film, after the service has ended."""
+        path = self.folder / "data" / "films" / f"{job}.sqlite"
+        return Film(path, load.width, load.height, load.tile, EXPONENT, TileCache(1 << 20))
+
+
+@contextlib.contextmanager
+def slots_of(served: Served, load: Load, sums: Path) -> Iterator[subprocess.Popen[str]]:
+    """A process of simulated slots."""
+    sample_s = load.sample_s * (load.tile / 128) ** 2
+    command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.slots", f"--redis={served.redis.url}"]
+    command += [f"--service={served.url}", f"--token={served.token}", f"--sums={sums}", f"--slots={load.slots}"]
+    command += [f"--tile-sample-s={sample_s}"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+
+
+def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
+    """One row: a job that does not end, rendered by that many slots for a while, and its film held against what was sent."""
+    kept = folder / "sums.npy"
+    np.save(kept, sums[:, : load.tile, : load.tile])
+    taken = Taken()
+    with Served(folder, **environment) as served, slots_of(served, load, kept) as slots:
+        job = served.job(served.scene(), load)
+        wait_until(lambda: served.counts().get("merged", 0) > 0, 60, "a batch is merged")
+        watching = _watching(served, job, load)
+        time.sleep(load.warm_s)
+        at_first = served.samples(job)
+        before, begun, (service_s, redis_s) = served.counts(), time.monotonic(), served.processor_s()
+        while time.monotonic() - begun < load.seconds:
+            _look(served, taken)
+            time.sleep(0.5)
+        after, ended = served.counts(), served.processor_s()
+        taken.seconds = time.monotonic() - begun
+        taken.service_s, taken.redis_s = ended[0] - service_s, ended[1] - redis_s
+        of_job = served.samples(job)
+        for name in ("merged", "lost", "dropped"):
+            setattr(taken, name, after[name] - before[name])
+        if watching is not None:
+            seen = json.loads(watching.communicate(timeout=60)[0].splitlines()[-1])
+            taken.rounds_s, taken.packets = seen["rounds_s"], seen["packets"]
+        served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
+        said = _settled(served, slots)
+        served.stop()
+        film = served.film(job, load)
+        has = _covered(film)
+        taken.samples = sum(has)
+        taken.sample_rate = (of_job - at_first) / load.tile**2 / taken.seconds
+        taken.repeated = said["samples"] - taken.samples
+        taken.is_exact = _is_exact(film, np.load(kept), has)
+        film.close()
+    return taken
+
+
+def _look(served: Served, taken: Taken) -> None:
+    begun = time.perf_counter()
+    served.http.get("/healthz").raise_for_status()
+    taken.health_s.append(time.perf_counter() - begun)
+    taken.stream.append(int(served.store.xlen(RESULTS)))
+    about: Any = served.store.info("memory")
+    taken.redis_bytes.append(int(about["used_memory"]))
+    taken.service_bytes.append(served.service.memory_info().rss)
+
+
+def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | None:
+    if not load.watchers:
+        return None
+    command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.watchers", f"--warm={load.warm_s}"]
+    command += [f"--url=ws://127.0.0.1:{served.port}/api/jobs/{job}/live", f"--watchers={load.watchers}"]
+    command += [f"--seconds={load.seconds}"]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
+
+
+def _settled(served: Served, slots: subprocess.Popen[str]) -> dict[str, int]:
+    """Wait until all that is out has come back and is merged; what the slots have counted."""
+    deadline = time.monotonic() + SETTLES_S
+    last = -1
+    while time.monotonic() < deadline:
+        time.sleep(2.0)
+        counts = served.counts()
+        if counts["merged"] == last and not served.store.xlen(RESULTS):
+            break
+        last = counts["merged"]
+    slots.terminate()
+    said = dict(json.loads(slots.communicate(timeout=30)[0].splitlines()[-1]))
+    time.sleep(1.0)  # what came at the very end
+    return said
+
+
+def _covered(film: Film) -> list[int]:
+    return [film.coverage(0, tile).total for tile in range(len(film.tiles))]
+
+
+def _is_exact(film: Film, sums: Sums, has: list[int]) -> bool:
+    for tile, samples in enumerate(has):
+        found = film.tile_sums(0, tile)
+        if samples and (found is None or not np.array_equal(found, sums * samples)):
+            return False
+    return True

@@ -1,0 +1,73 @@
+"""What follows from how fast results are taken in, by a clock of the test's own."""
+
+from __future__ import annotations
+
+import pytest
+
+from service.scheduling import pace
+from service.scheduling.pace import MOST_OF_A_TILE, SHARE, Pace
+
+
+class Clock:
+    """The wall and this thread's processor, which works all the time that `busy` lasts."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    thread_time = monotonic
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(pace, "time", clock)
+    return clock
+
+
+def take_in(of: Pace, clock: Clock, results: int, result_s: float, seconds: float = 1.0) -> None:
+    with of.busy():
+        clock.now += results * result_s
+    clock.now += max(seconds - results * result_s, 0.0)
+    of.took_in(results)
+
+
+def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20)
+    assert of.batch_s(10_000) == 0.5, "nothing is known"
+    for _ in range(5):
+        take_in(of, clock, 200, 0.002)
+    assert of.batch_s(10) == of.batch_s(100) == 0.5
+    assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE)
+    assert of.batch_s(100_000) == 10.0
+    take_in(of, clock, 2, 0.4)
+    assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
+
+
+def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: Clock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20)
+    take_in(of, clock, 50, 0.001)
+    of.unread(512, 1024.0)
+    assert of.room(100) == 50
+    take_in(of, clock, 50, 0.001)
+    longer = of.batch_s(10)
+    assert longer > 0.5
+    of.unread(4096, 1024.0)
+    assert of.room(100) == 0
+    assert of.room(-5) == -5, "what is out too much stays so"
+    of.unread(0, 1024.0)
+    for _ in range(20):
+        take_in(of, clock, 50, 0.001)
+    assert (of.room(100), of.batch_s(10)) == (100, 0.5)
+
+
+def test_few_slots_get_results_shown_one_by_one(clock: Clock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20)
+    assert (of.of_a_tile(2), of.gather_s) == (1, 0.0)
+    take_in(of, clock, 8, 0.001)
+    assert of.gather_s == 0.0
+    take_in(of, clock, 400, 0.001)
+    assert 0.0 < of.gather_s < 0.5
+    assert of.of_a_tile(100_000) == MOST_OF_A_TILE
