@@ -29,6 +29,7 @@ from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
+from service.store.room import need_room
 
 __all__ = ["router"]
 
@@ -66,10 +67,11 @@ Key = Annotated[
 
 @router.post("", status_code=201, response_model=JobOut)
 def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
-    """Ask for a picture of a scene. A scene that is still being prepared is waited for."""
+    """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
+    need_room(farm.settings.data, farm.settings.min_free_bytes)
     rendered = _rendered(request, asked, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
