@@ -5,7 +5,7 @@ import { followFarm, lost } from "./news/farm.js";
 import { mustLogIn } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
-import { emptyState } from "./shell/hints.js";
+import { emptyPage } from "./shell/hints.js";
 import { tellOfEnds } from "./shell/notify.js";
 import { linkTo, onNavigate } from "./shell/router.js";
 import { buildShell } from "./shell/shell.js";
@@ -41,7 +41,7 @@ function viewFor([section, id, other]) {
   const element = h(
     "div",
     { class: "page" },
-    emptyState("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
+    emptyPage("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
   );
   return { element, dispose: () => {} };
 }

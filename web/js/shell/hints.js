@@ -81,3 +81,14 @@ export function noWorkerNotice() {
 export function emptyState(symbol, title, ...children) {
   return h("div", { class: "empty" }, icon(symbol), h("strong", null, title), ...children);
 }
+
+/**
+ * The same, where there is nothing else on the page: its title is the page's.
+ *
+ * @param {import("../base/icons.js").IconName} symbol
+ * @param {string} title
+ * @param {...import("../base/dom.js").Child} children
+ */
+export function emptyPage(symbol, title, ...children) {
+  return h("div", { class: "empty" }, icon(symbol), h("h1", null, title), ...children);
+}
