@@ -27,7 +27,8 @@ PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
 SERVED_PAUSE_S = 0.2  # for what had come to serve: it can live, whatever ended it
 LOOK_EVERY_S = 0.05  # whether a part that was just started serves
-SPARE_AFTER_S = 3.0  # of serving: while a farm starts, its processor has other things to do
+SPARE_AFTER_S = 3.0  # of serving, where it is the first: while a farm starts, its processor has other things to do
+SPARE_AGAIN_S = 0.3  # of serving, after a restart: what killed one may kill the next
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -119,8 +120,9 @@ class Supervisor:
     def _keep_spare(self, part: Part, now: float) -> None:
         """See to it that there is a spare, where the part has been serving for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
-        since = max(part.started, part.spare_started)
-        if part.has_spare and part.has_served and not is_there and now - since > SPARE_AFTER_S:
+        pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
+        is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
+        if part.has_spare and part.has_served and not is_there and is_time:
             part.spare, part.spare_started = self._spawn(part, is_spare=True), now
 
     def tend(self) -> Part | None:
