@@ -9,6 +9,7 @@ import os
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 from typing import IO, Annotated
 
@@ -23,6 +24,7 @@ from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.keeping.patrol import Patrol
+from service.keeping.retention import Retention, Rules
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.settings import Settings
@@ -84,6 +86,9 @@ class Farm:
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
         )
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
+        kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
+        self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
+        self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.changed, self.rules)
         self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
         self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
 
@@ -99,12 +104,14 @@ class Farm:
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
+        self.retention.start()
 
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
         self.outbox.stop()
         self.patrol.stop()
+        self.retention.stop()
         self.desk.stop()
         self.explaining.stop()
         self.engine.stop()

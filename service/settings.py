@@ -60,6 +60,10 @@ class Settings(BaseSettings):
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
+    keep_films_days: float | None = Field(default=None, ge=0)  # of jobs that are over and not pinned; empty: for ever
+    keep_films_bytes: int | None = Field(default=None, ge=0)  # of disk, for all films together: the oldest go; empty: no limit
+    keep_compiled_days: float | None = Field(default=None, ge=0)  # of scenes that nobody used since; they are made again
+    keep_uploads_days: float | None = Field(default=None, ge=0)  # that nobody used since
     film_check_days: float = Field(
         default=7.0, ge=0
     )  # films that rest are read so often, and what is missing is rendered; 0: never

@@ -104,6 +104,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
     ("PATCH", "/api/workers/{name}"): ADMIN,
     ("GET", "/api/workers/{name}/log"): ADMIN,
+    ("POST", "/api/retention"): ADMIN,
     ("GET", "/api/hooks"): ADMIN,
     ("POST", "/api/hooks/{number}/test"): ADMIN,
     ("GET", "/api/events"): VIEW,

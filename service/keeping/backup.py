@@ -8,7 +8,7 @@ again by whoever starts the copy (service/keeping/patrol.py).
 manifest.json   what is in it, with sizes and hashes; written last: a copy without it is not complete
 rayfarm.sqlite  scenes, jobs, frames
 films/  blobs/  as in the data folder
-token, secrets.json   so that the workers' commands stay true
+token, owner-token, secrets.json   so that workers and programs are let in as before
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = ["MANIFEST", "Manifest", "Report", "back_up"]
 
 MANIFEST = "manifest.json"
 DATABASE = "rayfarm.sqlite"
-SECRETS = ("token", "secrets.json")
+SECRETS = ("token", "owner-token", "secrets.json")
 ROUNDS = 3
 PATIENCE_S = 30.0
 

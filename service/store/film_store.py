@@ -56,8 +56,8 @@ class FilmStore(Protocol):
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
 
-    def is_there(self, job: str) -> bool:
-        """Whether a job has a film with something in it; a look at its file's size."""
+    def size(self, job: str) -> int:
+        """The bytes of disk that a job's film takes; 0 where it has none."""
 
     def delete(self, job: str) -> None:
         """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
@@ -143,12 +143,10 @@ class FilmFolder:
         """See FilmStore."""
         return film_samples(self._path(job), self._shape(settings, tile_size))
 
-    def is_there(self, job: str) -> bool:
+    def size(self, job: str) -> int:
         """See FilmStore."""
-        try:
-            return self._path(job).stat().st_size > 0
-        except FileNotFoundError:
-            return False
+        with film_faults():
+            return sum(path.stat().st_size for suffix in FILES if (path := self._path(job, suffix)).exists())
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
@@ -179,8 +177,8 @@ class FilmFolder:
         if self._snapshots is not None:
             self._snapshots.drop(job)
 
-    def _path(self, job: str) -> Path:
-        return self._folder / f"{job}.sqlite"
+    def _path(self, job: str, suffix: str = "") -> Path:
+        return self._folder / f"{job}.sqlite{suffix}"
 
     def _lost(self, job: str) -> Path:
         return self._folder / f"{job}.sqlite{LOST}"

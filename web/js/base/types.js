@@ -75,6 +75,7 @@
  * @property {Record<string, any> | null} settings
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
+ * @property {boolean} [pinned] kept, whatever its age
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *

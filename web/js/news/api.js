@@ -24,6 +24,7 @@ import { t } from "../base/words.js";
  * @property {number} [first] -1: none
  * @property {string} [order]
  * @property {[number, number, number, number] | null} [focus] x, y, w, h that is rendered first
+ * @property {boolean} [pinned] kept, whatever its age
  */
 
 export class ApiError extends Error {
