@@ -170,7 +170,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
     taken = Taken()
     with Served(folder, **environment) as served, slots_of(served, load, kept) as slots:
         job = served.job(served.scene(), load)
-        wait_until(lambda: served.counts().get("merged", 0) > 0, 60, "a batch is merged")
+        wait_until(lambda: served.counts().get("merged", 0) > 0, 180, "a batch is merged")
         watching = _watching(served, job, load)
         time.sleep(load.warm_s)
         at_first = served.samples(job)
