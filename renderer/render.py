@@ -16,7 +16,7 @@ from renderer.arrays.edition import edition_of, only
 from renderer.arrays.has import EDITIONS
 from renderer.arrays.scene import example
 from renderer.errors import SettingsError
-from renderer.film import CHANNELS, BadSample, BatchSums, Sums
+from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new_scratch, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
@@ -31,7 +31,18 @@ from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.threads import cores
 
-__all__ = ["PLAIN", "RenderStats", "edition_for", "is_warm", "kernel_name", "render_batch", "render_frame", "replay", "warm_up"]
+__all__ = [
+    "PLAIN",
+    "RenderStats",
+    "edition_for",
+    "is_warm",
+    "kernel_name",
+    "pixel_samples",
+    "render_batch",
+    "render_frame",
+    "replay",
+    "warm_up",
+]
 
 PLAIN, FULL, MOVING = EDITIONS
 _TILE = 32
@@ -151,13 +162,32 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
 
     Raises SettingsError where the pixel is not in the picture or the sample number is out of range.
     """
-    if not (0 <= x < settings.width and 0 <= y < settings.height):
-        raise SettingsError(f"pixel {x},{y} lies outside the picture of {settings.width}x{settings.height}")
+    _check_pixel(settings, x, y)
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
     log = np.zeros((settings.max_depth + MAX_AGAIN + MAX_PASSED, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
-    return read_log(batch, settings.film_exponent, log)
+    return read_log(batch, settings.film_exponent, settings.max_depth, log)
+
+
+def pixel_samples(
+    scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Samples 0 ... count - 1 of a pixel, each by itself: ((count, 3) colours in the film's fixed point, whole numbers; (count,)
+    whether it is a number and so in the film). Raises SettingsError where the pixel is not in the picture.
+    """
+    _check_pixel(settings, x, y)
+    prepared = _prepared(scene, settings)
+    values, is_finite = np.zeros((count, 3), np.int64), np.zeros(count, np.bool_)
+    for sample in range(count):
+        sums = _render(prepared, settings, Tile(x, y, 1, 1), sample, 1)[0].sums
+        values[sample], is_finite[sample] = sums[COLOR, 0, 0], sums[SAMPLES, 0, 0] == 1
+    return values, is_finite
+
+
+def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
+    if not (0 <= x < settings.width and 0 <= y < settings.height):
+        raise SettingsError(f"pixel {x},{y} lies outside the picture of {settings.width}x{settings.height}")
 
 
 def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,29 @@ from renderer.film import COLOR, SAMPLES, BatchSums
 from renderer.kernel.integrators import record
 from renderer.settings import Vec3
 
-__all__ = ["Replay", "Vertex", "read_log"]
+__all__ = ["ENDS", "End", "Lamp", "Replay", "Vertex", "read_log"]
+
+End = Literal["missed", "absorbed", "roulette", "depth", "caught", "unlit", "passed"]
+ENDS: dict[End, str] = {
+    "missed": "it left the scene",
+    "absorbed": "nothing was left of it",
+    "roulette": "Russian roulette ended it",
+    "depth": "it has as many segments as the settings allow",
+    "caught": "it left too many surfaces without getting on",
+    "unlit": "the material scatters no light",
+    "passed": "it passed too many surfaces by their alpha",
+}
+FAR = 1e17  # units away: where the kernel puts what is infinitely far, less some
+
+
+class Lamp(NamedTuple):
+    """The point of a light that was chosen to light a vertex (next-event estimation)."""
+
+    point: Vec3 | None  # None: infinitely far
+    direction: Vec3  # unit, towards it
+    pdf: float  # per steradian, with which it was chosen
+    share: float  # the weight of multiple importance sampling against the BSDF's sample of the same direction
+    brought: Vec3  # the radiance that it adds to the sample where nothing is in the way: throughput and share are in it
 
 
 class Vertex(NamedTuple):
@@ -28,6 +50,10 @@ class Vertex(NamedTuple):
     throughput: Vec3  # what radiance from here counts
     emitted: Vec3  # the radiance that the vertex's own light adds to the sample
     direct: Vec3  # the radiance that the lights it sees add through it
+    # These, of the path tracer for pictures alone (settings' `path` without what only comparisons need), else None:
+    share: float | None = None  # the weight of multiple importance sampling that `emitted` has; None also where it has no light
+    lamp: Lamp | None = None  # None also where none was to be had
+    survival: float | None = None  # the chance with which Russian roulette let it go on; None also where that was not asked
 
 
 class Replay(NamedTuple):
@@ -38,6 +64,8 @@ class Replay(NamedTuple):
 
     value: Vec3 | None
     vertices: list[Vertex]
+    end: End | None = None  # why it is over (ENDS); None where that is not told
+    time: float = 0.0  # of the shutter, 0 ... 1; 0 where nothing moves or it is not told
 
 
 _KINDS = {record.SURFACE: "surface", record.PASSED: "passed", record.MISSED: "missed"}
@@ -54,7 +82,12 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
     before, emitted, direct = (np.array(_vec(row, c)) for c in (record.BEFORE, record.EMITTED, record.DIRECT))
     with np.errstate(invalid="ignore"):  # an infinite radiance less itself
         own, seen = emitted - before, direct - emitted
+    end = float(row[record.SURVIVAL])
+    is_told = int(row[record.TOLD])
     return Vertex(
+        share=float(row[record.OWN_SHARE]) if is_told and np.any(own != 0) else None,
+        lamp=_lamp(row) if met and row[record.LAMP_PDF] > 0 else None,
+        survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, record.AGAIN) else None,
         kind=_KINDS[kind],
         object=int(row[record.OBJECT]) - 1 if met else None,
         material=int(row[record.MATERIAL]) - 1 if met else None,
@@ -69,10 +102,38 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
     )
 
 
-def read_log(batch: BatchSums, film_exponent: int, log: npt.NDArray[np.float64]) -> Replay:
+def _lamp(row: npt.NDArray[np.float64]) -> Lamp:
+    end, point = np.array(_vec(row, record.LAMP_AT)), np.array(_vec(row, record.POINT))
+    away = float(np.linalg.norm(end - point))
+    x, y, z = (float(v) for v in (end - point) / (away or 1.0))
+    at = None if away >= FAR else _vec(row, record.LAMP_AT)
+    return Lamp(at, (x, y, z), float(row[record.LAMP_PDF]), float(row[record.LAMP_SHARE]), _vec(row, record.BROUGHT))
+
+
+def _end(row: npt.NDArray[np.float64], is_last: bool) -> End | None:
+    """Why a path has no vertex after this row's. is_last: whether it could have had no further segment."""
+    told = row[record.TOLD]
+    if row[record.KIND] == record.MISSED:
+        return "missed"
+    if not told:
+        return None
+    if row[record.KIND] == record.PASSED:
+        return "passed"
+    if told != record.SCATTERED:
+        return "depth" if is_last else "unlit"
+    survival = row[record.SURVIVAL]
+    if survival == record.AGAIN:
+        return "caught"
+    return "absorbed" if survival == 0 else "roulette"
+
+
+def read_log(batch: BatchSums, film_exponent: int, max_depth: int, log: npt.NDArray[np.float64]) -> Replay:
     """The replay that a batch of one sample and its log tell: rows as renderer/kernel/integrators/record.py writes them."""
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:
         red, green, blue = (float(v) * 2.0**-film_exponent for v in batch.sums[COLOR, 0, 0])
         value = (red, green, blue)
-    return Replay(value, [_vertex(row) for row in log if row[record.KIND] != record.UNSEEN])
+    rows = [row for row in log if row[record.KIND] != record.UNSEEN]
+    surfaces = sum(row[record.KIND] == record.SURFACE for row in rows)
+    end = _end(rows[-1], surfaces >= max_depth) if rows else None
+    return Replay(value, [_vertex(row) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)

@@ -12,7 +12,8 @@ FarmError           a sentence that a person can act on
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service, on this data folder or with these settings
 ├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock
-└── FilmLost        a film cannot be written or read any more: damaged, read-only, of a newer release
+└── FilmLost        a film cannot be written or read any more: read-only, of a newer release
+    └── FilmDamaged     what it had is not there or not what was written: what is missing can be rendered again
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ __all__ = [
     "Conflict",
     "Failed",
     "FarmError",
+    "FilmDamaged",
     "FilmLost",
     "FilmWaits",
     "Invalid",
@@ -87,4 +89,8 @@ class FilmWaits(FarmError):  # noqa: N818
 
 
 class FilmLost(FarmError):  # noqa: N818
-    """A film cannot be written or read any more: damaged, read-only, of a newer release."""
+    """A film cannot be written or read any more: read-only, of a newer release."""
+
+
+class FilmDamaged(FilmLost):
+    """What a film had is not there or not what was written: what is missing can be rendered again."""

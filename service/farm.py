@@ -19,7 +19,9 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import CannotStart, Conflict, FarmError
+from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
+from service.keeping.patrol import Patrol
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.settings import Settings
@@ -29,10 +31,11 @@ from service.store.film_store import FilmFolder
 from service.store.films import Film
 from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
-from service.store.models import FINAL, Job
+from service.store.models import FINAL, Job, Scene
 from service.store.reserve import Reserve
 from service.store.whole import PRIVATE
 from service.viewing.desk import Desk
+from service.viewing.explaining import Explaining
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
 from service.watching.shared import Shared
@@ -70,11 +73,14 @@ class Farm:
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))
+        self.outbox = Outbox(settings, self.sessions)
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
             *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
         )
+        self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
+        self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
@@ -86,11 +92,16 @@ class Farm:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
         self.desk.start()
+        self.outbox.start()
+        self.patrol.start()
 
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.outbox.stop()
+        self.patrol.stop()
         self.desk.stop()
+        self.explaining.stop()
         self.engine.stop()
         self._collector.shutdown()
         self.films.close()
@@ -101,6 +112,14 @@ class Farm:
         """A job's or a scene's row was written: the engine looks at it, and watchers are told."""
         self.engine.changed(what, id)
         self.broadcast.tell(what, id)
+
+    def lit_again(self, id: str) -> None:
+        """What a job that is over was rendered of may be gone; where it is to go on, that is made again."""
+        with self.sessions() as session:
+            job = session.get(Job, id)
+            if job is None or job.lit is None or session.get(Scene, job.lit) is not None or session.get(Scene, job.scene) is None:
+                return
+        self.lighting.row(job.scene, job.request.get("environment"), job.request.get("variant"))
 
     def film(self, job: Job, frame: int = 0) -> Film | None:
         """A job's film; None where the job has none yet. Raises FilmLost where it has less of a frame than its row says."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
 
@@ -37,6 +38,11 @@ class Settings(BaseSettings):
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
 
+    webhooks: list[str] = Field(default_factory=list)  # URLs that are told when a job ends
+    webhook_secret: str = ""  # whsec_...: what messages are signed with; kept in the data folder where empty
+    job_hook: str = ""  # a program that is run when a job ends
+    public_url: str = ""  # where people open the page, for links in messages
+
     max_upload_bytes: int = GIB
     max_upload_files: int = 4096
     max_unzipped_bytes: int = 8 * GIB
@@ -47,6 +53,10 @@ class Settings(BaseSettings):
     max_pixels: int = 64 * MIB
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
+
+    film_check_days: float = Field(
+        default=7.0, ge=0
+    )  # films that rest are read so often, and what is missing is rendered; 0: never
 
     batch_seconds: float = 0.5
     batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
@@ -68,6 +78,21 @@ class Settings(BaseSettings):
     def _bucket(cls, value: str) -> str:
         if value and not re.fullmatch(r"s3://[^/]+(/.*)?", value):
             raise ValueError(f"{value!r} is no address of blobs; give s3://bucket/prefix, or nothing for the data folder")
+        return value
+
+    @field_validator("webhooks")
+    @classmethod
+    def _addresses(cls, value: list[str]) -> list[str]:
+        for url in value:
+            if not re.fullmatch(r"https?://[^/?#\s]+[^\s]*", url):
+                raise ValueError(f"{url!r} is no address of a webhook; give http:// or https://")
+        return value
+
+    @field_validator("webhook_secret")
+    @classmethod
+    def _secret(cls, value: str) -> str:
+        if value:
+            key_of(value)
         return value
 
     @property
@@ -94,6 +119,11 @@ class Settings(BaseSettings):
             (self.data / name).mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
         if not self.token:
             self.token = _kept(self.data / "token")
+        if self.webhooks and not self.webhook_secret:
+            path = self.data / "webhook-secret"
+            if not path.exists():
+                write_whole(path, f"{new_secret()}\n".encode())
+            self.webhook_secret = path.read_text().strip()
 
     def instance(self) -> str:
         """The random id by which a worker recognises that it sees this very data folder."""

@@ -71,6 +71,7 @@ class WorkerContext:
             vectors=True,
             several=True,
             views=True,
+            explains=True,
         )
 
     def after_fork(self) -> None:

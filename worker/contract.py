@@ -12,7 +12,7 @@
     worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
 Queues have the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code) takes its
-batches, so films of two kinds cannot mix. Imports neither numba nor the kernel. Of views that are watched: worker/view_parts.py.
+batches, so films of two kinds cannot mix. No numba in it. Of views: worker/view_parts.py; of pixels: worker/explained.py.
 """
 
 from __future__ import annotations
@@ -65,8 +65,7 @@ VECTORS = "rayfarm.vectors"
 ENVIRONMENT = "rayfarm.environment"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
-HEARTBEAT_EVERY_S = 1.0
-HEARTBEAT_TTL_S = 6
+HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # with a film's means: which content they are of, and how many samples that has
 SAMPLES_HEADER = "X-Samples"
 
@@ -330,7 +329,7 @@ class WorkerReport:
     state: Literal["starting", "ready", "paused"]  # starting: compiling or loading its kernels; paused: takes no more tasks
     started: float  # unix time
     samples_per_s: float = 0.0  # of one slot, over its latest batches
-    # A slot each: {}, {batch, message, job, frame, tile, first, count}, {scene}, {denoise or vectors, frame} or {view, message}.
+    # A slot each: {}, {batch, message, job, frame, tile, first, count}, {scene}, {denoise or vectors, frame} or {view, message}
     current: list[dict[str, Any]] = field(default_factory=list)
     denoises: bool = False  # whether it has Open Image Denoise
     frames: bool = False  # whether it prepares frames of shots: workers of before release 0.2 do not
@@ -338,6 +337,7 @@ class WorkerReport:
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
     views: bool = False  # whether it renders views that somebody looks at (worker.view_parts)
+    explains: bool = False  # whether it explains pixels (worker.explained)
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -369,7 +369,7 @@ class Result:
 
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
-        batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command)
+        batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
         batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
         denoise-failed   work, worker, error (a sentence)

@@ -20,7 +20,7 @@ from renderer.frames import frame_number
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
-from renderer.scene.compiled import CompiledScene
+from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.description import SceneDescription
 from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
@@ -37,7 +37,7 @@ from worker.render import mapped_scene
 from worker.scenes import store_scene
 from worker.standing import Standing
 
-__all__ = ["forget_frames", "prepare_frames"]
+__all__ = ["forget_frames", "prepare_frames", "see_frame"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 PATIENCE_S = 60.0
@@ -128,6 +128,27 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         if not is_of_machine(error):
             raise
         raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
+
+
+def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
+    """What the scene is at the first of the frames, for this process alone: None where that is what it is compiled to at its
+    beginning. Raises WorkError, Trouble or RefusedError.
+    """
+    found: list[CompiledScene | None] = []
+
+    def take(message: dict[str, Any]) -> None:
+        if "failed" in message:
+            raise WorkError(message["failed"])
+        file = message["file"]
+        found.append(load(Path(file)) if file else None)
+
+    forget_frames()  # the files of a child that others asked before may be gone in part
+    opened = _Open(worker, manifest, work)
+    try:
+        opened.child.ask({"frames": work.frames[:1]}, take)
+    finally:
+        opened.close()
+    return found[0]
 
 
 def _answer(

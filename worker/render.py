@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
@@ -23,6 +24,7 @@ __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render",
 
 # How long a batch waits in its slot for a service that is away: less than the service waits for a batch that is in hand.
 PATIENCE_S = 30.0
+TRACE_LINES, TRACE_CHARACTERS = 6, 1500
 
 # Mapped scenes that a slot keeps open. They cost address space; their pages are shared with every other slot.
 OPEN_SCENES = 8
@@ -50,7 +52,8 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     except MemoryError:
         return failure(worker, batch, f"{worker.name} has too little memory for this scene")
     except Exception as error:  # whatever it is, it is this batch's fault and not the worker's end
-        return failure(worker, batch, f"{type(error).__name__}: {error}")
+        last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
+        return failure(worker, batch, f"{type(error).__name__}: {error}", last)
     event = {
         **batch_event(worker, batch, "batch"),
         "seconds": time.perf_counter() - begun,
@@ -60,10 +63,10 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     return Result(event, pack_sums(sums.sums, batch.packing))
 
 
-def failure(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
-    """The event of a batch that could not be rendered."""
+def failure(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
+    """The event of a batch that could not be rendered. trace: the last lines of a program's error."""
     command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
-    return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command})
+    return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command, "trace": trace})
 
 
 def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:

@@ -31,6 +31,8 @@ from worker.contract import (
 from worker.denoise import denoise_failure, denoise_frame
 from worker.environments import show_environment, show_failure
 from worker.errors import RefusedError, Trouble, WorkError
+from worker.explain import explain_pixel, say
+from worker.explained import EXPLAIN, ExplainPixel
 from worker.frames import prepare_frames
 from worker.patience import patiently
 from worker.prepare import prepare_scene
@@ -59,6 +61,7 @@ def register(app: Celery) -> None:
     app.task(_render_view, name=RENDER_VIEW, bind=True)
     app.task(_view_frame, name=VIEW_FRAME, bind=True)
     app.task(_environment, name=ENVIRONMENT, bind=True)
+    app.task(_explain, name=EXPLAIN, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -248,6 +251,25 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
             Answering(worker, work).send("failed", error=sentence)
         else:
             prepare_view_frame(worker, work)
+    finally:
+        worker.board.write(_slot(), {})
+
+
+def _explain(task: Any, pixel: dict[str, Any]) -> None:
+    """Explain a pixel (ExplainPixel.to_json)."""
+    worker = context.current()
+    try:
+        work = ExplainPixel.from_json(pixel)
+    except (RayfarmError, KeyError, TypeError, ValueError) as error:
+        sentence = f"{worker.name} does not understand the question ({error}). Run the same release of Rayfarm on all machines."
+        say(worker, str(pixel.get("message")), "failed", error=sentence)
+        return
+    doing = {"explain": work.job, "message": work.message}
+    worker.board.write(_slot(), doing)
+    try:
+        if _deaths(task, worker, work.message):  # whoever asked has long been told
+            return
+        explain_pixel(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
     finally:
         worker.board.write(_slot(), {})
 

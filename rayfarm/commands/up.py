@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 import webbrowser
 from pathlib import Path
@@ -55,6 +56,7 @@ def up(
     from rayfarm.local.state import locked
     from service.places import default_data_folder
 
+    os.umask(0o077)  # what a farm keeps is its user's alone
     signals = StopSignals()
     folder = data.expanduser().resolve() if data else default_data_folder()
     slots = cores() if workers is None else workers
@@ -79,7 +81,7 @@ def up(
                     out.print("Ready without a worker of its own. Ctrl-C stops the farm.")
             while not signals.stop():
                 farm.tend()
-                time.sleep(0.2)
+                time.sleep(0.05)
         finally:
             say("Stopping (Ctrl-C again: at once) ...")
             farm.stop(signals.hurry)

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import httpx
 import redis
@@ -84,7 +85,8 @@ class LocalFarm:
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for.
         uvicorn += ["--ws-per-message-deflate", "false"]
-        self._start(Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S))
+        service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
+        self._start(service)
         if self.slots:
             # The token goes by the environment: a command line is seen by everyone on the machine.
             worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
@@ -133,6 +135,14 @@ class LocalFarm:
                 if isinstance(data, bytes) and process is not None and _is_ready(data, process.pid):
                     return True
         return False
+
+    def _service_listens(self) -> bool:
+        """It listens once all of it has begun, and not before."""
+        try:
+            socket.create_connection((urlsplit(self.url).hostname or "", self.port), timeout=0.2).close()
+        except OSError:
+            return False
+        return True
 
     def _redis_answers(self) -> bool:
         try:

@@ -1,4 +1,4 @@
-"""Processes that belong together: started, watched, restarted (with growing pauses where they die young), and stopped whole.
+"""Processes that belong together: started, watched, restarted (with growing pauses where they cannot live), and stopped whole.
 
 Every part is the leader of its own session, so that a Ctrl-C at the terminal reaches the supervisor alone and it decides the
 order; and so that whatever a part forks can be ended with it as one group. Should the supervisor itself be killed, the
@@ -25,6 +25,8 @@ LOG_KEPT = 5 << 20
 WORKER_STEADY_S = 90.0  # it may compile its kernels first
 PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
+SERVED_PAUSE_S = 0.2  # for what had come to serve: it can live, whatever ended it
+LOOK_EVERY_S = 0.05  # whether a part that was just started serves
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -32,8 +34,9 @@ KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 class Part:
     """One process of the farm. grace_s: how long it may take to stop when asked. fatal_codes: exits not worth a restart.
 
-    steady_s: what ends sooner after its start may be unable to live, and is started ever more rarely. It is longer than the
-    part takes to be ready.
+    What may be unable to live is started ever more rarely: what ends before it serves. serves: whether it does by now; quick,
+    asked until it is true. Where that is not told, what ends within steady_s of its start, which is longer than the part takes
+    to be ready.
     """
 
     name: str
@@ -43,10 +46,13 @@ class Part:
     grace_s: float = 5.0
     fatal_codes: tuple[int, ...] = ()
     steady_s: float = 5.0
+    serves: Callable[[], bool] | None = None
     process: subprocess.Popen[bytes] | None = None
     failures: int = 0
     started: float = 0.0
     restart_at: float | None = None
+    has_served: bool = False
+    looked: float = 0.0
 
     @property
     def running(self) -> bool:
@@ -92,13 +98,17 @@ class Supervisor:
             )
         part.started = time.monotonic()
         part.restart_at = None
+        part.has_served = False
 
     def tend(self) -> Part | None:
         """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""
         now = time.monotonic()
         for part in self.parts:
             if part.running:
-                if now - part.started > part.steady_s:
+                if not part.has_served and part.serves and now - part.looked > LOOK_EVERY_S:
+                    part.looked = now
+                    part.has_served = part.serves()
+                if part.has_served or now - part.started > part.steady_s:
                     part.failures = 0
             elif part.restart_at is None:
                 code = part.process.returncode if part.process else None
@@ -128,6 +138,8 @@ class Supervisor:
 
     def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
         """How long to wait before a part that ended is started again."""
+        if part.has_served:
+            return SERVED_PAUSE_S
         if lived_s > part.steady_s:
             part.failures = 0
         pause = PAUSES_S[min(part.failures, len(PAUSES_S) - 1)]

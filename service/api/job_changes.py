@@ -14,9 +14,9 @@ from service.api.schemas import JobState, Strict
 from service.errors import FarmError
 from service.farm import Farm
 from service.scheduling.wishes import begins_anew, set_state
-from service.store.models import Frame, Job, Scene
+from service.store.models import Frame, Job
 
-__all__ = ["ChangesIn", "ChangesOut", "change_many", "delete_many", "light_again", "may_begin_anew"]
+__all__ = ["ChangesIn", "ChangesOut", "change_many", "delete_many", "may_begin_anew"]
 
 AT_A_TIME = 100  # in one transaction: the engine waits for a moment only, and for a longer one all jobs stand still
 
@@ -84,7 +84,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, answer: ChangesOut) 
         for id in ids:
             try:
                 anew[id] = may_begin_anew(id, farm)
-                light_again(id, farm)
+                farm.lit_again(id)
             except FarmError as error:
                 answer.refused.append(RefusedOut(id=id, why=str(error)))
     refused = {each.id for each in answer.refused}
@@ -130,15 +130,6 @@ def delete_many(ids: list[str], farm: Farm) -> list[WasOut]:
 def may_begin_anew(id: str, farm: Farm) -> bool:
     """Whether a job that is set to running begins with an empty film; one that is over reads its film for that."""
     return id not in farm.engine.snapshot.jobs and begins_anew(find_job(id, farm), farm.films)
-
-
-def light_again(id: str, farm: Farm) -> None:
-    """What a job that is over was rendered of may be gone; where it is to go on, that is made again."""
-    with farm.sessions() as session:
-        job = session.get(Job, id)
-        if job is None or job.lit is None or session.get(Scene, job.lit) is not None or session.get(Scene, job.scene) is None:
-            return
-    farm.lighting.row(job.scene, job.request.get("environment"), job.request.get("variant"))
 
 
 def _rows(ids: list[str], session: Session) -> list[Job]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 import uuid
 from typing import Annotated, Any, get_args
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field, TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
@@ -14,7 +16,7 @@ from sqlalchemy.exc import IntegrityError
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from service.api.describe import job_out, jobs_out
-from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, light_again, may_begin_anew
+from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
@@ -43,7 +45,7 @@ class HistoryEvent(BaseModel):
     """Something that happened."""
 
     at: float = Field(description="unix time")
-    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed")
+    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed")
     words: str = Field(description="of whom, or why")
 
 
@@ -157,6 +159,21 @@ def get_job(id: str, farm: FarmDependency) -> JobOut:
         return job_out(find_job(id, farm), session, farm.engine, view)
 
 
+@router.get("/{id}/log", response_class=PlainTextResponse)
+def job_log(id: str, farm: FarmDependency, request: Request) -> Response:
+    """What happened to a job, line by line: its scene prepared, batches handed out, back, lost, failed, and by which workers.
+
+    The newest 256 kB. Lines begin with the time (UTC); below errors, further in, stand the last lines of their traces.
+    """
+    find_job(id, farm)
+    text = farm.engine.logs.text(id)
+    tag = f'"{hashlib.sha256(text).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if tag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    return PlainTextResponse(text, headers=headers)
+
+
 @router.get("/{id}/history", response_model=HistoryOut)
 def job_history(id: str, farm: FarmDependency) -> HistoryOut:
     """How a job came to its picture: noise and samples against the time of rendering, and what happened."""
@@ -179,7 +196,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
     rendered first, which changes no bit of how the picture ends.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
-    light_again(id, farm)
+    farm.lit_again(id)
     with farm.sessions.begin() as session:
         job = session.get(Job, id, with_for_update=True)
         if job is None:

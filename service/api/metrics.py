@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shutil
+from collections.abc import Iterator, Mapping
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from sqlalchemy import func, select
 
 from service.farm import Farm
+from service.scheduling.snapshot import Snapshot
 from service.store.models import Frame, Job, Scene
 
 __all__ = ["render"]
@@ -30,6 +32,18 @@ class _Collector:
         yield _gauge("rayfarm_worker_slots", "Slots by worker", "worker", {r.name: r.slots for r in reports})
         speeds = {r.name: r.samples_per_s * r.slots for r in reports}
         yield _gauge("rayfarm_worker_samples_per_second", "Speed by worker, all slots", "worker", speeds)
+        failures = {r.name: float(view.failures.get(r.name, 0)) for r in reports}
+        yield _gauge("rayfarm_worker_failures", "Batches that failed by worker, since the service started", "worker", failures)
+        busy = len(view.roster.current())
+        idle = sum(r.slots for r in reports) - busy
+        yield _gauge("rayfarm_slots", "Slots by what they do", "state", {"busy": busy, "idle": idle})
+        text = "Slots that would each have half a minute of work or more"
+        yield GaugeMetricFamily("rayfarm_slots_wanted", text, _slots_wanted(view, dict(jobs), dict(scenes)))
+        speed = sum(job.samples_per_s for job in view.jobs.values())
+        yield GaugeMetricFamily("rayfarm_samples_per_second", "Samples a second that come into films", speed)
+        yield GaugeMetricFamily("rayfarm_watchers", "Connections that are told what changes", self._farm.broadcast.listeners)
+        free = shutil.disk_usage(self._farm.settings.data).free
+        yield GaugeMetricFamily("rayfarm_data_free_bytes", "Free space where the data folder lies", free)
         yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", view.batches_out)
         yield GaugeMetricFamily("rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.asked)
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
@@ -44,7 +58,13 @@ class _Collector:
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 
-def _gauge(name: str, text: str, label: str, values: dict[str, float]) -> Metric:
+def _slots_wanted(view: Snapshot, jobs: dict[str, int], scenes: dict[str, int]) -> int:
+    """What waits for a worker before it can be measured wants one slot, or a farm without workers would never get any."""
+    measured = sum(job.slots_wanted for job in view.jobs.values())
+    return max(measured, jobs.get("queued", 0) + jobs.get("running", 0) + scenes.get("preparing", 0))
+
+
+def _gauge(name: str, text: str, label: str, values: Mapping[str, float]) -> Metric:
     family = GaugeMetricFamily(name, text, labels=[label])
     for key, value in sorted(values.items()):
         family.add_metric([key], value)

@@ -19,6 +19,7 @@ from service.errors import (
     Conflict,
     Failed,
     FarmError,
+    FilmDamaged,
     FilmLost,
     FilmWaits,
     Invalid,
@@ -118,6 +119,8 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(FarmError)
     async def _farm(request: Request, error: FarmError) -> ProblemResponse:
+        if isinstance(error, FilmDamaged) and "id" in request.path_params:
+            request.app.state.farm.patrol.suspect(request.path_params["id"])
         seconds = error.retry_after_s if isinstance(error, Unavailable) else None
         headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
         return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers)

@@ -4,19 +4,22 @@ The page sends JSON:
 
     {"id": n, ...}        a view to be seen from now on, in place of all earlier ones: what a job's request has (POST /api/jobs),
                           of which size, camera or view, settings, and frame, clip, fps, turntable count; spp bounds the samples
-                          a pixel (256 at most)
+                          a pixel (256 at most), and a tile that has come to `noise` is complete with fewer
     {"ack": seq}          the picture of this number, and all before, have been shown
     {"pick": [x, y]}      what lies under a pixel of the view?
     {"paused": true}      nobody sees the page now; false: somebody does again
 
 and gets JSON:
 
-    {"type": "state", "id", "samples", "bound", "slots", "message"}   message: why nothing new comes; null: it does
+    {"type": "state", "id", "samples", "bound", "mean", "noise", "done", "slots", "message"}
+                          samples: what every pixel of the whole view has; mean: what one has on the average; noise: relative,
+                          null while it is not known; message: why nothing new comes; null: it does
     {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, makes no sense
     {"type": "picked", "x", "y", "depth", "position"}                 null: nothing is there
 
 and pictures (service/viewing/view_packet.py): a small one first, then the whole view with ever more samples, of which each brings
-the tiles that have changed. At most two of them are unacknowledged: a slow watcher gets fewer pictures, never older ones.
+the tiles that have half as many again as they were shown with; those that are complete, exactly. At most two of them are
+unacknowledged: a slow watcher gets fewer pictures, never older ones.
 """
 
 from __future__ import annotations
@@ -59,6 +62,7 @@ class ViewIn(JobIn):
 
     id: int = Field(ge=0, lt=1 << 32)
     scene: str = Field("", max_length=100)
+    noise: float | None = Field(None, gt=0, allow_inf_nan=False)
 
 
 @router.websocket("/api/scenes/{id}/viewport")
@@ -224,7 +228,7 @@ class _Viewer:
             while self.watch.picked:
                 await self._socket.send_text(json.dumps({"type": "picked", **self.watch.picked.pop(0)}))
             picture = None
-            if len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.watch.is_due():
+            if not self.watch.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.watch.is_due():
                 picture = await run_in_threadpool(self.watch.take, self._seq + 1)
             if picture is not None:
                 self._seq += 1
@@ -241,9 +245,11 @@ class _Viewer:
         watch, now = self.watch, time.monotonic()
         state: dict[str, Any]
         if watch.look is None:
-            state = {"id": None, "samples": 0, "bound": 0, "slots": 0, "message": self._notice}
+            nothing: dict[str, Any] = {"samples": 0, "bound": 0, "mean": 0, "noise": None, "done": False, "slots": 0}
+            state = {"id": None, **nothing, "message": self._notice}
         else:
-            about = {"id": watch.look.id, "samples": watch.samples, "bound": watch.bound}
+            about: dict[str, Any] = {"id": watch.look.id, "samples": watch.samples, "bound": watch.bound}
+            about |= {"mean": round(watch.mean_samples, 1), "noise": watch.noise, "done": watch.is_done}
             state = {**about, "slots": watch.slots, "message": self._notice or watch.message}
             if watch.error is not None and self._told.get("error") != (watch.look.id, watch.error):
                 self._told["error"] = (watch.look.id, watch.error)

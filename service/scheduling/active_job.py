@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ FAILURES_ALLOWED = 3
 LOSSES_ALLOWED = 5
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
+WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
 
 
 @dataclass
@@ -160,6 +162,14 @@ class ActiveJob:
             return by_time
         by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
+
+    @property
+    def slots_wanted(self) -> int:
+        """How many slots would each have at least half a minute of work with it; one where it is not known how long it takes."""
+        if self.done or self.state == "paused":
+            return 0
+        left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost
+        return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
 
     def frame_numbers(self) -> Mapping[int, FrameNumbers]:
         """How far each frame is. Never changed: what is made anew is another mapping, with new entries for what has changed."""

@@ -241,6 +241,7 @@ class Answers:
             case FramesReturned():
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
                     log.info("job %s: %s", job.id, message.error)
+                    job.history.log.say(message.error)
                     self._moments.returned(job, message.work)
                     self._tell("job", job.id)
 
@@ -250,7 +251,9 @@ class Answers:
         if job is None or batch is None:
             return
         self.counts["failed"] += 1
-        trouble = self._scheduler.failed(job, message.batch, batch, message.worker, message.error, message.reproduce)
+        trouble = self._scheduler.failed(
+            job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
+        )
         if trouble is not None:
             sentence = f"A batch failed {len(trouble.workers)} times: {trouble.error}"
             self._scheduler.give_up(job, batch, sentence, trouble.reproduce)

@@ -29,6 +29,7 @@ from worker.contract import (
     prepare_queue,
     render_queue,
 )
+from worker.explained import EXPLAIN, ExplainPixel
 from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
 
 __all__ = ["Dispatcher", "QueueError"]
@@ -84,6 +85,10 @@ class Dispatcher:
     def send_environment(self, work: ShowEnvironment, kind: str) -> None:
         """Ask for an image that lights scenes to be looked at. Raises QueueError."""
         self._send(ENVIRONMENT, {"environment": asdict(work)}, prepare_queue(kind), work.work)
+
+    def send_explain(self, work: ExplainPixel, kind: str) -> None:
+        """Ask for a pixel to be explained, before all that nobody waits for. Raises QueueError."""
+        self._send(EXPLAIN, {"pixel": work.to_json()}, view_queue(kind), work.message)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
         """What waits in a queue and no worker has taken yet: id -> message. Raises redis.RedisError."""

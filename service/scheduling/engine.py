@@ -25,6 +25,7 @@ from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
+from service.scheduling.job_log import JobLogs
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
 from service.scheduling.pace import Pace
@@ -84,11 +85,12 @@ class Engine:
         self._denoising = Denoising(self._dispatcher, self._workers, blobs)
         self._vectors = Vectors(self._dispatcher, self._workers, blobs)
         self._environments = Environments(self._dispatcher, self._workers, blobs)
+        self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
-            *(self._vectors, self._bulkheads, self._changes, change, let_go),
+            *(self._vectors, self.logs, self._bulkheads, self._changes, change, let_go),
         )
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
@@ -214,7 +216,8 @@ class Engine:
     def _begin(self) -> None:
         """Clean up after an earlier life, and take up what it left."""
         self._dispatcher.purge()
-        self.films.sweep(self._records.all_jobs())
+        self.films.sweep(jobs := self._records.all_jobs())
+        self.logs.sweep(jobs)
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
         for job in self._records.active_jobs():
@@ -234,6 +237,7 @@ class Engine:
             self._changes.close((what, id))
 
     def _each_second(self) -> None:
+        self.logs.flush()
         self._answers.review()
         self._denoising.review()
         self._vectors.review()

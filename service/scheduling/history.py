@@ -6,11 +6,23 @@ import time
 from collections.abc import Mapping
 from typing import Any, Self
 
+from service.scheduling.job_log import JobLog
+
 __all__ = ["History"]
 
 MOST_POINTS = 128
 MOST_EVENTS = 100  # of the latest; the first stays
 STEP = 1.04  # a point follows when so many times the samples are in
+SENTENCES = {
+    "begun": "rendering begins on workers of {}",
+    "picture": "every tile has a sample",
+    "worker": "{} renders it",
+    "left": "{} has left",
+    "paused": "paused",
+    "resumed": "goes on",
+    "lost": "a batch did not come back from {}, and is handed out again",
+    "failed": "a batch failed, and is handed out again: {}",
+}
 
 
 class History:
@@ -20,6 +32,7 @@ class History:
         self.points = points or []
         self.events = events or []
         self.has_changed = False
+        self.log = JobLog()
         self._workers: set[str] = set()
         for _, kind, words in self.events:
             if kind == "worker":
@@ -52,7 +65,8 @@ class History:
         self.has_changed = True
 
     def happened(self, kind: str, words: str = "") -> None:
-        """Something happened now; what was the last already is not said again."""
+        """Something happened now; what was the last already is not said again, but in the log."""
+        self.log.say(SENTENCES.get(kind, kind).format(words or "somebody"))
         if self.events and self.events[-1][1:] == [kind, words]:
             return
         if len(self.events) >= MOST_EVENTS:

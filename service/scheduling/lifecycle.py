@@ -12,6 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from renderer.errors import SettingsError
+from renderer.frames import frame_number, frame_text
 from renderer.settings import RenderSettings
 from service.errors import FarmError
 from service.intake.resolve import frame_settings
@@ -21,6 +22,7 @@ from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.history import History
+from service.scheduling.job_log import JobLogs
 from service.scheduling.measured import measured
 from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
@@ -32,7 +34,7 @@ from service.scheduling.snapshot import Tell
 from service.scheduling.vectors import Vectors
 from service.shot import Shot
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE, Job, blobs_of
+from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
@@ -52,6 +54,7 @@ class Lifecycle:
         moments: Moments,
         denoising: Denoising,
         vectors: Vectors,
+        logs: JobLogs,
         bulkheads: Bulkheads,
         changes: Changes,
         tell: Tell,
@@ -64,6 +67,7 @@ class Lifecycle:
         self._moments = moments
         self._denoising = denoising
         self._vectors = vectors
+        self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
         self._tell = tell
@@ -84,10 +88,12 @@ class Lifecycle:
         job = self._scheduler.jobs.get(id)
         if row is None or row.state not in ACTIVE:
             if job is not None:
+                job.history.log.say(row.state if row is not None else "deleted")
                 self._drop(job)
             self._rest(id)
             self._bulkheads.forget(id)
             if row is None:
+                self._logs.delete(id)
                 self._denoising.forget(id)
                 self._vectors.forget(id)
                 self._films.delete(id)
@@ -144,6 +150,8 @@ class Lifecycle:
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         job.history = History.of(self._records.history(row.id))
+        job.history.log = self._logs.of(row.id)
+        job.history.log.say(_taken_up(job, scene))
         self._scheduler.jobs[row.id] = job
         if job.shot is not None:
             self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
@@ -187,6 +195,7 @@ class Lifecycle:
         if gone:
             self._let_go(gone)
         if is_over and self._records.finished(job, measured(job)):
+            job.history.log.say(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
             self._tell("scene", job.scene)
             self._drop(job)
             self._give_back(job)
@@ -210,11 +219,14 @@ class Lifecycle:
             return
         found = message.info if isinstance(message, FramePrepared) else None
         self._moments.heard(job, message.work, message.frame, message.worker, found)
+        name = f"frame {frame_text(frame_number(message.frame))}"
         if isinstance(message, FrameFailed):
+            job.history.log.say(f"{name} could not be prepared by {message.worker}: {message.error}")
             if not frame.is_over:
                 job.fail(frame, message.error)
         else:
             info = message.info
+            job.history.log.say(f"{name} was prepared by {message.worker} in {info.seconds:.2f} s")
             try:
                 settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
@@ -232,6 +244,7 @@ class Lifecycle:
         """Stop a job that cannot go on, or give up a scene; what a job has rendered stays."""
         job = self._scheduler.jobs.get(id)
         if job is not None:
+            job.history.log.say(f"failed: {verdict.error}", verdict.reproduce or "")
             self._drop(job)  # first: it is over also while the database cannot say so
         command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce
         if self._records.failed(id, verdict.error, command) or job is not None:
@@ -296,6 +309,7 @@ class Lifecycle:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
         self._moments.forget(job.id)
+        self._logs.close(job.id)
         self._autos.pop(job.id, None)
         self._rest(job.id)
 
@@ -309,3 +323,13 @@ class Lifecycle:
     def _rest(self, id: str) -> None:
         with suppress(FarmError):  # a film that cannot rest now rests later
             self._films.unpin(id)
+
+
+def _taken_up(job: ActiveJob, scene: Scene) -> str:
+    """What is to be rendered, and how its scene was got ready."""
+    info = scene.info or {}
+    goals = [f"{job.spp} samples per pixel", job.noise and f"noise {job.noise:g}", job.seconds and f"{job.seconds:g} s"]
+    asked = f"{job.film.width} x {job.film.height}, {', '.join(str(goal) for goal in goals if goal)}, {len(job.frames)} frame(s)"
+    kinds = ", ".join(sorted(job.compiled)) or "nobody yet"
+    ready = f"the scene took {float(info.get('seconds') or 0):.2f} s to prepare, and is compiled for {kinds}"
+    return f"{'taken up again' if job.started else 'taken up'}: {asked}; {ready}; {job.samples:,} samples are here"

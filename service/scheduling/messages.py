@@ -74,6 +74,7 @@ class BatchFailed(_Batch):
     type: Literal["batch-failed"]
     error: Sentence
     reproduce: Sentence | None = None
+    trace: Sentence = ""  # the last lines of a program's error
 
 
 class BatchReturned(_Batch):

@@ -14,6 +14,7 @@ from itertools import count, groupby
 
 import redis
 
+from renderer.frames import frame_number, frame_text
 from service.scheduling.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, ActiveJob, Trouble
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher
@@ -123,6 +124,7 @@ class Scheduler:
             self._dispatcher.send_batches(works, kind, leases[0].id)
         for lease in leases:
             self.leases.add(lease)
+        job.history.log.given(len(batches))
         job.served = next(self._turn)
 
     def arrived(self, owner: str, lease: str) -> None:
@@ -139,6 +141,8 @@ class Scheduler:
         if batch is None:
             return
         job.history.rendered_by(worker)
+        tile = job.film.tiles[batch.tile]
+        job.history.log.back(worker, batch.count * tile.w * tile.h, seconds)
         trouble = job.trouble.pop(batch, None)
         failed_on = trouble.workers if trouble else []
         self.suspicion.succeeded(worker, failed_on)
@@ -146,13 +150,16 @@ class Scheduler:
         for other in set(failed_on):
             self._set_aside_if_alone(other)
 
-    def failed(self, job: ActiveJob, lease: str, batch: Range, worker: str, error: str, reproduce: str | None) -> Trouble | None:
+    def failed(
+        self, job: ActiveJob, lease: str, batch: Range, worker: str, error: str, reproduce: str | None, trace: str = ""
+    ) -> Trouble | None:
         """A worker could not render a batch. It is handed out again, or what stops the job is returned."""
         if self.leases.end(lease) is None:
             return None  # handed out again meanwhile, or of an earlier life of the service
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
+        job.history.log.say(f"{worker} could not render {_named(batch)}: {error}", trace)
         able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may have it again and again before another gets it.
@@ -171,6 +178,7 @@ class Scheduler:
             return
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why)
+            job.history.log.say(f"{_named(batch)} is handed out again: {why}")
         job.handed_back = why
         job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
@@ -244,6 +252,7 @@ class Scheduler:
         trouble.losses += blame
         job.history.happened("lost", lease.holder or "")
         log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch)
+        job.history.log.say(f"that was {_named(batch)}, lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
@@ -306,3 +315,8 @@ class Scheduler:
         jobs = [job for job in jobs if kind == self.kind_for(job)]
         jobs.sort(key=lambda job: (-job.priority, job.created, job.id))
         return jobs
+
+
+def _named(batch: Range) -> str:
+    frame = frame_text(frame_number(batch.frame))
+    return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

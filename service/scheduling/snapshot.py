@@ -34,6 +34,7 @@ class JobNumbers:
     noise: float | None = None  # the greatest of its frames, of a shot
     forecast: float | None = None  # and at its end
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
+    slots_wanted: int = 0  # that would have enough to do for it to be worth starting them
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
@@ -50,6 +51,7 @@ class JobNumbers:
             job.noise_now if job.shot else None,
             job.forecast if job.shot else None,
             job.handed_back,
+            job.slots_wanted,
         )
 
 

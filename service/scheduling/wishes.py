@@ -7,6 +7,7 @@ import time
 from renderer.errors import SettingsError
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import Conflict, FilmLost, Invalid
+from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, FINAL, Job
 
@@ -67,25 +68,24 @@ def focus_on(job: Job, focus: tuple[int, int, int, int] | None) -> None:
 
 
 def begins_anew(job: Job, films: FilmStore) -> bool:
-    """See to it that a job which is over can go on: a film that cannot be read is set aside. Returns whether its film is empty.
+    """See to it that a job which is over can go on: what its film has and cannot be read is removed, to be rendered again.
 
-    Reads all of a still's film, since only that shows what is damaged. Raises FilmWaits, and FilmLost where it cannot be set
-    aside.
+    Returns whether its film is empty then. Reads all of a still's film, since only that shows what is damaged; a shot's, where it
+    is known to be: that may take minutes. Raises FilmWaits, and FilmLost where nothing can be done.
     """
     if job.state not in FINAL or job.settings is None or job.tile_size is None:
         return False
     try:
-        film = films.open(job.id, RenderSettings.from_json(job.settings), job.tile_size)
-        if job.shot is not None:
-            return film.is_empty  # to read all frames may take minutes; what is damaged is found where it is read
-        for tile in range(len(film.tiles)):
-            film.tile_sums(0, tile)
-        return film.samples(0) == 0
-    except FilmLost:
-        films.set_aside(job.id)
-        return True
+        settings = RenderSettings.from_json(job.settings)
     except SettingsError:
         return False  # which the engine says when it takes the job up
+    if job.shot is None or FILM in (job.error or ""):
+        films.heal(job.id, settings, job.tile_size)
+    try:
+        return films.open(job.id, settings, job.tile_size).is_empty
+    except FilmLost:
+        films.heal(job.id, settings, job.tile_size)
+        return films.open(job.id, settings, job.tile_size).is_empty
 
 
 def _pixels(job: Job) -> int:

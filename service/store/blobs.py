@@ -13,7 +13,7 @@ from typing import BinaryIO, Protocol
 
 from service.errors import NotFound
 from service.store.staging import BlobWriter, Staging
-from service.store.whole import move_whole
+from service.store.whole import PRIVATE_FOLDER, move_whole
 
 __all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "is_sha256", "no_blob"]
 
@@ -85,7 +85,7 @@ class BlobFolder:
     def put(self, writer: BlobWriter) -> None:
         """See BlobStore. One that a power cut left shorter than it was is replaced."""
         target = self._path(writer.sha256)
-        target.parent.mkdir(parents=True, exist_ok=True)
+        target.parent.mkdir(PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(FileNotFoundError):
             if target.stat().st_size == writer.size:
                 os.utime(target)

@@ -1,4 +1,5 @@
-"""What can go wrong with a film's file, told apart in one place: what passes (FilmWaits) and what stays (FilmLost)."""
+"""What can go wrong with a film's file, told apart in one place: what passes (FilmWaits), what stays (FilmLost),
+and of that what rendering heals (FilmDamaged)."""
 
 from __future__ import annotations
 
@@ -7,10 +8,11 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from service.errors import FilmLost, FilmWaits, NotFound
+from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 
-__all__ = ["FilmClosed", "damaged", "film_faults", "incomplete"]
+__all__ = ["FILM", "FilmClosed", "damaged", "film_faults", "incomplete"]
 
+FILM = "The film of this job"  # how all of these sentences begin
 AGAIN = "Set the job to running, and it is rendered again."
 
 # SQLite's primary result codes, each with what it means for the film.
@@ -56,23 +58,23 @@ def film_faults() -> Iterator[None]:
         raise _told(sqlite3.SQLITE_IOERR if error.errno in OS_PASSES else sqlite3.SQLITE_PERM, str(error)) from error
 
 
-def damaged(why: str) -> FilmLost:
+def damaged(why: str) -> FilmDamaged:
     """The film's content makes no sense."""
-    return FilmLost(f"The film of this job is damaged ({why}). {AGAIN}")
+    return FilmDamaged(f"{FILM} is damaged ({why}). {AGAIN}")
 
 
-def incomplete(has: int, recorded: int) -> FilmLost:
+def incomplete(has: int, recorded: int) -> FilmDamaged:
     """The film has fewer samples than the database says."""
     if not has:
-        return FilmLost(f"The film of this job is missing or was emptied. {AGAIN}")
-    return FilmLost(f"The film of this job has only {has} of its {recorded} samples. Set the job to running for the rest.")
+        return FilmDamaged(f"{FILM} is missing or was emptied. {AGAIN}")
+    return FilmDamaged(f"{FILM} has only {has} of its {recorded} samples. Set the job to running for the rest.")
 
 
 def _told(code: int, message: str) -> FilmWaits | FilmLost:
     primary = code & 0xFF
     why = f" ({message})" if message and primary != sqlite3.SQLITE_FULL else ""
     if primary in PASSES and code not in DAMAGED:
-        return FilmWaits(f"The film of this job {PASSES[primary]}{why}. The job goes on when this has passed.")
+        return FilmWaits(f"{FILM} {PASSES[primary]}{why}. The job goes on when this has passed.")
     if primary in STAYS:
-        return FilmLost(f"The film of this job cannot be written{why}. Mend this, then set the job to running.")
+        return FilmLost(f"{FILM} cannot be written{why}. Mend this, then set the job to running.")
     return damaged(message)

@@ -12,16 +12,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from service.errors import FarmError
-from service.store.film_faults import film_faults
-from service.store.film_version import FilmShape, bring_up_to_date, is_up_to_date
+from service.store.film_faults import damaged, film_faults
+from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole
 
-__all__ = ["FilmFile", "Row"]
+__all__ = ["FilmFile"]
 
 LOCK_PATIENCE_S = 0.1  # the engine's thread waits no longer for one film
 MAX_BAD_KEPT = 1000
 BAD_SHOWN = 64
 
-Row = tuple[int, int, int, int, int, bytes]  # frame, tile, first, count, bad, sums
+ROWS = "SELECT frame, tile, first, count, bad, sums, checksum FROM part"
+PART = "INSERT INTO part (frame, tile, first, count, bad, sums, checksum) VALUES (?, ?, ?, ?, ?, ?, ?)"
 
 log = logging.getLogger(__name__)
 
@@ -66,11 +67,12 @@ class FilmFile:
             return self._database.execute("SELECT frame, tile, first, count FROM part").fetchall()
 
     def sums(self, frame: int, tile: int) -> Iterator[bytes]:
-        """The packed sums of a tile's rows."""
+        """The packed sums of a tile's rows. Raises FilmLost where one is not what was written."""
         with film_faults():
-            rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile))
-            for (packed,) in rows:
-                yield packed
+            for *row, known in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
+                if not is_whole(tuple(row), known):
+                    raise damaged(f"samples from {row[2]} on of tile {tile} are not what was written")
+                yield row[5]
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
         """How many samples were left out, and (x, y, sample) of the first of them."""
@@ -84,7 +86,7 @@ class FilmFile:
     def add(self, rows: list[Row], bad: list[tuple[int, int, int, int]]) -> None:
         """Add rows, and the bad samples (frame, x, y, sample) among them: all or none."""
         with film_faults(), self._transaction():
-            self._database.executemany("INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", rows)
+            self._database.executemany(PART, [(*row, checksum(row)) for row in rows])
             if bad:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
@@ -99,7 +101,8 @@ class FilmFile:
             if found[:3] != (first, first + count, count):
                 return False
             self._database.execute("DELETE FROM part WHERE frame = ? AND tile = ?", where)
-            self._database.execute("INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", (*where, first, count, found[3], sums))
+            row = (frame, tile, first, count, found[3], sums)
+            self._database.execute(PART, (*row, checksum(row)))
         return True
 
     def forget(self, frame: int) -> None:
@@ -107,6 +110,28 @@ class FilmFile:
         with film_faults(), self._transaction():
             self._database.execute("DELETE FROM part WHERE frame = ?", (frame,))
             self._database.execute("DELETE FROM bad_sample WHERE frame = ?", (frame,))
+
+    def row(self, frame: int, tile: int, first: int) -> Row | None:
+        """A row as it was written; None where it is not that any more. Raises FilmLost where the file cannot be read there."""
+        with film_faults():
+            where = (frame, tile, first)
+            found = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
+        return found[:6] if found is not None and is_whole(found[:6], found[6]) else None
+
+    def remove(self, frame: int, tile: int, first: int) -> None:
+        """Remove one row."""
+        with film_faults(), self._transaction():
+            self._database.execute("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", (frame, tile, first))
+
+    def forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
+        """Forget the bad samples first ... first + count - 1 of the pixels x, y, w, h."""
+        x, y, w, h = area
+        bounds = (frame, x, x + w - 1, y, y + h - 1, first, first + count - 1)
+        with film_faults(), self._transaction():
+            self._database.execute(
+                "DELETE FROM bad_sample WHERE frame = ? AND x BETWEEN ? AND ? AND y BETWEEN ? AND ? AND sample BETWEEN ? AND ?",
+                bounds,
+            )
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:

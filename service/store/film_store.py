@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 from weakref import WeakValueDictionary
 
 from renderer.settings import RenderSettings
-from service.errors import FarmError
+from service.errors import FarmError, FilmLost
+from service.store.film_check import film_samples, rows_left
 from service.store.film_faults import film_faults
+from service.store.film_version import FilmShape
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 
@@ -41,6 +45,18 @@ class FilmStore(Protocol):
 
     def set_aside(self, job: str) -> None:
         """Put a film that cannot be read any more out of the way, so that its job begins anew. Raises FilmWaits or FilmLost."""
+
+    def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
+        """Make a film readable again: what is not what was written is removed, and so counts as missing.
+
+        One that cannot be read as a whole is set aside, and what is left of it taken over. Raises FilmWaits or FilmLost.
+        """
+
+    def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
+        """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
+
+    def is_there(self, job: str) -> bool:
+        """Whether a job has a film with something in it; a look at its file's size."""
 
     def delete(self, job: str) -> None:
         """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
@@ -101,16 +117,41 @@ class FilmFolder:
             self._close(job)
             path = self._path(job)
             if path.exists():
-                path.replace(path.with_name(path.name + LOST))
+                self._remove(self._lost(job))
+                for suffix in ("-wal", ""):  # the log first, which says nothing without its film
+                    with contextlib.suppress(FileNotFoundError):
+                        path.with_name(path.name + suffix).replace(path.with_name(path.name + LOST + suffix))
             self._remove(path)
+
+    def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
+        """See FilmStore."""
+        try:
+            film = self.open(job, settings, tile_size)
+            if lost := film.heal():
+                log.warning("the film of %s was damaged: %d samples are missing", job, lost)
+        except FilmLost as error:
+            log.warning("the film of %s is set aside: %s", job, error)
+            self.set_aside(job)
+            film = self.open(job, settings, tile_size)
+            film.take_over(rows_left(self._lost(job), self._shape(settings, tile_size)))
+
+    def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
+        """See FilmStore."""
+        return film_samples(self._path(job), self._shape(settings, tile_size))
+
+    def is_there(self, job: str) -> bool:
+        """See FilmStore."""
+        try:
+            return self._path(job).stat().st_size > 0
+        except FileNotFoundError:
+            return False
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
         with self._lock, film_faults():
             self._close(job)
-            path = self._path(job)
-            path.with_name(path.name + LOST).unlink(missing_ok=True)
-            self._remove(path)
+            self._remove(self._lost(job))
+            self._remove(self._path(job))
 
     def sweep(self, keep: set[str]) -> None:
         """See FilmStore."""
@@ -129,6 +170,12 @@ class FilmFolder:
 
     def _path(self, job: str) -> Path:
         return self._folder / f"{job}.sqlite"
+
+    def _lost(self, job: str) -> Path:
+        return self._folder / f"{job}.sqlite{LOST}"
+
+    def _shape(self, settings: RenderSettings, tile_size: int) -> FilmShape:
+        return FilmShape(settings.width, settings.height, tile_size, settings.film_exponent)
 
     def _close(self, job: str) -> None:
         film = self._films.pop(job, None)

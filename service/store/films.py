@@ -20,7 +20,7 @@ from service.errors import FilmLost, FilmWaits
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
 from service.store.film_file import FilmFile
-from service.store.film_version import FilmShape
+from service.store.film_version import FilmShape, Row
 from service.store.tile_cache import TileCache
 from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
 
@@ -179,6 +179,37 @@ class Film:
             self._in_doubt = True
             self._file.forget(frame)
             self._take_in(self._file)
+
+    def heal(self) -> int:
+        """Remove what is not what was written, so that it counts as missing; returns how many samples, all pixels together."""
+        with self._lock:
+            self.load()
+            if self._file is None:
+                return 0
+            self._in_doubt = True
+            lost = 0
+            for frame, tile, first, count in self._file.ranges():
+                if not self._is_readable(self._file.row(frame, tile, first), tile):
+                    area = self.tiles[tile]
+                    self._file.remove(frame, tile, first)
+                    self._file.forget_bad(frame, area, first, count)
+                    lost += count * area.w * area.h
+            self._take_in(self._file)
+        return lost
+
+    def take_over(self, rows: Iterable[Row]) -> None:
+        """Add rows that are left of a film which cannot be read as a whole. Which of their samples were bad is not told."""
+        for frame, tile, first, count, bad, sums in rows:
+            self.merge([Part(frame, tile, first, count, sums, bad_count=bad)])
+
+    def _is_readable(self, row: Row | None, tile: int) -> bool:
+        if row is None:
+            return False
+        try:
+            unpack_sums(row[5], self.tiles[tile], stored=True)
+        except (ValueError, TypeError):
+            return False
+        return True
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
         """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet."""

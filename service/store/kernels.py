@@ -10,7 +10,7 @@ from pathlib import Path
 
 from renderer.artefact import is_name, is_signed
 from service.errors import Invalid
-from service.store.whole import write_whole
+from service.store.whole import PRIVATE_FOLDER, write_whole
 
 __all__ = ["KernelStore"]
 
@@ -23,7 +23,7 @@ class KernelStore:
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
         self._token = token
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(PRIVATE_FOLDER, parents=True, exist_ok=True)
         for left_over in folder.glob(".part-*"):
             left_over.unlink(missing_ok=True)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, Integer, String, Text
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 __all__ = ["ACTIVE", "FINAL", "Base", "Environment", "Frame", "Job", "Scene", "blobs_of"]
@@ -73,6 +73,7 @@ class Job(Base):
     __table_args__ = (
         Index("jobs_listed", "created", "id", "state", "scene", "name"),
         Index("jobs_by_state", "state", "created", "id", "scene", "name"),
+        Index("jobs_ended", "finished", "id"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -101,6 +102,8 @@ class Job(Base):
         JSON(none_as_null=True), deferred=True
     )  # see service/scheduling/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
+    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
+    pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
 
     @property
     def stage(self) -> str:
@@ -151,3 +154,20 @@ class Frame(Base):
         """The hashes of the blobs that it refers to."""
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         return blobs_of([ref for ref in compiled.values() if isinstance(ref, dict)])
+
+
+class Delivery(Base):
+    """A message to one hook about the end of one job; service/hooks/outbox.py sends it until it has arrived."""
+
+    __tablename__ = "deliveries"
+    __table_args__ = (UniqueConstraint("hook", "job", "ended", name="deliveries_once"), Index("deliveries_due", "due"))
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)  # the same at every attempt
+    hook: Mapped[str] = mapped_column(String(2048))  # a URL, or the path of a program
+    job: Mapped[str] = mapped_column(String(40))  # empty: since when this hook is told
+    ended: Mapped[float] = mapped_column(Float)
+    message: Mapped[dict[str, Any]] = mapped_column(JSON)
+    attempts: Mapped[int] = mapped_column(Integer, default=0)
+    due: Mapped[float | None] = mapped_column(Float)  # when it is sent next; None: it has arrived, or is given up
+    done: Mapped[float | None] = mapped_column(Float)
+    error: Mapped[str | None] = mapped_column(Text)  # of the latest attempt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from alembic import command
@@ -13,28 +14,43 @@ from sqlalchemy import Engine, inspect
 from service.errors import CannotStart
 from service.store.models import Scene
 
-__all__ = ["FIRST", "upgrade"]
+__all__ = ["FIRST", "Standing", "standing", "upgrade"]
 
 FIRST = "0001"  # the tables of release 0.1.0, which wrote no revision down
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The revision that a database is at (None: of release 0.1.0, or empty), and this release's."""
+
+    current: str | None
+    head: str
+    is_newer: bool
+
+
+def standing(engine: Engine) -> Standing:
+    """Where a database stands; changes nothing."""
+    scripts = ScriptDirectory.from_config(_config())
+    with engine.connect() as connection:
+        current = MigrationContext.configure(connection).get_current_revision()
+    known = {script.revision for script in scripts.walk_revisions()}
+    return Standing(current, str(scripts.get_current_head()), current is not None and current not in known)
 
 
 def upgrade(engine: Engine) -> None:
     """Make or migrate the tables in one transaction. Raises CannotStart for one of a newer release."""
     config = _config()
-    scripts = ScriptDirectory.from_config(config)
-    with engine.connect() as connection:
-        current = MigrationContext.configure(connection).get_current_revision()
-    if current == scripts.get_current_head():
+    stands = standing(engine)
+    if stands.current == stands.head:
         return
-    known = {script.revision for script in scripts.walk_revisions()}
-    if current is not None and current not in known:
+    if stands.is_newer:
         raise CannotStart(
-            f"The database {engine.url.render_as_string()} is of a newer release of Rayfarm (revision {current}; this release "
-            f"knows up to {scripts.get_current_head()}). Start the newer release, or set RAYFARM_DATA to another folder."
+            f"The database {engine.url.render_as_string()} is of a newer release of Rayfarm (revision {stands.current}; this "
+            f"release knows up to {stands.head}). Start the newer release, or set RAYFARM_DATA to another folder."
         )
     with engine.execution_options(writes=True).begin() as connection:
         config.attributes["connection"] = connection
-        if current is None and inspect(connection).has_table(Scene.__tablename__):
+        if stands.current is None and inspect(connection).has_table(Scene.__tablename__):
             command.stamp(config, FIRST)
         command.upgrade(config, "head")
 

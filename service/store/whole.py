@@ -6,10 +6,17 @@ import os
 import secrets
 from pathlib import Path
 
-__all__ = ["PRIVATE", "PRIVATE_FOLDER", "move_whole", "write_whole"]
+__all__ = ["PRIVATE", "PRIVATE_FOLDER", "make_private", "move_whole", "write_whole"]
 
 PRIVATE = 0o600  # what the service keeps is its user's alone
 PRIVATE_FOLDER = 0o700
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder, and those above it that are not there, for their owner alone."""
+    if not folder.is_dir():
+        make_private(folder.parent)
+        folder.mkdir(PRIVATE_FOLDER, exist_ok=True)
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -21,6 +21,8 @@ from renderer.film import SAMPLES
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.workers import Roster
 from service.settings import Settings
+from service.viewing.asked_frames import PATIENCE_S, AskedFrames
+from service.viewing.bell import Bell
 from service.viewing.costs import Costs
 from service.viewing.handed import Handed
 from service.viewing.hands import Hands
@@ -38,7 +40,6 @@ __all__ = ["Desk"]
 IDLE_S = 0.2  # between two looks at watchers who wait for something
 KEY_TTL_S = 15
 LINGER_S = 1.0  # though nobody looks: for what slots were at; and for frames that are still prepared
-LINGER_FOR_FRAMES_S = 10.0
 REVIEW_EVERY_S = 0.5
 LOST_S = 3.0  # without a sign of a message in any slot
 FAILURES_ALLOWED = 3
@@ -67,18 +68,20 @@ class Desk:
         self._costs = Costs()
         self._losses: Counter[str] = Counter()  # of watches, since their view began
         self._orders: deque[Callable[[], None]] = deque()
-        self._frames: dict[str, tuple[str, str]] = {}  # what messages about frames are about: their name, and the scene
+        self._frames = AskedFrames()
         self._shared: set[str] = set()  # kinds of workers for which other work waits
         self._lingers_until = 0.0
         self._views = 0
         self._messages = 0
         self._reviewed = 0.0
         self._ordered = threading.Event()
+        self._bell = Bell(self._redis)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="viewing", daemon=True)
 
     def start(self) -> None:
         """Begin."""
+        self._bell.start()
         self._thread.start()
 
     def stop(self) -> None:
@@ -87,13 +90,14 @@ class Desk:
         self._wake()
         if self._thread.is_alive():
             self._thread.join(10)
+        self._bell.stop()
         self._dispatcher.close()
         self._redis.close()
 
     @property
     def is_watched(self) -> bool:
         """Whether anybody looks and is not done."""
-        return any(not watch.is_paused and watch.samples < watch.bound for watch in list(self._watches.values()))
+        return any(watch.look is not None and not watch.is_paused and not watch.is_done for watch in list(self._watches.values()))
 
     def show(self, watch: Watch, look: Look) -> None:
         """Somebody wants to see this."""
@@ -136,7 +140,7 @@ class Desk:
             self._watches.pop(watch.id, None)
             self._withdraw(watch)
             watch.forget()
-            self._lingers_until = time.monotonic() + (LINGER_FOR_FRAMES_S if self._frames else LINGER_S)
+            self._lingers_until = time.monotonic() + (PATIENCE_S if self._frames else LINGER_S)
             self._losses.pop(watch.id, None)
             self._redis.delete(view_key(watch.id))
             self._moments.keep({each.look.scene for each in self._watches.values() if each.look is not None})
@@ -152,18 +156,13 @@ class Desk:
         self._wake()
 
     def _wake(self) -> None:
-        is_asleep = not self._ordered.is_set()
+        if not self._ordered.is_set() and self._watches:
+            self._bell.ring()
         self._ordered.set()
-        if is_asleep and self._watches:
-            try:
-                self._redis.rpush(VIEW_ANSWERS, b"")
-            except redis.RedisError:
-                return  # it wakes up by itself
 
     def _run(self) -> None:
         while not self._stop.is_set():
             if not self._is_awake:
-                self._frames.clear()
                 self._ordered.wait()
             try:
                 self._step()
@@ -261,7 +260,7 @@ class Desk:
         out = Handed(watch, watch.view, kind, is_frame=True)
         base = watch.look.compiled[kind]
         work = watch.look.moment.work(watch.look.scene, base, watch.id, out.id)
-        self._frames[out.id] = watch.look.moment.name(watch.look.scene, base), watch.look.scene
+        self._frames.add(out.id, watch.look.moment.name(watch.look.scene, base), watch.look.scene)
         self._send(out, ViewFrame(out.id, watch.id, watch.view, work))
 
     def _send_pick(self, watch: Watch) -> None:
@@ -281,7 +280,7 @@ class Desk:
             del self._out[out.id]
             out.lose()
         for kind in {out.kind for out in gone}:
-            self._dispatcher.take_back(view_queue(kind), {out.id for out in gone})
+            self._frames.forget(self._dispatcher.take_back(view_queue(kind), {out.id for out in gone}))
 
     def _take_in(self) -> None:
         found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
@@ -301,7 +300,7 @@ class Desk:
         if answer.type == "frame":
             self._hear_frame(answer)
         elif answer.type in ("over", "failed", "returned"):
-            self._frames.pop(answer.message, None)
+            self._frames.forget([answer.message])
         if out is None or out.view != answer.view:
             return
         watch = out.watch
@@ -342,7 +341,7 @@ class Desk:
     def _hear_frame(self, answer: ViewAnswer) -> None:
         """Kept also where the hand is at another frame by now: it may come back."""
         info = FrameInfo.from_json(answer.more["info"])
-        name, scene = self._frames.get(answer.message, ("", ""))
+        name, scene = self._frames.about(answer.message)
         if any(each.look is not None and each.look.scene == scene for each in self._watches.values()):
             self._moments.put(name, scene, info)
         else:
@@ -365,6 +364,7 @@ class Desk:
         """Renew the watchers' keys, ask again for what is lost, and say why nothing comes."""
         now = time.monotonic()
         in_hand = {str(doing["message"]) for doing in self._roster().current() if "view" in doing and "message" in doing}
+        self._frames.review(self._out, in_hand)
         with self._redis.pipeline(transaction=False) as keys:
             for watch in self._watches.values():
                 if watch.view and not watch.is_paused:

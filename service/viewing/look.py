@@ -57,6 +57,7 @@ class Look:
     samples: int
     compiled: dict[str, str]  # kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning
     request: dict[str, Any]
+    noise: float | None = None  # relative, at which it is done before it has all samples
     moment: Moment | None = None  # None: as the scene is at its beginning
 
     def at(self, info: FrameInfo) -> RenderSettings:
@@ -88,4 +89,4 @@ def look_at(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame
         )
     samples = min(request.get("spp") or MOST_SAMPLES, MOST_SAMPLES)
     compiled = {kind: str(ref["sha256"]) for kind, ref in scene.compiled.items()}
-    return Look(id, scene.of or scene.id, scene.id, settings, samples, compiled, request, moment)
+    return Look(id, scene.of or scene.id, scene.id, settings, samples, compiled, request, request.get("noise"), moment)

@@ -1,7 +1,8 @@
 """In which pieces a view is rendered: small at first, then whole, then ever more samples.
 
 The first picture is as large as the farm renders in FIRST_S, by what a sample of this scene costs; where the whole view takes
-much longer than that, one of a size between follows. Of the whole view come 1, 2, 4, 8 ... samples a pixel. Pieces take about
+much longer than that, one of a size between follows. Of the whole view come 1, 2, 4, 8 ... samples a pixel, of which each piece
+lies in one half (renderer.film.in_half), so that its sum of colours tells the noise too. Pieces take about
 PIECE_S, so that a new view does not wait long for those of the last one; what is handed out together is worth the way there.
 """
 
@@ -69,6 +70,7 @@ class Passes:
         self._pieces = self._all()
         self._lost: deque[Piece] = deque()
         self._held: Piece | None = None
+        self._ended: set[tuple[int, int]] = set()
 
     def next(self) -> list[Piece]:
         """Pieces of one level for one message; none where all are handed out."""
@@ -86,6 +88,10 @@ class Passes:
         """They did not come back: they are the next to be handed out."""
         self._lost.extend(pieces)
 
+    def end(self, level: int, tile: int) -> None:
+        """Nothing more is wanted of a tile."""
+        self._ended.add((level, tile))
+
     def expected_s(self, piece: Piece) -> float:
         """How long it is expected to take on one slot."""
         tile = self.levels[piece.level].tiles[piece.tile]
@@ -98,19 +104,23 @@ class Passes:
         if self._held is not None:
             piece, self._held = self._held, None
             return piece
-        if self._lost:
-            return self._lost.popleft()
-        return next(self._pieces, None)
+        while self._lost:
+            piece = self._lost.popleft()
+            if (piece.level, piece.tile) not in self._ended:
+                return piece
+        return next((piece for piece in self._pieces if (piece.level, piece.tile) not in self._ended), None)
 
     def _all(self) -> Iterator[Piece]:
         for number, level in enumerate(self.levels):
             first = 0
             while first < level.samples:
                 count = min(max(first, 1), level.samples - first)
+                middle = first + (first + 1) // 2  # up to which samples are in the half
                 for tile, rect in enumerate(level.tiles):
                     at_once = max(1, int(PIECE_S * 1.5 / (self._cost_s * rect.w * rect.h)))
-                    for begin in range(first, first + count, at_once):
-                        yield Piece(number, tile, begin, min(at_once, first + count - begin))
+                    for begin, end in ((first, min(middle, first + count)), (middle, first + count)):
+                        for at in range(begin, end, at_once):
+                            yield Piece(number, tile, at, min(at_once, end - at))
                 first += count
 
 

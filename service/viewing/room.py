@@ -1,4 +1,4 @@
-"""How many views lie in memory at a time: 28 bytes a pixel each, for as long as somebody looks."""
+"""How many views lie in memory at a time: 52 bytes a pixel each, for as long as somebody looks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from service.viewing.watch import Watch
 
 __all__ = ["FULL", "MOST_TOGETHER", "has_room"]
 
-MOST_TOGETHER = 1 << 25  # pixels, about 1 GB
+MOST_TOGETHER = 1 << 24  # pixels, about 1 GB
 FULL = "So many look at scenes now that another view has no room. It comes when one of them leaves."
 
 

@@ -1,6 +1,7 @@
 """One who looks at a scene: what is to be seen, the pictures so far, and what the page is told of them.
 
-The desk's thread fills it; the event loop's threads take pictures out. A lock lies between them, held for a tile at a time.
+The desk's thread fills it; the event loop's threads take pictures out. A lock lies between them, held while
+sums are read or added.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
 from service.viewing.look import Look
 from service.viewing.passes import Passes, Piece, levels_of
-from service.viewing.view_packet import packet
+from service.viewing.view_packet import Shown, packet
 
 __all__ = ["Watch"]
 
 SHOW_EVERY_S = 0.25  # while a picture is not complete at its number of samples
+SHOW_SELDOM_S = 2.0  # where a view has been looked at for long: less changes from second to second
 HOLD_S = 0.5  # that a view which has no picture yet goes on though a newer one is wanted: else a moving hand would see none
 
 
@@ -96,7 +98,7 @@ class Watch:
         with self._lock:
             self.settings, self.compiled, self.kind = settings, compiled, kind
             self.passes = Passes(levels, cost_s)
-            self._canvases = [Canvas(level, settings.film_exponent) for level in levels]
+            self._canvases = [Canvas(level, settings.film_exponent, self.look.noise) for level in levels]
 
     def settings_of(self, level: int) -> RenderSettings:
         """What the pieces of a level are rendered with."""
@@ -109,14 +111,36 @@ class Watch:
         """A piece is rendered."""
         with self._lock:
             canvas = self._canvases[piece.level]
-            canvas.add(piece.tile, piece.count, sums)
+            if canvas.tile_is_complete(piece.tile):  # it was on its way when the tile had come to its noise
+                return
+            canvas.add(piece.tile, piece.first, piece.count, sums)
             self.has_picture = self.has_picture or canvas.samples > 0
+        if self.passes is not None and canvas.tile_is_complete(piece.tile):
+            self.passes.end(piece.level, piece.tile)
 
     @property
     def samples(self) -> int:
         """Of the whole view, what every pixel has at least."""
         with self._lock:
             return self._canvases[-1].samples if self._canvases else 0
+
+    @property
+    def mean_samples(self) -> float:
+        """Of the whole view, what a pixel has on the average."""
+        with self._lock:
+            return self._canvases[-1].mean_samples if self._canvases else 0.0
+
+    @property
+    def noise(self) -> float | None:
+        """The whole view's, relative; None while it is not known."""
+        with self._lock:
+            return self._canvases[-1].noise if self._canvases else None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has as many samples, or as little noise, as is wanted."""
+        with self._lock:
+            return bool(self._canvases) and self._canvases[-1].is_complete
 
     @property
     def bound(self) -> int:
@@ -140,9 +164,11 @@ class Watch:
                 for lower in self._canvases[:level]:
                     lower.changed.clear()
             self._shown_samples, self._taken = canvas.samples, time.monotonic()
-            tiles = list(canvas.changed)
-            canvas.changed.clear()
-            return packet(canvas, tiles, look.id, seq, (look.settings.width, look.settings.height))
+            is_whole = level == len(self._canvases) - 1
+            tiles = [(canvas.level.tiles[tile], *canvas.take(tile)) for tile in list(canvas.changed)]
+        shown = [Shown(rect, mean, samples, is_whole and is_complete) for rect, mean, samples, is_complete in tiles]
+        size, whole = (canvas.level.width, canvas.level.height), (look.settings.width, look.settings.height)
+        return packet(shown, size, whole, look.id, seq)
 
     def _due(self) -> int | None:
         """The level whose picture is to be shown now."""
@@ -151,9 +177,10 @@ class Watch:
             if not canvas.changed:
                 continue
             at_least = 2 * self._shown_samples if level == self._shown else 1
-            if canvas.samples >= max(at_least, 1) or canvas.samples >= canvas.level.samples:
+            if canvas.samples >= max(at_least, 1) or canvas.is_complete:
                 return level
             may_be_mixed = level == self._shown or (level == len(self._canvases) - 1 and self._shown >= 0)
-            if may_be_mixed and time.monotonic() - self._taken >= SHOW_EVERY_S:
+            now = time.monotonic()
+            if may_be_mixed and now - self._taken >= min(max(SHOW_EVERY_S, 0.05 * (now - self.begun)), SHOW_SELDOM_S):
                 return level
         return None

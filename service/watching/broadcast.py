@@ -87,6 +87,11 @@ class Broadcast:
             if job is not None and not group:
                 self._of_job.pop(job, None)
 
+    @property
+    def listeners(self) -> int:
+        """How many listen."""
+        return len(self._everything) + self.watchers
+
     def version(self, job: str, frame: int, tile: int) -> tuple[int, int]:
         """Another one as soon as a tile was told to have changed; only of a job that somebody listens to."""
         of = self._of_job[job]

@@ -1,10 +1,11 @@
 """The live view of a scene: how soon a new camera shows, and how fast the picture clears up.
 
-    python3 farm.py bench view [--scene spheres] [--slots 2] [--views 60] [--size 960x540] [--busy]
+    python3 farm.py bench view [--scene spheres] [--slots 2] [--views 60] [--size 960x540] [--rest 256] [--busy]
 
 A farm with so many slots, one watcher. First each camera is sent when the last picture rests: the time until its first picture
 is here. Then cameras come 30 a second, as from a moving hand: the age of the camera that each picture shows. At last the time to
-1, 4, 16 and 64 samples a pixel. --busy: while a job renders, for whose batches the views wait. Target: a new view within 150 ms.
+1, 4, 16 and 64 samples a pixel, and what comes until the view is done: pictures, bytes, and seconds of the service's processor.
+--busy: while a job renders, for whose batches the views wait. Target: a new view within 150 ms.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 
 import httpx
 import numpy as np
+import psutil
 from websockets.sync.client import ClientConnection, connect
 
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
@@ -35,7 +37,7 @@ class Viewer:
         self.socket, self.view, self.size = socket, view, size
         self.id = 0
         self.sent: dict[int, float] = {}
-        self.bytes = 0
+        self.bytes = self.pictures = 0
 
     def send(self, angle: float) -> int:
         """Another camera: the scene's own, turned."""
@@ -58,7 +60,7 @@ class Viewer:
                 return None
             if isinstance(message, bytes):
                 _, _, _, id, seq, width, height, _, _ = HEADER.unpack_from(message)
-                self.bytes += len(message)
+                self._count(message)
                 self.socket.send(json.dumps({"ack": seq}))
                 return id, (width, height)
             said = json.loads(message)
@@ -71,12 +73,16 @@ class Viewer:
         while True:
             message = self.socket.recv(timeout=240)
             if isinstance(message, bytes):
-                self.bytes += len(message)
+                self._count(message)
                 self.socket.send(json.dumps({"ack": HEADER.unpack_from(message)[4]}))
                 continue
             said = json.loads(message)
             if said["type"] == "state" and said["id"] == self.id and said["samples"] >= wanted:
                 return time.perf_counter()
+
+    def _count(self, message: bytes) -> None:
+        self.bytes += len(message)
+        self.pictures += 1
 
 
 def main() -> None:
@@ -86,18 +92,19 @@ def main() -> None:
     parser.add_argument("--slots", type=int, default=2)
     parser.add_argument("--views", type=int, default=60)
     parser.add_argument("--size", default="960x540")
+    parser.add_argument("--rest", type=int, default=256, help="samples a pixel at which the view is taken for done")
     parser.add_argument("--busy", action="store_true")
     options = parser.parse_args()
     size = tuple(map(int, options.size.split("x")))
     with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name:
         farm = start_farm(Path(name) / "farm", options.slots)
         try:
-            measure(farm, options.scene, (size[0], size[1]), options.views, options.busy)
+            measure(farm, options.scene, (size[0], size[1]), options.views, options.busy, options.rest)
         finally:
             stop_farm(farm)
 
 
-def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: bool) -> None:
+def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: bool, rest: int) -> None:
     """Three tables of a line each."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/{name}", verify=False).raise_for_status().json()["id"]
@@ -120,10 +127,17 @@ def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: b
         )
         print(f"  a new view shows after      {told(firsts)}   (target < 150)")
         print(f"  while the hand moves        {told(moving(viewer, views))}   old, of what is shown")
-        begun, viewer.bytes = time.perf_counter(), 0
+        service = psutil.Process(farm.pids()["service"])
+        begun, viewer.bytes, viewer.pictures, taken = time.perf_counter(), 0, 0, service.cpu_times()
         viewer.send(9.0)
         times = [f"{samples}: {viewer.until_samples(samples) - begun:.2f} s" for samples in (1, 4, 16, 64)]
         print(f"  samples a pixel after       {', '.join(times)}   ({viewer.bytes / 1e6:.1f} MB)")
+        rested, spent = viewer.until_samples(rest) - begun, service.cpu_times()
+        seconds = spent.user + spent.system - taken.user - taken.system
+        print(
+            f"  {rest} samples a pixel after  {rested:.1f} s: {viewer.pictures} pictures, {viewer.bytes / 1e6:.1f} MB,"
+            f" {seconds:.1f} s of the service's processor"
+        )
     if job:
         httpx.delete(f"{farm.url}/api/jobs/{job}", verify=False)
 

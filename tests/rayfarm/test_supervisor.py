@@ -108,6 +108,29 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
         supervisor.tend()
 
 
+def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+    """And what ends before it serves waits longer each time, though it was killed sooner than it could have been ready."""
+    serves = [True]
+    part = Part("server", SLEEPER, tmp_path / "log", steady_s=90.0, serves=lambda: serves[0])
+    supervisor.start(part)
+    for number, served, pause in (
+        *((number, True, "0.2") for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGKILL, signal.SIGSEGV)),
+        *((signal.SIGSEGV, False, pause) for pause in ("0.2", "1", "2")),
+        (signal.SIGSEGV, True, "0.2"),
+        (signal.SIGSEGV, False, "0.2"),
+    ):
+        serves[0] = served
+        part.looked = 0.0
+        supervisor.tend()  # which sees it run
+        assert part.process is not None
+        part.process.send_signal(number)
+        part.process.wait()
+        supervisor.tend()
+        assert f"again in {pause} s" in said[-1], (number, served)
+        part.restart_at = 0.0
+        supervisor.tend()
+
+
 def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
     supervisor.start(part)

@@ -8,6 +8,7 @@ import pytest
 from renderer.errors import SettingsError
 from renderer.film import COLOR, MATERIAL, OBJECT
 from renderer.render import render_batch, render_frame, replay
+from renderer.replay import ENDS
 from renderer.scene.compiled import seal
 from renderer.scene.description import Material, Sphere
 from renderer.settings import INTEGRATORS, Tile
@@ -115,3 +116,45 @@ def test_rendering_writes_no_log(made):
     before = render_frame(made, asked, 2)
     replay(made, asked, 3, 3, 1)
     np.testing.assert_array_equal(render_frame(made, asked, 2), before)
+
+
+def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
+    """What a light adds is what it was said to bring, or a part; it lies where the light does; shares are of 1."""
+    asked = settings(*VIEW, size=40, max_depth=6)
+    brought, blocked, shares = 0, 0, []
+    for x in range(0, 40, 2):
+        for sample in range(4):
+            for v in replay(made, asked, x, 34, sample).vertices:
+                if v.share is not None:
+                    shares.append(v.share)
+                if v.lamp is None:
+                    assert v.direct == (0, 0, 0)
+                    continue
+                shares.append(v.lamp.share)
+                if v.lamp.point is not None:  # the world's only light of a body: a quad one below 3 in height
+                    assert v.lamp.point[1] == pytest.approx(3, abs=1e-3)
+                if any(v.direct):
+                    part = v.direct[0] / v.lamp.brought[0]  # the pane in the middle lets half of it through, twice a quarter
+                    assert min(abs(part - known) for known in (1, 0.5, 0.25)) < 1e-4
+                    brought += 1
+                else:
+                    blocked += 1
+    assert brought > 20
+    assert blocked > 0
+    assert all(0 <= share <= 1 for share in shares)
+    assert any(share < 1 for share in shares)
+
+
+def test_why_a_path_is_over_is_told(made):
+    asked = settings(*VIEW, size=40, max_depth=12, roulette=0.5)
+    ends = {}
+    for x in range(0, 40, 2):
+        for sample in range(6):
+            path = replay(made, asked, x, 34, sample)
+            ends.setdefault(path.end, path)
+            for v in path.vertices[:-1]:
+                assert v.kind == "passed" or 0 < v.survival <= 1
+    assert {"missed", "roulette"} <= ends.keys() <= set(ENDS)
+    assert ends["missed"].vertices[-1].kind == "missed"
+    assert ends["roulette"].vertices[-1].survival == 0.5
+    assert replay(made, settings(*VIEW, size=40, max_depth=1), 20, 34, 0).end == "depth"

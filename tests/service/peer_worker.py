@@ -40,6 +40,7 @@ from worker.contract import (
     render_queue,
     worker_key,
 )
+from worker.explained import ExplainPixel, explained_key
 from worker.sums import pack_sums
 from worker.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
@@ -90,6 +91,7 @@ class PeerWorker:
         knows_vectors: bool = True,
         several: bool = True,
         views: bool = True,
+        explains: bool = True,
     ) -> None:
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, verify=False)
@@ -102,6 +104,9 @@ class PeerWorker:
         self.knows_vectors = knows_vectors
         self.several = several
         self.views = views
+        self.explains = explains
+        self.on_explain: Callable[[ExplainPixel], list[dict[str, Any]]] = lambda work: []  # what is answered
+        self.explained: list[ExplainPixel] = []  # asked for
         self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: it is never answered
         self.parts: list[tuple[ViewParts, Part]] = []  # rendered
         self.unwanted: list[ViewParts] = []  # of views that nobody looked at any more
@@ -151,6 +156,7 @@ class PeerWorker:
             vectors=self.knows_vectors,
             several=self.several,
             views=self.views,
+            explains=self.explains,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -195,6 +201,8 @@ class PeerWorker:
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
             if "parts" in arguments:
                 self._view(ViewParts.from_json(arguments["parts"]))
+            elif "pixel" in arguments:
+                self._explain(ExplainPixel.from_json(arguments["pixel"]))
             elif queue == view_queue(self.kind).encode():
                 self._view_frame(ViewFrame.from_json(arguments["frame"]))
             elif "frames" in arguments:
@@ -213,6 +221,11 @@ class PeerWorker:
                 self.messages.append(len(batches))
                 for batch in batches:
                     self._render(RenderBatch.from_json(batch), id)
+
+    def _explain(self, work: ExplainPixel) -> None:
+        self.explained.append(work)
+        for answer in self.on_explain(work):
+            self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
 
     def _denoise(self, work: DenoiseFrame) -> None:
         """A denoised picture is half the colour plus the albedo and the normal."""

@@ -6,17 +6,20 @@ import contextlib
 import json
 import struct
 import time
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
+from renderer.image import rgbe9995
 from tests.service.conftest import Service, until
 
-__all__ = ["SIZE", "Viewer", "look"]
+__all__ = ["SIZE", "Viewer", "body_of", "look", "unpacked"]
 
 HEADER, TILE = struct.Struct("<BBHIIHHHH"), struct.Struct("<HHHHI")
+EXACT = 1 << 31
 SIZE = {"width": 96, "height": 64}
 
 
@@ -33,6 +36,7 @@ class Viewer:
         self.seq = 0
         self.words = np.zeros((0, 0), np.uint32)
         self.samples = np.zeros((0, 0), np.uint32)
+        self.is_exact = np.zeros((0, 0), bool)
 
     def say(self, **message: Any) -> None:
         self.connection.send(json.dumps(message))
@@ -59,20 +63,20 @@ class Viewer:
 
     def _take(self, message: bytes) -> None:
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)
-        assert (version, kind) == (1, 3)
+        assert (version, kind) == (2, 3)
         assert seq == self.seq + 1
         self.seq = seq
         if self.words.shape != (height, width) or (self.pictures and self.pictures[-1][0] != id):
             self.words, self.samples = np.zeros((2, height, width), np.uint32)
+            self.is_exact = np.zeros((height, width), bool)
         self.pictures.append((id, (width, height)))
-        at = HEADER.size + count * TILE.size
-        for number in range(count):
-            x, y, w, h, samples = TILE.unpack_from(message, HEADER.size + number * TILE.size)
-            self.words[y : y + h, x : x + w] = np.frombuffer(message, "<u4", w * h, at).reshape(h, w)
+        heads = [TILE.unpack_from(message, HEADER.size + number * TILE.size) for number in range(count)]
+        for (x, y, w, h, told), words in zip(heads, unpacked(heads, body_of(message)), strict=True):
+            samples = told & ~EXACT
+            self.words[y : y + h, x : x + w] = words
             assert (self.samples[y : y + h, x : x + w] <= samples).all(), "never an older picture"
             self.samples[y : y + h, x : x + w] = samples
-            at += 4 * w * h
-        assert at == len(message)
+            self.is_exact[y : y + h, x : x + w] = bool(told & EXACT)
         if self.acknowledges:
             self.say(ack=seq)
 
@@ -85,6 +89,37 @@ class Viewer:
             return bool(is_whole and self.samples.min() >= samples)
 
         until(has_come, f"view {id} has {samples} samples", say=lambda: (self.states[-2:], self.errors, self.pictures[-3:]))
+
+
+def body_of(message: bytes) -> np.ndarray:
+    """What comes behind the heads of the tiles."""
+    (count,) = struct.unpack_from("<H", message, 2)
+    return np.frombuffer(zlib.decompress(message[HEADER.size + count * TILE.size :], -15), np.uint8)
+
+
+def unpacked(heads: list[tuple[int, int, int, int, int]], body: np.ndarray) -> list[np.ndarray]:
+    """The RGB9E5 words of each tile, as the page has them."""
+    rough = [(w, h) for _, _, w, h, told in heads if not told & EXACT]
+    exact = [(w, h) for _, _, w, h, told in heads if told & EXACT]
+    pixels, fours = sum(w * h for w, h in rough), sum(-(-w // 2) * -(-h // 2) for w, h in rough)
+    low, high, red, green, planes = np.split(body, np.cumsum([pixels, pixels, fours, fours]))
+    folded = low.astype(int) | high.astype(int) << 8
+    codes = np.cumsum(folded >> 1 ^ -(folded & 1))
+    bright = np.where(codes > 0, 2.0 ** ((codes - 1) // 32 - 24) * (1 + (codes - 1) % 32 / 32), 0) / 255
+    hues = np.stack([np.cumsum(plane) & 255 for plane in (red, green)])
+    rough_words, exact_words, of_exact = [], [], planes.reshape(4, -1).T.copy().view("<u4")[:, 0]
+    for w, h in rough:
+        (brightness, bright), wide = np.split(bright, [w * h]), -(-w // 2)
+        here, hues = np.split(hues, [wide * -(-h // 2)], axis=1)
+        r, g = here.reshape(2, -1, wide).repeat(2, 1).repeat(2, 2)[:, :h, :w]
+        rgb = brightness.reshape(h, w, 1) * np.stack([r, g, np.maximum(0, 255 - r - g)], -1)
+        rough_words.append(rgbe9995.pack(rgb.astype(np.float32)))
+    for w, h in exact:
+        here, of_exact = np.split(of_exact, [w * h])
+        exact_words.append(here.reshape(h, w))
+    assert not (bright.size or hues.size or of_exact.size)
+    left = iter(rough_words), iter(exact_words)
+    return [next(left[bool(told & EXACT)]) for *_, told in heads]
 
 
 @contextlib.contextmanager

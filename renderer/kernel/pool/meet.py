@@ -133,7 +133,7 @@ def see_lights(scene, alone, stack, pool, lists, options):
             put(lists, WAITING, waiting, path)
             put(lists, ACTIVE, active, path)
             put(lists, DONE, done, path)
-            goes_on = pool[at(path, _GOES_ON)] != _ZERO
+            goes_on = not (pool[at(path, _GOES_ON)] <= _ZERO)  # no number lives on
             waiting += np.uintp(pool[at(path, _WAITS)] != _ZERO)
             active += np.uintp(goes_on)
             done += np.uintp(not goes_on)

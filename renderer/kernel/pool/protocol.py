@@ -6,15 +6,30 @@ import numpy as np
 
 from renderer.bvh.simd import load_int
 from renderer.jit import device, out_of_line, subroutine
-from renderer.kernel.integrators.record import EMITTED, record_light, record_miss, record_surface
+from renderer.kernel.integrators.record import (
+    ARRIVED,
+    BROUGHT,
+    EMITTED,
+    LAMP_AT,
+    LAMP_PDF,
+    LAMP_SHARE,
+    OWN_SHARE,
+    SCATTERED,
+    SURVIVAL,
+    TIME,
+    TOLD,
+    record_light,
+    record_miss,
+    record_surface,
+)
 from renderer.kernel.integrators.state import Path
-from renderer.kernel.pool.lists import MISSED, length
-from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, PLACE, RAY
+from renderer.kernel.pool.lists import LIT, MISSED, SCATTERING, length
+from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, LAMP, PLACE, RAY, SAMPLE, SHADOW
 from renderer.kernel.pool.ways import three
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import u32
 
-__all__ = ["first_row", "record_arrival"]
+__all__ = ["first_row", "record_arrival", "record_departure"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -23,6 +38,7 @@ _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
 _PASSED = HIT + np.uintp(5)
+_TIME = SAMPLE + np.uintp(5)
 
 
 @device
@@ -80,4 +96,25 @@ def record_arrival(pool, lists, log, row, passed, before):
         through = pool[_PASSED] != passed
         point = three(pool, RAY) if through else three(pool, PLACE)  # where it goes on from: beside what it passed
         record_surface(log, row, _surface(pool, point), through, pool[HIT], path)
+    log[row, OWN_SHARE] = pool[HIT + np.uintp(7)]
+    log[row, TIME] = pool[_TIME]
+    log[row, TOLD] = ARRIVED
     record_light(log, row, EMITTED, three(pool, CARRIED))
+
+
+@subroutine
+def record_departure(pool, lists, log, row, lit):
+    """The light that was chosen for the vertex, and whether the path goes on from it. lit: as in scatter.py."""
+    out_of_line()
+    scattered = 0
+    for which in range(SCATTERING):
+        scattered += length(lists, which)
+    if scattered > 0:
+        log[row, TOLD] = SCATTERED
+        log[row, SURVIVAL] = pool[SHADOW + np.uintp(7)]
+        if lit and length(lists, LIT) > 0:
+            log[row, LAMP_SHARE] = pool[LAMP + np.uintp(4)]
+            log[row, LAMP_PDF] = pool[LAMP + np.uintp(5)]
+            for i in range(3):
+                log[row, LAMP_AT + i] = pool[SHADOW + np.uintp(3 + i)]
+                log[row, BROUGHT + i] = pool[LAMP + np.uintp(i)]

@@ -44,13 +44,18 @@ ROWS = 128  # paths; 64 to 256 are as fast
 # Groups, by their first columns. Whole numbers are kept by their bits, but for depth, number and what was passed.
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, eta scale: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to
-HIT = np.uintp(16)  # t, u, v, primitive, instance; surfaces passed so far; for the protocol the object's number
+HIT = np.uintp(
+    16
+)  # t, u, v, primitive, instance; surfaces passed so far; for the protocol the object's number, and its light's share
 SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time
 TIME = np.uintp(29)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
-LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, alone; then what a shadow ray brings 3, by how many segments
-SHADOW = np.uintp(56)  # the shadow ray's start 3 and end 3, whether it is to be cast, whether the path goes on
+LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, alone; then what a shadow ray brings 3, by how many segments,
+# its share, pdf
+SHADOW = np.uintp(
+    56
+)  # the shadow ray's start 3 and end 3, whether it is to be cast, whether the path goes on (above 0: by which chance)
 FIRST = np.uintp(64)  # first hit: albedo 3, distance, normal 3, 1 + object's number; place 3, 1 + material's number
 # Only where a scene has more than what is plain:
 MATTER = np.uintp(80)  # colour 3, metallic, roughness, eta, first texture coordinates 2

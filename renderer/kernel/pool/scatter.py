@@ -6,6 +6,7 @@ import numpy as np
 
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
+from renderer.kernel.integrators.record import AGAIN
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.pool.lists import (
@@ -56,6 +57,7 @@ _TWO = np.float32(2.0)
 _ROULETTE_FROM = np.float32(4.0)
 _MOST_SURVIVAL = np.float32(MAX_FLOOR)
 _MOST_AGAIN = np.float32(MAX_AGAIN)
+_AGAIN = np.float32(AGAIN)
 _BLOCK = np.uint32(2)
 _END = SHADOW + np.uintp(3)
 _NO_UV = (_ZERO, _ZERO)
@@ -134,12 +136,12 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
 
         start, end, waits = (none, none, none), (none, none, none), none
         if is_lit is not None and lit:
-            share = where(lamp[7] != _ZERO, _ONE, power_heuristic(light_pdf, scatter_pdf)) / light_pdf
-            brought = vec.mul(throughput, vec.scale(vec.mul(f, light), share))
+            balance = where(lamp[7] != _ZERO, _ONE, power_heuristic(light_pdf, scatter_pdf))
+            brought = vec.mul(throughput, vec.scale(vec.mul(f, light), balance / light_pdf))
             start, end = departure(surface, wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
             seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
             waits = where(seen, _ONE, none)
-            write(pool, rows, LAMP, (*brought, depth + _TWO, none, none, none, none))
+            write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, none, none))
 
         d = vec.to_world(s, t, n, on)
         reflected = on[2] > _ZERO
@@ -149,11 +151,13 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
         eta_scale = ray[7] * eta2
         survival = _survival(throughput, eta_scale, depth, options)
         # A throughput that is no number lives on, so that the film is told of it.
-        over = (vec.maximum(throughput) <= _ZERO) | (u[3] >= survival) | (number + _ONE - depth > _MOST_AGAIN)
+        goes_on = where(u[3] >= survival, -survival, survival)
+        goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
+        goes_on = where(vec.maximum(throughput) <= _ZERO, none, goes_on)
         throughput = vec.scale(throughput, _ONE / survival)
         write(pool, rows, RAY, (*o, *d, pdf, eta_scale))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
-        write(pool, rows, SHADOW, (*start, *end, waits, where(over, none, _ONE)))
+        write(pool, rows, SHADOW, (*start, *end, waits, goes_on))
 
 
 @subroutine

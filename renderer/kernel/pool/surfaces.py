@@ -40,7 +40,7 @@ from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, 
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, sphere_at
-from renderer.wide.values import any_of, as_floats, as_ints, lookup, not_, u32, where, where3
+from renderer.wide.values import any_of, as_floats, as_ints, lookup, nil, not_, u32, where, where3
 
 __all__ = ["arrive", "miss"]
 
@@ -75,8 +75,8 @@ def _weight(pdf, light_pdf):
 
 
 @subroutine
-def miss(scene, pool, lists, options):
-    """Adds the environment's light to the paths that met nothing. They are done."""
+def miss(scene, pool, lists, options, is_recorded):
+    """Adds the environment's light to the paths that met nothing. They are done. is_recorded: as in `arrive`."""
     out_of_line()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
@@ -85,7 +85,11 @@ def miss(scene, pool, lists, options):
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         d, pdf = (ray[3], ray[4], ray[5]), ray[6]
         emitted, light_pdf = environment_seen(scene, d, pdf > _ZERO)
-        emitted = vec.scale(emitted, _weight(pdf, light_pdf))
+        share = _weight(pdf, light_pdf)
+        emitted = vec.scale(emitted, share)
+        if is_recorded:
+            met = read(pool, rows, HIT)
+            write(pool, rows, HIT, (met[0], met[1], met[2], met[3], met[4], met[5], met[6], share))
         r = _added((rx, ry, rz), (tx, ty, tz), emitted, depth + _ONE, pdf >= _ZERO, options.clamp)
         write(pool, rows, CARRIED, (*r, depth, tx, ty, tz, number))
     for k in range(count):
@@ -107,7 +111,7 @@ def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
 
 @device
 def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
-    """What the surfaces themselves send to their paths, weighed against what light sampling finds of it."""
+    """What the surfaces themselves send to their paths, weighed against what light sampling finds of it; by which share."""
     light = where(lit, surface.light, _FIRST_LIGHT)
     vertex, normal = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
     if scene.has.textures is not None:
@@ -116,7 +120,8 @@ def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
     cosine = vec.dot(surface.geometric, vec.neg(d))
     judged = lit & (pdf > _ZERO)
     light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged, time)
-    return vec.scale(emitted, _weight(pdf, light_pdf))
+    share = _weight(pdf, light_pdf)
+    return vec.scale(emitted, share), share
 
 
 @device
@@ -152,8 +157,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         through = passes(scene, surface, stream, number + passed, options, time)
         throughput = attenuated(scene, surface, through, throughput, pool, rows)
         lit = shines(surface) & (pdf >= _ZERO) & not_(through)
+        share = nil(pdf)
         if any_of(lit):
-            emitted = _emitted(scene, pool, rows, surface, lit, d, pdf, time)
+            emitted, share = _emitted(scene, pool, rows, surface, lit, d, pdf, time)
             radiance = _added(radiance, throughput, emitted, depth + _ONE, lit, options.clamp)
         wo = vec.neg(d)
         base, roughness, n, throughput = keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput, time)
@@ -174,7 +180,12 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             write(pool, rows, RAY, (*where3(through, departure(surface, pdf != pdf, d), o), *d, pdf, ray[7]))
             point = where3(through, few(pool, rows, PLACE, 3), point)  # the last vertex stays
         if scene.has.textures is not None or is_recorded:
-            write(pool, rows, HIT, (met[0], met[1], met[2], met[3], met[4], passed, as_floats(surface.object), met[7]))
+            write(
+                pool,
+                rows,
+                HIT,
+                (met[0], met[1], met[2], met[3], met[4], passed, as_floats(surface.object), where(lit, share, nil(pdf))),
+            )
         if scene.has.textures is not None or any_of(lit | unlit):
             write(pool, rows, CARRIED, (*radiance, depth, *throughput, number))
         flags = where(surface.front, _ONE, _ZERO) + where(surface.smooth, _TWO, _ZERO)

@@ -15,7 +15,7 @@ from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
 from renderer.kernel.pool.meet import meet, see_lights
-from renderer.kernel.pool.protocol import first_row, record_arrival
+from renderer.kernel.pool.protocol import first_row, record_arrival, record_departure
 from renderer.kernel.pool.rows import CARRIED, ROW, ROWS, line_floats
 from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.surfaces import arrive, miss
@@ -84,7 +84,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         before = three(paths, CARRIED)
         rays += length(lists, ACTIVE)
         meet(scene, pool.alone, pool.stack, paths, lists)
-        miss(scene, paths, lists, options)
+        miss(scene, paths, lists, options, len(log) > 0)
         arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before)
@@ -94,6 +94,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
             record_light(log, row, DIRECT, three(paths, CARRIED))
+            record_departure(paths, lists, log, row, lit)
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
     unfold(pool.film, output.sums)
     return bad_count, rays

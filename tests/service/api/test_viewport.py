@@ -42,7 +42,8 @@ def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, wo
             viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 16, 3), 24)), "sums added once each"
         )
         until(lambda: (viewer.read(), viewer.states[-1]["samples"] == 16)[1], "the state says so")
-        assert viewer.states[-1] == {"id": 7, "samples": 16, "bound": 16, "slots": 2, "message": None}
+        told = {"id": 7, "samples": 16, "bound": 16, "mean": 16, "done": True, "slots": 2, "message": None}
+        assert {name: viewer.states[-1][name] for name in told} == told
         # The worker takes 10 us a sample of a pixel: the next view is known to be too large for the first picture.
         viewer.show(8, view={"eye": [1, 2, 3], "target": [0, 0, 0]}, max_depth=11)
         viewer.wait(8, 1)
@@ -50,6 +51,24 @@ def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, wo
         assert (settings.max_depth, settings.view.eye) == (11, (1.0, 2.0, 3.0))
     until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
     assert blobs(service) == before
+
+
+def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, noise=0.06, seed=3)  # evenly distributed samples: 0.577 / sqrt(n)
+        until(lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["done"])[1], "it is done")
+        told = viewer.states[-1]
+        assert (told["samples"], told["mean"], told["bound"]) == (128, 128, 256)
+        assert 0.04 < told["noise"] < 0.06
+        viewer.wait(1, 128)
+        until(lambda: (viewer.read(), viewer.is_exact.all())[1], "it is exact")
+        np.testing.assert_array_equal(
+            viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 128, 3), 24))
+        )
+        assert not service.farm.desk.is_watched
+        viewer.show(2, noise=-1)
+        until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes")
+        assert "noise" in viewer.errors[0]["detail"]
 
 
 def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, worker: PeerWorker) -> None:
@@ -309,6 +328,7 @@ def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, w
         assert worker.frames == [3.0, 4.0], "a frame that was seen is there"
         assert len(blobs(service) - before) == 2
         assert worker.parts[-1][0].compiled in blobs(service)
+        until(lambda: not service.farm.desk._frames, "nothing is kept of what is answered")
     until(lambda: blobs(service) == before, "what was compiled for them goes", say=lambda: blobs(service) - before)
     assert not left_behind(service)
 

@@ -167,6 +167,7 @@ def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
         path.unlink()
     else:
         path.write_bytes(b"" if spoil == "empty" else path.read_bytes()[:-40000] + b"\xee" * 40000)
+    service.options["film_check_days"] = 0  # which would see to it by itself
     service.start()
     broken = service.http.get(f"/api/jobs/{job}/frames/0/digest")
     assert broken.status_code == 409

@@ -121,7 +121,7 @@ def sql(*statements: str) -> Callable[[Path], None]:
         (sql("UPDATE part SET sums = NULL"), "damaged"),
         (sql("UPDATE part SET count = NULL"), "damaged"),
         (sql("UPDATE part SET tile = 99"), "damaged"),
-        (sql("INSERT INTO part SELECT frame, tile, first + 1, count, bad, sums FROM part"), "covered already"),
+        (sql("INSERT INTO part SELECT frame, tile, first + 1, count, bad, sums, checksum FROM part"), "covered already"),
         (sql("UPDATE shape SET width = 7"), "another picture"),
         (sql(f"PRAGMA user_version = {VERSION + 1}"), f"version {VERSION + 1}.*up to version {VERSION}"),
         (lambda path: (path.unlink(), path.mkdir()), "cannot be written|damaged"),
@@ -182,7 +182,7 @@ def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path:
     """Folding writes sums that were remembered. Where the file has others, they stay."""
     sneaked = part(film, 0, 2 + FOLD_AT, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
-    sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?)", (sneaked.first, sneaked.sums))
+    sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL)", (sneaked.first, sneaked.sums))
     sql_rows.commit()
     sql_rows.close()
     for first in range(2, 2 + FOLD_AT):
@@ -216,7 +216,10 @@ def test_a_film_of_release_0_1_0_is_read_and_brought_up_to_date(film: Film, tmp_
                PRIMARY KEY (frame, tile, first));
            CREATE TABLE bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER);"""
     )
-    old.executemany("INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)", rows_of(film).execute("SELECT * FROM part").fetchall())
+    old.executemany(
+        "INSERT INTO part VALUES (?, ?, ?, ?, ?, ?)",
+        rows_of(film).execute("SELECT frame, tile, first, count, bad, sums FROM part").fetchall(),
+    )
     old.commit()
     old.close()
     again = make(tmp_path / "old.sqlite")

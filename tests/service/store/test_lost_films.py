@@ -1,14 +1,17 @@
-"""A finished job whose film is not what it was: everybody who asks for its picture is told."""
+"""A finished job whose film is not what it was: whoever asks for its picture is told, and what is missing is rendered again."""
 
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from sqlalchemy import update
 
-from tests.service.conftest import Service
+from service.store.models import Job
+from tests.service.conftest import Service, until
 
 READERS = ("image.png", "image.exr?aov=normal", "digest", "pixel?x=3&y=4")
 
@@ -51,6 +54,7 @@ def half_of_it(path: Path) -> None:
 def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
     service.stop()
     break_it(film_of(service, job))
+    service.options["film_check_days"] = 0  # so that nobody heals it meanwhile
     service.start()
     for reader in READERS:
         answer = service.http.get(f"/api/jobs/{job}/frames/0/{reader}")
@@ -75,3 +79,59 @@ def test_a_film_that_another_program_holds_is_read_later(service: Service, job: 
     other.close()
     for reader in READERS:
         assert service.http.get(f"/api/jobs/{job}/frames/0/{reader}").status_code == 200
+
+
+def one_bit(path: Path) -> None:
+    database = sqlite3.connect(path)
+    (sums,) = database.execute("SELECT sums FROM part WHERE tile = 3").fetchone()
+    turned = bytearray(sums)
+    turned[-1] ^= 1
+    database.execute("UPDATE part SET sums = ? WHERE tile = 3", (bytes(turned),))
+    database.commit()
+    database.close()
+
+
+@pytest.mark.parametrize(
+    ("break_it", "tiles"), [(damaged, 12), (lambda path: path.write_bytes(b""), 12), (half_of_it, 6), (one_bit, 1)]
+)
+def test_what_is_missing_is_rendered_again_by_itself(
+    service: Service, job: str, break_it: Callable[[Path], object], tiles: int
+) -> None:
+    digest = service.digest(job)
+    service.stop()
+    break_it(film_of(service, job))
+    service.start()
+    until(lambda: service.job(job)["state"] == "queued", "the damage is noticed")
+    events = service.http.get(f"/api/jobs/{job}/history").json()["events"]
+    assert "healed" in [event["kind"] for event in events]
+    with service.worker() as worker:
+        service.wait_for(job, "finished")
+        assert len({batch.tile for batch in worker.batches}) == tiles, "and no more than that"
+    assert service.digest(job) == digest
+
+
+def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None:
+    digest = service.digest(job)
+    with service.farm.sessions.begin() as session:
+        session.execute(update(Job).values(checked=time.time()))  # nobody would look for a week
+    service.restart()
+    one_bit(film_of(service, job))
+    assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 409
+    with service.worker():
+        until(lambda: service.job(job)["state"] == "finished" and reads(service, job), "it is mended", 30)
+    assert service.digest(job) == digest
+
+
+def reads(service: Service, job: str) -> bool:
+    return service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
+
+
+def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:
+    service.stop()
+    film_of(service, job).unlink()
+    with sqlite3.connect(service.options["data"] / "rayfarm.sqlite") as database:
+        database.execute("DELETE FROM scenes")
+    database.close()
+    service.start()
+    until(lambda: "its scene was deleted" in (service.job(job)["error"] or ""), "it is said")
+    assert service.job(job)["state"] == "finished"

@@ -128,10 +128,8 @@ def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
             operations = Operations(MigrationContext.configure(connection))
             with Operations.context(operations.migration_context):
                 r0001_release_0_1_0.upgrade()  # its tables, and like it no revision written down
-            connection.execute(
-                Base.metadata.tables["jobs"].insert(),
-                {"id": "job", "scene": "s", "name": "", "state": "finished", "created": 0.0, "request": {}},
-            )
+            columns = "id, scene, name, state, priority, created, active_s, request"  # those that it had
+            connection.execute(text(f"INSERT INTO jobs ({columns}) VALUES ('job', 's', '', 'finished', 0, 0, 0, '{{}}')"))
     engine, sessions = connect(postgres.url.render_as_string(hide_password=False))
     assert differences(engine) == []
     with sessions() as session:

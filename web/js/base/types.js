@@ -176,6 +176,31 @@
  *
  * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *
+ * @typedef {[number, number, number]} Spot x, y, w: seen at x / w, y / w of the picture where w is above 0
+ *
+ * @typedef {object} PathVertex as the API's PathVertexOut
+ * @property {"surface" | "passed" | "missed"} kind
+ * @property {string | null} object_name
+ * @property {number | null} object
+ * @property {string | null} material_name
+ * @property {number | null} material
+ * @property {string | null} model
+ * @property {"reflected" | "transmitted" | null} bounce
+ * @property {number | null} pdf
+ * @property {number | null} survival
+ * @property {number | null} distance
+ * @property {number[] | null} point
+ * @property {number[]} throughput
+ * @property {number[]} emitted
+ * @property {number | null} emitted_weight
+ * @property {number[]} direct
+ * @property {{point: number[] | null, pdf: number | null, weight: number, brought: number[], spot: Spot} | null} light
+ * @property {Spot} spot
+ *
+ * @typedef {{chosen: string[], sample: number, value: number[] | null, end: string | null, vertices: PathVertex[]}} PixelPath
+ *
+ * @typedef {{x: number, y: number, frame: number, samples: number, mean: number[] | null, equals_film: boolean | null, worker: string | null, paths: PixelPath[]}} Explained
+ *
  * @typedef {Record<string, number | number[] | string | null> & {samples: number}} PixelValue by channel, `color` being the light
  */
 

@@ -20,3 +20,21 @@ export function decode(word) {
 export function peak(word) {
   return Math.max(word & 511, (word >>> 9) & 511, (word >>> 18) & 511) * 2 ** ((word >>> 27) - 24);
 }
+
+const float = new Float32Array(1);
+const bits = new Int32Array(float.buffer);
+/** 2 ** (24 - exponent), by which a value becomes its mantissa. */
+const STEPS = Float64Array.from({ length: 32 }, (_, exponent) => 2 ** (24 - exponent));
+
+/** As renderer/image/rgbe9995.py packs. @param {number} r @param {number} g @param {number} b */
+export function encode(r, g, b) {
+  const brightest = Math.max(r, g, b);
+  if (!(brightest > 0)) return 0;
+  float[0] = brightest * (1 + 2 ** -10);
+  const exponent = Math.min(31, Math.max(0, ((bits[0] ?? 0) >> 23) - 127 + 16));
+  const step = STEPS[exponent] ?? 0;
+  const red = Math.min(511, Math.floor(r * step + 0.5));
+  const green = Math.min(511, Math.floor(g * step + 0.5));
+  const blue = Math.min(511, Math.floor(b * step + 0.5));
+  return (red | (green << 9) | (blue << 18) | (exponent << 27)) >>> 0;
+}

@@ -26,8 +26,9 @@ export const pinsText = (pins) => pins.map(({ x, y }) => `${x},${y}`).join(";") 
  * @param {import("../film/live-picture.js").LivePicture} picture
  * @param {DisplayStore} display
  * @param {import("../base/store.js").Disposer} life
+ * @param {(pin: Pin) => void} explain
  */
-export function pinsPanel(picture, display, life) {
+export function pinsPanel(picture, display, life, explain) {
   const { view, live } = picture;
   const rows = h("ol", { class: "pins number" });
   const clear = h("button", { class: "text-button small", type: "button", onclick: () => set([]) }, t("Remove all"));
@@ -98,10 +99,12 @@ export function pinsPanel(picture, display, life) {
         ...shown.map(({ pin, cells, ratio }, i) => {
           const name = t("Remove the pin at {x}, {y}", { x: pin.x, y: pin.y });
           const remove = h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => toggle(pin) }, icon("close"));
+          const why = t("Explain the pixel {x}, {y}", { x: pin.x, y: pin.y });
+          const ask = h("button", { class: "icon-button", type: "button", "aria-label": why, title: why, onclick: () => explain(pin) }, icon("path"));
           return h(
             "li",
             null,
-            h("div", { class: "row" }, h("strong", null, String(i + 1)), h("span", null, `${pin.x}, ${pin.y}`), ratio, remove),
+            h("div", { class: "row" }, h("strong", null, String(i + 1)), h("span", null, `${pin.x}, ${pin.y}`), ratio, ask, remove),
             h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
           );
         }),

@@ -168,6 +168,16 @@ export const openExample = (name) => call("POST", `/examples/${encodeURIComponen
 /** @param {string} id @param {AbortSignal} signal @returns {Promise<History>} */
 export const getHistory = (id, signal) => call("GET", `/jobs/${id}/history`, { signal });
 
+/** @param {string} id @param {AbortSignal} signal @returns {Promise<string>} */
+export async function getJobLog(id, signal) {
+  const answer = await fetch(jobLogUrl(id), { signal });
+  if (!answer.ok) throw errorOf(answer.status, await answer.text());
+  return answer.text();
+}
+
+/** @param {string} id */
+export const jobLogUrl = (id) => `api/jobs/${id}/log`;
+
 /** A picture of a job. @typedef {{job: string, frame: number}} Place */
 
 /**
@@ -179,6 +189,17 @@ export const getHistory = (id, signal) => call("GET", `/jobs/${id}/history`, { s
  */
 export const getPixel = ({ job, frame }, x, y, signal) =>
   call("GET", `/jobs/${job}/frames/${frame}/pixel?x=${x}&y=${y}`, { signal });
+
+/**
+ * @param {Place} place
+ * @param {number} x
+ * @param {number} y
+ * @param {number | null} sample one more that is to be shown
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("../base/types.js").Explained>}
+ */
+export const explainPixel = ({ job, frame }, x, y, sample, signal) =>
+  call("GET", `/jobs/${job}/explain${queryText({ x, y, frame, ...(sample == null ? {} : { sample }) })}`, { signal });
 
 /** @param {string} scene */
 export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;

@@ -1,6 +1,6 @@
 /** A small picture made large smoothly: what is seen until its own samples are here. */
 
-import { decode } from "../film/rgb9e5.js";
+import { decode, encode } from "../film/rgb9e5.js";
 import { Film } from "../film/film.js";
 
 /**
@@ -33,14 +33,4 @@ function between(at, large, small) {
   const place = Math.min(Math.max(((at + 0.5) * small) / large - 0.5, 0), small - 1);
   const first = Math.floor(place);
   return [first, Math.min(first + 1, small - 1), place - first];
-}
-
-/** As renderer/image/rgbe9995.py packs. @param {number} r @param {number} g @param {number} b */
-function encode(r, g, b) {
-  const brightest = Math.max(r, g, b);
-  if (!(brightest > 0)) return 0;
-  const exponent = Math.min(31, Math.max(-16, Math.floor(Math.log2(brightest * (1 + 2 ** -10)))) + 16);
-  const step = 2 ** (24 - exponent);
-  const mantissa = (/** @type {number} */ value) => Math.min(511, Math.floor(value * step + 0.5));
-  return (mantissa(r) | (mantissa(g) << 9) | (mantissa(b) << 18) | (exponent << 27)) >>> 0;
 }

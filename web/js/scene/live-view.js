@@ -11,11 +11,12 @@ import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
+import { clarity, clearness } from "./clarity.js";
 import { enlarged } from "./enlarge.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { viewHand } from "./view-hand.js";
 import { ViewLink } from "./view-link.js";
-import { t, tn } from "../base/words.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
@@ -63,11 +64,12 @@ export function liveView(scene, form, meanwhile, turned) {
     CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
+  const clear = clearness(() => refresh());
   const element = h(
     "div",
     { class: "live-view-box" },
     h("div", { class: "live-view-frame" }, surface),
-    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), curve, pick),
+    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), clear.element, curve, pick),
     h("div", { class: "view-bar" }, bookmarks(scene.id, form.view, (view) => turn(view)), h("span", { class: "grow" }), said),
   );
   const viewport = new Viewport();
@@ -112,10 +114,10 @@ export function liveView(scene, form, meanwhile, turned) {
       surface.style.backgroundImage = "";
       picture.invalidate();
     },
-    state({ samples, bound, slots, message }) {
+    state({ samples, bound, mean, noise, done, slots, message }) {
       surface.dataset.samples = String(samples);
       if (message) setText(state, message);
-      else if (bound) setText(state, `${tn(bound, "{done} of {n} sample", "{done} of {n} samples", { done: samples })}, ${tn(slots, "{n} slot", "{n} slots")}`);
+      else if (bound) setText(state, clarity(mean, noise, done ? null : slots));
     },
     failed: (sentence) => setText(state, sentence),
     picked: (found) => (onPicked?.(found), (onPicked = null)),
@@ -141,7 +143,7 @@ export function liveView(scene, form, meanwhile, turned) {
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, surface);
     asked = { width, height };
-    link.show({ ...request, width, height });
+    link.show({ ...request, ...clear.request(), width, height });
     const canFocus = (form.view().projection ?? "perspective") === "perspective";
     pick.hidden = !canFocus;
     if (!canFocus) setPicking(false);

@@ -15,6 +15,9 @@ const SILENCE_MS = 20_000;
  * @property {number | null} id
  * @property {number} samples of the whole view, in every pixel
  * @property {number} bound
+ * @property {number} mean samples of a pixel, on the average
+ * @property {number | null} noise relative; null while it is not known
+ * @property {boolean} done
  * @property {number} slots
  * @property {string | null} message why nothing new comes
  *
@@ -43,6 +46,8 @@ export class ViewLink {
     /** @type {WebSocket | null} */
     this.socket = null;
     this.lastHeard = 0;
+    /** The picture that came last is shown: they are unpacked beside each other, and shown in their order. */
+    this.shown = Promise.resolve();
     this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
     this.seen = () => this.say({ paused: document.hidden });
     document.addEventListener("visibilitychange", this.seen);
@@ -70,9 +75,16 @@ export class ViewLink {
         this.hear(JSON.parse(data));
         return;
       }
-      const picture = decodeView(data);
-      this.handlers.picture(picture);
-      this.say({ ack: picture.seq });
+      const coming = decodeView(data);
+      this.shown = Promise.allSettled([coming, this.shown]).then(([picture]) => {
+        if (this.socket !== socket) return;
+        if (picture.status === "rejected") {
+          this.handlers.failed(String(picture.reason.message ?? picture.reason));
+          return;
+        }
+        this.handlers.picture(picture.value);
+        this.say({ ack: picture.value.seq });
+      });
     };
     socket.onclose = ({ code, reason }) => {
       if (this.socket !== socket) return;

@@ -1,14 +1,24 @@
 /**
  * A view's picture as it comes over the WebSocket. Little-endian:
  *
- *     u8 version = 1, u8 kind = 3, u16 tiles, u32 id, u32 seq, u16 width, u16 height, u16 whole width, u16 whole height,
- *     of each tile u16 x, y, w, h and u32 samples a pixel, then their RGB9E5 words, rows from the top
+ *     u8 version = 2, u8 kind = 3, u16 tiles, u32 id, u32 seq, u16 width, u16 height, u16 whole width, u16 whole height,
+ *     of each tile u16 x, y, w, h and u32 samples a pixel, of which the highest bit says that the tile is exact;
+ *     then compressed: of all tiles that are not exact brightness and hue (service/viewing/coarse.py), in planes of bytes; of
+ *     those that are their RGB9E5 words, in planes
  */
 
-const VERSION = 1;
+import { encode } from "../film/rgb9e5.js";
+
+const VERSION = 2;
 const KIND_VIEW = 3;
 const HEADER_BYTES = 20;
 const TILE_BYTES = 12;
+const EXACT = 2 ** 31;
+
+/** Of each code of brightness the red, green and blue of a pixel together. */
+const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
+  code ? 2 ** (((code - 1) >> 5) - 24) * (1 + ((code - 1) & 31) / 32) : 0,
+);
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
@@ -23,9 +33,9 @@ const TILE_BYTES = 12;
 
 /**
  * @param {ArrayBuffer} buffer
- * @returns {ViewPicture}
+ * @returns {Promise<ViewPicture>}
  */
-export function decodeView(buffer) {
+export async function decodeView(buffer) {
   const view = new DataView(buffer);
   const version = view.getUint8(0);
   const kind = view.getUint8(1);
@@ -33,16 +43,65 @@ export function decodeView(buffer) {
     throw new Error(`A view of version ${version} and kind ${kind}; this page reads version ${VERSION}. Reload the page.`);
   const seq = view.getUint32(8, true);
   const count = view.getUint16(2, true);
-  let at = HEADER_BYTES + count * TILE_BYTES;
   const tiles = Array.from({ length: count }, (_, number) => {
     const head = HEADER_BYTES + number * TILE_BYTES;
     const [x, y, w, h] = /** @type {[number, number, number, number]} */ (
       [0, 2, 4, 6].map((offset) => view.getUint16(head + offset, true))
     );
-    const words = new Uint32Array(buffer, at, w * h);
-    at += 4 * w * h;
-    return { frame: 0, seq, x, y, w, h, spp: view.getUint32(head + 8, true), words };
+    const samples = view.getUint32(head + 8, true);
+    const isExact = samples >= EXACT;
+    return { frame: 0, seq, x, y, w, h, spp: isExact ? samples - EXACT : samples, isExact, words: new Uint32Array(w * h) };
   });
-  if (at !== buffer.byteLength) throw new Error(`A view's tiles came with ${buffer.byteLength} bytes.`);
+  const bytes = await inflated(buffer, HEADER_BYTES + count * TILE_BYTES);
+  const rough = tiles.filter((tile) => !tile.isExact);
+  const at = unpackRough(bytes, rough);
+  unpackExact(
+    bytes.subarray(at),
+    tiles.filter((tile) => tile.isExact),
+  );
   return { id: view.getUint32(4, true), seq, width: view.getUint16(12, true), height: view.getUint16(14, true), tiles };
+}
+
+/** @param {ArrayBuffer} buffer @param {number} from */
+async function inflated(buffer, from) {
+  const packed = new Blob([new Uint8Array(buffer, from)]).stream();
+  return new Uint8Array(await new Response(packed.pipeThrough(new DecompressionStream("deflate-raw"))).arrayBuffer());
+}
+
+/** @param {Uint8Array} bytes @param {TilePacket[]} tiles @returns {number} how many bytes they took */
+function unpackRough(bytes, tiles) {
+  const pixels = tiles.reduce((sum, { w, h }) => sum + w * h, 0);
+  const fours = tiles.reduce((sum, { w, h }) => sum + Math.ceil(w / 2) * Math.ceil(h / 2), 0);
+  const [high, red, green] = [pixels, 2 * pixels, 2 * pixels + fours];
+  for (const hue of [red, green])
+    for (let i = hue + 1; i < hue + fours; i++) bytes[i] = (bytes[i] ?? 0) + (bytes[i - 1] ?? 0);
+  let [at, four, code] = [0, 0, 0];
+  for (const { w, h, words } of tiles) {
+    const half = Math.ceil(w / 2);
+    for (let i = 0, y = 0; y < h; y++) {
+      for (let x = 0; x < w; x++, at++) {
+        const folded = (bytes[at] ?? 0) | ((bytes[high + at] ?? 0) << 8);
+        code += (folded >>> 1) ^ -(folded & 1);
+        const hue = four + (y >> 1) * half + (x >> 1);
+        const bright = (BRIGHTNESS[code] ?? 0) / 255;
+        const [r, g] = [bytes[red + hue] ?? 0, bytes[green + hue] ?? 0];
+        words[i++] = encode(bright * r, bright * g, bright * Math.max(0, 255 - r - g));
+      }
+    }
+    four += half * Math.ceil(h / 2);
+  }
+  return green + fours;
+}
+
+/** @param {Uint8Array} planes @param {TilePacket[]} tiles */
+function unpackExact(planes, tiles) {
+  const pixels = tiles.reduce((sum, { w, h }) => sum + w * h, 0);
+  if (planes.length !== 4 * pixels) throw new Error(`A view's tiles came with ${planes.length} bytes.`);
+  let at = 0;
+  for (const { words } of tiles) {
+    const bytes = new Uint8Array(words.buffer);
+    for (let plane = 0; plane < 4; plane++)
+      for (let i = 0, from = plane * pixels + at; i < words.length; i++) bytes[4 * i + plane] = planes[from + i] ?? 0;
+    at += words.length;
+  }
 }

@@ -12,7 +12,9 @@ import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
 import { historyPanel } from "../job/history-panel.js";
+import { logPanel } from "../job/log-panel.js";
 import { histogramPanel } from "../job/histogram-panel.js";
+import { explainPanel } from "../job/explain-panel.js";
 import { pinsPanel } from "../job/pins.js";
 import { pictureTools } from "../job/picture-tools.js";
 import { asItLooks } from "../job/save-panel.js";
@@ -93,17 +95,19 @@ function open(page, job, life) {
   const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
   picture.onHands(look.showHands);
   const history = historyPanel(() => latest, life);
+  const log = logPanel(() => latest, life);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
   const save = savePanel(display, () => picture.live);
   const actions = actionsPanel();
   const progress = progressPanel();
-  const pins = pinsPanel(picture, display, life);
+  const explained = explainPanel(picture, life);
+  const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin));
   const focus = focusTool(job, picture, life);
-  const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button]);
+  const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  life.add(addShortcuts([...focus.keys, ...pins.keys, ...tools.keys]));
+  life.add(addShortcuts([...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys]));
   const chip = stateChip(job.state);
   const line = progressBar(t("Progress"));
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
@@ -155,7 +159,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, pins.element, look.element, histogram, history.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, explained.element, pins.element, look.element, histogram, history.element, log, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {

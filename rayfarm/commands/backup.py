@@ -1,0 +1,137 @@
+"""`rayfarm backup` and `rayfarm restore`: a farm's scenes, jobs and films, out of its data folder and back into one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rayfarm.console import PROGRAM, Ticker, bar, err, out
+from rayfarm.errors import CommandError
+
+if TYPE_CHECKING:
+    from service.keeping.backup import Progress
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("backup")(backup)
+    app.command("restore")(restore)
+
+
+def backup(
+    target: Annotated[Path, typer.Argument(metavar="DIR|FILE", help="A folder, or a file named .tar, .tar.gz or .tar.xz.")],
+    data: Annotated[
+        Path | None, typer.Option(file_okay=False, help="The farm's data folder; `up` names it. [dim]$RAYFARM_DATA[/dim]")
+    ] = None,
+) -> None:
+    """Copy all that a farm must not lose, also while it runs: scenes, jobs, films and its token.
+
+    The copy is consistent: it has at least the samples that its database says, and a half-done job goes on from it. Into a folder
+    that has a backup already only what is new is written, so a nightly one is quick. Queues, logs and kernels are left out; they
+    are made again.
+
+    [bold]Examples[/bold]
+
+      rayfarm backup /mnt/nas/rayfarm              again tomorrow: only what is new
+      rayfarm backup ~/farm-2026-11-22.tar.gz      one file
+      rayfarm restore /mnt/nas/rayfarm --data ~/farm && rayfarm up --data ~/farm
+    """
+    from service.errors import FarmError
+    from service.keeping.backup import MANIFEST, back_up
+    from service.keeping.target import target_at
+    from service.places import default_data_folder
+
+    _only_sqlite()
+    folder = data.expanduser().resolve() if data else default_data_folder()
+    began = time.monotonic()
+    try:
+        with _shown("Copying") as progress:
+            report = back_up(folder, target_at(target.expanduser(), MANIFEST), progress)
+    except FarmError as error:
+        raise CommandError(str(error)) from None
+    unchanged = f"; {report.unchanged} were there already" if report.unchanged else ""
+    out.print(
+        f"{_count(report.films, 'film')} and {_count(report.blobs, 'upload or compiled scene', 'uploads and compiled scenes')} "
+        f"of {folder} are in {target}{unchanged}. {_megabytes(report.bytes)} were written in {time.monotonic() - began:.1f} s.",
+        markup=False,
+        soft_wrap=True,
+    )
+    for sentence in report.lacking:
+        err.print(f"rayfarm: {sentence}.", markup=False, soft_wrap=True)
+    if report.lacking:
+        raise CommandError(
+            f"The farm itself lacks what is named above; the rest is backed up. `{PROGRAM} doctor --deep` says more."
+        )
+
+
+def restore(
+    source: Annotated[Path, typer.Argument(metavar="DIR|FILE", help="What `backup` made.")],
+    data: Annotated[Path, typer.Option(file_okay=False, help="The folder to make: a new one, or an empty one.")],
+) -> None:
+    """Make a data folder of a backup; `rayfarm up --data` on it goes on with unfinished jobs.
+
+    Every byte is held against the hashes that were written down with it, and the folder appears when all of it is right. The farm
+    that was backed up may run on meanwhile.
+
+    [bold]Examples[/bold]
+
+      rayfarm restore /mnt/nas/rayfarm --data ~/farm
+      rayfarm up --data ~/farm
+    """
+    from service.errors import FarmError
+    from service.keeping.restore import restore as bring_back
+
+    folder = data.expanduser().resolve()
+    try:
+        with _shown("Restoring") as progress:
+            manifest = bring_back(source.expanduser(), folder, progress)
+    except FarmError as error:
+        raise CommandError(str(error)) from None
+    made = time.strftime("%Y-%m-%d %H:%M", time.localtime(manifest.made))
+    films = sum(name.startswith("films/") for name in manifest.files)
+    out.print(f"{folder} has {_count(films, 'film')} and all else of the backup of {made}.", markup=False, soft_wrap=True)
+    out.print(f"Start it: {PROGRAM} up --data {folder}", markup=False, soft_wrap=True)
+
+
+def _only_sqlite() -> None:
+    from service.settings import Settings
+
+    settings = Settings()
+    if settings.database_url and not settings.database_url.startswith("sqlite"):
+        raise CommandError(
+            "This farm's database is no SQLite (RAYFARM_DATABASE_URL). Back it up with its own tool (pg_dump), and then films/ "
+            "and blobs/ of the data folder: in this order, as films only ever gain."
+        )
+    if settings.blobs:
+        raise CommandError(
+            "This farm's uploads are in an object store (RAYFARM_BLOBS), which has versions and copies of its own. "
+            "Back up rayfarm.sqlite and films/ of the data folder, in this order."
+        )
+
+
+@contextmanager
+def _shown(verb: str) -> Iterator[Progress]:
+    ticker = Ticker()
+    with bar() as shown:
+        task = shown.add_task(verb, total=None)
+
+        def progress(done: int, total: int, what: str) -> None:
+            shown.update(task, completed=done, total=total, description=f"{verb} {what}")
+            ticker.tick(f"{verb} {what}: {100 * done // total} %")
+
+        yield progress
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"

@@ -1,0 +1,85 @@
+"""`rayfarm doctor`: what is wrong with this installation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.text import Text
+
+from rayfarm.console import bar, out
+from rayfarm.errors import EXIT_FAILED
+
+if TYPE_CHECKING:
+    from rayfarm.doctor.finding import Finding
+
+__all__ = ["register"]
+
+MARKS = {"fine": ("ok   ", "green"), "note": ("note ", "yellow"), "fault": ("FAULT", "bold red")}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("doctor")(doctor)
+
+
+def doctor(
+    data: Annotated[
+        Path | None, typer.Option(file_okay=False, help="The farm's data folder; `up` names it. [dim]$RAYFARM_DATA[/dim]")
+    ] = None,
+    deep: Annotated[bool, typer.Option("--deep", help="Read every upload and film, and hold them against their hashes.")] = False,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="The port that a farm would take.")] = 8000,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Look at this installation and say what is wrong, in sentences, each with what to do next. Changes nothing.
+
+    Python, the compiler and the processor, the denoiser, memory, cache and clock; the data folder's rights, room, database,
+    uploads and films; the farm that runs on it, its Redis and its workers. It ends with 0 where there is no fault, else with 1;
+    a note is no fault.
+
+    [bold]Examples[/bold]
+
+      rayfarm doctor
+      rayfarm doctor --deep --data ~/farm       before a night, or after a disk was full of trouble
+      rayfarm doctor --json | jq '.[] | select(.level == "fault")'
+    """
+    found = []
+    for finding in _looks(data, deep, port):
+        found.append(finding)
+        if not as_json:
+            _show(finding)
+    faults = sum(finding.level == "fault" for finding in found)
+    notes = sum(finding.level == "note" for finding in found)
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in found], indent=1))
+    else:
+        out.print(f"\n{faults or 'No'} fault{'' if faults == 1 else 's'}, {notes or 'no'} note{'' if notes == 1 else 's'}.")
+    if faults:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _looks(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
+    from rayfarm.doctor.folder import look_at_folder
+    from rayfarm.doctor.machine import look_at_machine
+    from rayfarm.doctor.running import look_at_running
+    from service.places import default_data_folder
+    from service.settings import Settings
+
+    settings = Settings(data=data.expanduser().resolve() if data else default_data_folder())
+    yield from look_at_machine()
+    with bar() as shown:
+        task = shown.add_task("Reading uploads and films", total=None, visible=deep)
+        yield from look_at_folder(settings, deep, lambda done, total: shown.update(task, completed=done, total=total))
+    yield from look_at_running(settings.data, port)
+
+
+def _show(finding: Finding) -> None:
+    mark, style = MARKS[finding.level]
+    line = Text.assemble((mark, style), "  ", (f"{finding.about:<12}", "bold"), " ", finding.says)
+    out.print(line, soft_wrap=True)
+    if finding.do:
+        out.print(Text(f"{'':20}-> {finding.do}", style="cyan" if finding.level == "note" else "bold"), soft_wrap=True)

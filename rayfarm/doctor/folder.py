@@ -1,0 +1,224 @@
+"""Whether a data folder is as a farm needs it, and whether what it holds is what was stored."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+from sqlalchemy import create_engine, select
+from sqlalchemy.exc import SQLAlchemyError
+
+from rayfarm.console import PROGRAM
+from rayfarm.doctor.finding import Finding, fault, fine, note
+from renderer.errors import SettingsError
+from renderer.settings import RenderSettings
+from service.errors import FarmError
+from service.keeping.patrol import check_film
+from service.scheduling.records import Records
+from service.settings import Settings
+from service.store.database import Sessions
+from service.store.film_store import FilmFolder
+from service.store.models import Frame, Job
+from service.store.upgrade import Standing, standing
+
+__all__ = ["look_at_folder"]
+
+LITTLE_ROOM = 5 << 30
+NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
+SECRETS = ("token", "secrets.json", "farm.json", "redis.conf", "rayfarm.sqlite")
+NAMED = 3  # of many that are wrong
+
+Progress = Callable[[int, int], None]
+
+
+def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator[Finding]:
+    """Rights, room, the database, and what it refers to. deep: every blob and film is read; progress: how many, of how many."""
+    data = settings.data
+    if not data.exists():
+        yield note("Data folder", f"{data} is not there yet.", f"{PROGRAM} up makes it.")
+        return
+    if not data.is_dir() or not os.access(data, os.R_OK | os.W_OK | os.X_OK):
+        yield fault(
+            "Data folder",
+            f"{data} cannot be written by this user ({_user(data)} owns it).",
+            "Run as its owner, or name another with --data.",
+        )
+        return
+    yield from _rights(data)
+    yield _room(data, settings.min_free_bytes)
+    if (kind := _file_system(data)) in NETWORKS:
+        yield note(
+            "Data folder",
+            f"It lies on a network drive ({kind}), on which SQLite's locks may fail and a cut connection damages databases.",
+            "Keep it on a disk of this machine, and `backup` to the network.",
+        )
+    yield from _database(settings, deep, progress)
+
+
+def _rights(data: Path) -> Iterator[Finding]:
+    if data.stat().st_uid != os.getuid():
+        yield note("Data folder", f"{data} belongs to {_user(data)}, not to this user.", "Run the farm as its owner.")
+    if data.stat().st_mode & 0o077:
+        yield note("Data folder", f"Others on this machine can look into {data}.", f"chmod 700 {data}")
+    else:
+        yield fine("Data folder", f"{data}, for its owner alone.")
+    open_ones = [name for name in SECRETS if (data / name).is_file() and (data / name).stat().st_mode & 0o077]
+    if open_ones:
+        where = " ".join(str(data / name) for name in open_ones)
+        yield fault(
+            "Secrets", f"Others can read {', '.join(open_ones)}: whoever has the token can send results.", f"chmod 600 {where}"
+        )
+
+
+def _room(data: Path, least: int) -> Finding:
+    free = shutil.disk_usage(data).free
+    if free < least:
+        return fault(
+            "Room",
+            f"{free / 1e6:.0f} MB are free: uploads are refused and jobs wait.",
+            "Delete jobs or scenes, or enlarge the disk.",
+        )
+    if free < LITTLE_ROOM:
+        return note(
+            "Room", f"{free / 1e9:.1f} GB are free.", f"Make room before the night: `{PROGRAM} gc --dry-run` says what may go."
+        )
+    return fine("Room", f"{free / 1e9:.0f} GB are free.")
+
+
+def _database(settings: Settings, deep: bool, progress: Progress) -> Iterator[Finding]:
+    path = settings.data / "rayfarm.sqlite"
+    if not settings.database_url:
+        if not path.is_file():
+            yield note("Database", "There is none yet.", f"{PROGRAM} up makes it.")
+            return
+        if (broken := _broken(path, deep)) is not None:
+            yield fault(
+                "Database", f"{path} is damaged ({broken}).", f"Stop the farm and `{PROGRAM} restore` your latest backup."
+            )
+            return
+    engine = create_engine(settings.database)
+    try:
+        stands = standing(engine)
+        yield _revision(stands)
+        if stands.current == stands.head:
+            yield from _contents(settings, Sessions(engine), deep, progress)
+    except (SQLAlchemyError, FarmError) as error:
+        yield fault("Database", f"It does not answer ({getattr(error, 'orig', error)}).", "Look at RAYFARM_DATABASE_URL.")
+    finally:
+        engine.dispose()
+
+
+def _broken(path: Path, deep: bool) -> str | None:
+    try:
+        with closing(sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True, timeout=10)) as database:
+            (said,) = database.execute("PRAGMA integrity_check(1)" if deep else "PRAGMA quick_check(1)").fetchone()
+    except sqlite3.DatabaseError as error:
+        return str(error)
+    return None if said == "ok" else str(said).splitlines()[0]
+
+
+def _revision(stands: Standing) -> Finding:
+    if stands.is_newer:
+        return fault(
+            "Database",
+            f"It is of a newer release (revision {stands.current}; this one knows up to {stands.head}).",
+            "Start that release, or restore a backup of this one.",
+        )
+    if stands.current != stands.head:
+        return note(
+            "Database",
+            f"It is of an older release (revision {stands.current or 'of 0.1.0'}, now {stands.head}).",
+            f"{PROGRAM} up brings it up to date; `backup` first.",
+        )
+    return fine("Database", f"Whole, and at revision {stands.head}.")
+
+
+def _contents(settings: Settings, sessions: Sessions, deep: bool, progress: Progress) -> Iterator[Finding]:
+    blobs = [] if settings.blobs else sorted(Records(sessions, 0).blobs())
+    with sessions() as session:
+        jobs = list(session.scalars(select(Job).where(Job.state == "finished")))
+        recorded: dict[str, dict[int, int]] = {}
+        for id, number, samples in session.execute(select(Frame.job, Frame.number, Frame.samples)):
+            recorded.setdefault(id, {})[number] = samples
+    total = len(blobs) + len(jobs)
+    absent, damaged = [], []
+    for at, sha256 in enumerate(blobs):
+        path = settings.data / "blobs" / sha256[:2] / sha256
+        if not path.is_file():
+            absent.append(sha256[:12])
+        elif deep and _hash(path) != sha256:
+            damaged.append(sha256[:12])
+        progress(at + 1, total)
+    if absent or damaged:
+        what = [
+            f"{len(some)} {how} ({_named(some)})" for some, how in ((absent, "are not there"), (damaged, "are damaged")) if some
+        ]
+        yield fault(
+            "Uploads",
+            f"Of {len(blobs)} uploads and compiled scenes {' and '.join(what)}.",
+            "Upload these scenes again, or restore a backup.",
+        )
+    else:
+        yield fine("Uploads", f"{len(blobs)} uploads and compiled scenes are there{' and what was stored' if deep else ''}.")
+    lost = []
+    films = FilmFolder(settings.data / "films", 0)
+    for at, job in enumerate(jobs):
+        if not _is_film_there(films, job, recorded.get(job.id, {}), deep):
+            lost.append(job.id)
+        progress(len(blobs) + at + 1, total)
+    if lost:
+        yield fault(
+            "Films",
+            f"Of {len(jobs)} finished jobs {len(lost)} have a damaged film or none ({_named(lost)}).",
+            "A running farm renders what is missing by itself, where their scenes are there; or restore a backup.",
+        )
+    else:
+        yield fine("Films", f"{len(jobs)} finished jobs have their films{', whose checksums are right' if deep else ''}.")
+    if not deep and total:
+        yield fine("Contents", f"Only looked for, not read: `{PROGRAM} doctor --deep` reads every byte.")
+
+
+def _is_film_there(films: FilmFolder, job: Job, recorded: dict[int, int], deep: bool) -> bool:
+    if not any(recorded.values()) or job.settings is None or job.tile_size is None:
+        return True
+    if not deep:
+        return films.is_there(job.id)
+    try:
+        check_film(films, job.id, RenderSettings.from_json(job.settings), job.tile_size, recorded)
+    except SettingsError:
+        return True  # of another release
+    except FarmError:
+        return False
+    return True
+
+
+def _hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _named(some: list[str]) -> str:
+    return ", ".join(some[:NAMED]) + (" ..." if len(some) > NAMED else "")
+
+
+def _user(path: Path) -> str:
+    try:
+        return path.owner()
+    except (KeyError, OSError):
+        return f"user {path.stat().st_uid}"
+
+
+def _file_system(folder: Path) -> str:
+    """The kind of file system that a folder is on; "" where this system does not tell."""
+    try:
+        lines = [line.split() for line in Path("/proc/mounts").read_text().splitlines()]
+    except OSError:
+        return ""
+    mounts = [(each[1].replace("\\040", " "), each[2]) for each in lines if len(each) > 2]
+    within = [(where, kind) for where, kind in mounts if folder.resolve().is_relative_to(where)]
+    return max(within, key=lambda each: len(each[0]))[1] if within else ""

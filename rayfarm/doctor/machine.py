@@ -1,0 +1,110 @@
+"""Whether this machine can render."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from rayfarm.doctor.finding import Finding, fault, fine, note
+from renderer.places import cache_home
+
+__all__ = ["look_at_machine"]
+
+PYTHONS = ((3, 11), (3, 12))
+NEEDED_CACHE = 2 << 30
+LITTLE_MEMORY = 4 << 30
+OLDEST_CLOCK = 1735689600.0  # 2025: before that was no release
+
+
+def look_at_machine() -> Iterator[Finding]:
+    """Python, the compiler with the processor, the denoiser, memory, the cache and the clock."""
+    yield _python()
+    yield _compiler()
+    yield _denoiser()
+    yield _memory()
+    yield from _cache(cache_home())
+    yield _clock()
+
+
+def _python() -> Finding:
+    version = ".".join(map(str, sys.version_info[:3]))
+    if sys.version_info[:2] not in PYTHONS:
+        return fault(
+            "Python", f"This is Python {version}, for which Rayfarm is not tested.", "Install it under Python 3.11 or 3.12."
+        )
+    return fine("Python", f"{version} at {sys.executable}.")
+
+
+def _compiler() -> Finding:
+    try:
+        jit = importlib.import_module("renderer.jit")  # pins the target, and refuses a processor that lacks something
+        numba = importlib.import_module("numba")
+    except ImportError as error:
+        return fault(
+            "Compiler", f"The compiler cannot be loaded ({error}).", "Install Rayfarm anew, in an environment of its own."
+        )
+    except Exception as error:  # what the processor lacks, in a sentence
+        return fault("Processor", f"{error}".rstrip(".") + ".", "Render on another machine; this one can run `up --workers 0`.")
+    return fine("Compiler", f"Numba {numba.__version__}; kernels for {jit.TARGET}, which this processor runs.")
+
+
+def _denoiser() -> Finding:
+    from renderer.denoise import is_available
+
+    if is_available():
+        return fine("Denoiser", f"Open Image Denoise is there (pyoidn {importlib.metadata.version('pyoidn')}).")
+    return note(
+        "Denoiser",
+        "Open Image Denoise is not installed; pictures cannot be denoised here.",
+        "pip install pyoidn, where it has wheels.",
+    )
+
+
+def _memory() -> Finding:
+    total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if total < LITTLE_MEMORY:
+        return note(
+            "Memory",
+            f"This machine has {total / 1e9:.1f} GB.",
+            "Large scenes may not fit: give the farm another machine as a worker.",
+        )
+    return fine("Memory", f"{total / 1e9:.1f} GB.")
+
+
+def _cache(folder: Path) -> Iterator[Finding]:
+    place = next(path for path in (folder, *folder.parents) if path.exists())
+    if not os.access(place, os.W_OK | os.X_OK):
+        yield fault(
+            "Cache",
+            f"{folder} cannot be written; kernels would be compiled at each start.",
+            "Set RAYFARM_CACHE to a folder of yours.",
+        )
+        return
+    free = shutil.disk_usage(place).free
+    if free < NEEDED_CACHE:
+        yield note(
+            "Cache", f"The disk of {folder} has {free / 1e9:.1f} GB left.", "Make room: a worker keeps fetched scenes there."
+        )
+        return
+    yield fine("Cache", f"{folder}, with {free / 1e9:.0f} GB of room.")
+
+
+def _clock() -> Finding:
+    if time.time() < OLDEST_CLOCK:
+        now = time.strftime("%Y-%m-%d")
+        return fault("Clock", f"This machine believes it is {now}.", "Set its clock: certificates and ages are judged by it.")
+    try:
+        asked = ["timedatectl", "show", "-p", "NTPSynchronized", "--value"]
+        is_kept = subprocess.run(asked, capture_output=True, text=True, timeout=5, check=False).stdout.strip()
+    except (OSError, subprocess.TimeoutExpired):
+        is_kept = ""
+    if is_kept == "no":
+        return note("Clock", "Nobody keeps this machine's clock right.", "timedatectl set-ntp true")
+    return fine("Clock", time.strftime("%Y-%m-%d %H:%M:%S %z") + ".")

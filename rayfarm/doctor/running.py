@@ -1,0 +1,170 @@
+"""Whether the farm of a data folder runs, and what its parts say of themselves."""
+
+from __future__ import annotations
+
+import email.utils
+import os
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import redis
+
+from rayfarm.console import PROGRAM
+from rayfarm.doctor.finding import Finding, fault, fine, note
+from rayfarm.errors import CommandError
+from rayfarm.local.broker import find_server
+from rayfarm.local.state import running_farm
+from renderer import __version__
+from worker.contract import WORKER_KEYS, WorkerReport
+
+__all__ = ["look_at_redis", "look_at_running"]
+
+OLDEST_REDIS = (6, 2)
+NEARLY_FULL = 0.8
+CLOCKS_APART_S = 5.0
+PATIENCE_S = 5.0
+
+
+def look_at_running(data: Path, port: int) -> Iterator[Finding]:
+    """The farm that runs on a data folder, or whether one could be started."""
+    farm = running_farm(data)
+    address = farm.redis_url if farm is not None else os.environ.get("RAYFARM_REDIS_URL")
+    if farm is not None:
+        yield from _service(farm.url)
+    else:
+        yield note("Farm", f"None runs on {data}.", f"{PROGRAM} up starts it.")
+        yield _port(port)
+    if address is not None:
+        yield from look_at_redis(address)
+    else:
+        yield _redis_program()
+
+
+def _service(url: str) -> Iterator[Finding]:
+    try:
+        answer = httpx.get(f"{url}/readyz", timeout=PATIENCE_S, verify=False)
+    except httpx.HTTPError as error:
+        yield fault("Service", f"{url} does not answer ({type(error).__name__}).", "Look at logs/service.log of the data folder.")
+        return
+    if answer.is_success:
+        yield fine("Service", f"{url} is ready.")
+    else:
+        try:
+            why = str(answer.json()["detail"])
+        except (ValueError, KeyError, TypeError):
+            why = f"It answers {answer.status_code}."
+        yield fault("Service", why, f"What it says above; else look at logs/service.log. It answers at {url}.")
+    said = email.utils.parsedate_to_datetime(answer.headers["Date"]).timestamp() if "Date" in answer.headers else time.time()
+    if abs(said - time.time()) > CLOCKS_APART_S:
+        yield _clocks("the service", said - time.time())
+
+
+def _port(port: int) -> Finding:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except PermissionError:
+            return fault("Port", f"Port {port} needs more rights than this user has.", "Choose one above 1023 with --port.")
+        except OSError:
+            return fault("Port", f"Port {port} is in use by another program.", f"{PROGRAM} up --port takes another.")
+    return fine("Port", f"{port} is free.")
+
+
+def _redis_program() -> Finding:
+    try:
+        program = find_server()
+        said = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
+    except (CommandError, OSError, subprocess.TimeoutExpired) as error:
+        return fault("Redis", str(error), "apt install redis-server, or brew install redis.")
+    version = next((word.removeprefix("v=") for word in said.split() if word.startswith("v=")), "")
+    return _version(version, f"at {program}")
+
+
+def _version(version: str, where: str) -> Finding:
+    numbers = tuple(int(part) for part in version.split(".")[:2] if part.isdigit())
+    if numbers < OLDEST_REDIS:
+        return fault("Redis", f"Redis {version or 'of an unknown version'} {where} is too old.", "Install 6.2 or newer.")
+    return fine("Redis", f"{version} {where}.")
+
+
+def look_at_redis(url: str) -> Iterator[Finding]:
+    """What a Redis says of itself, and which workers report to it."""
+    where = url.rpartition("@")[2].removeprefix("redis://").removeprefix("rediss://")  # without its password
+    try:
+        with redis.Redis.from_url(url, socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S) as store:
+            told: dict[str, Any] = store.info()
+            seconds, micros = store.time()
+            yield _version(str(told.get("redis_version", "")), f"answers at {where}")
+            yield from _memory(told)
+            yield from _persistence(told)
+            if abs(apart := seconds + micros / 1e6 - time.time()) > CLOCKS_APART_S:
+                yield _clocks("Redis", apart)
+            yield from _workers(store)
+    except redis.AuthenticationError:
+        yield fault("Redis", f"{where} refuses the password.", "Look at RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0.")
+    except redis.RedisError as error:
+        yield fault("Redis", f"{where} does not answer ({error}).", "Start it, or look at RAYFARM_REDIS_URL.")
+
+
+def _memory(told: dict[str, Any]) -> Iterator[Finding]:
+    policy = str(told.get("maxmemory_policy", "noeviction"))
+    if policy != "noeviction":
+        yield fault("Redis", f"When it is full it forgets work (maxmemory-policy {policy}).", "Set maxmemory-policy noeviction.")
+    used, most = int(told.get("used_memory", 0)), int(told.get("maxmemory", 0))
+    if most and used > NEARLY_FULL * most:
+        yield note(
+            "Redis",
+            f"{used / 1e6:.0f} of {most / 1e6:.0f} MB are in use: results wait to be merged.",
+            "Give the service more of a processor, or Redis more memory.",
+        )
+
+
+def _persistence(told: dict[str, Any]) -> Iterator[Finding]:
+    if told.get("rdb_last_bgsave_status") == "err":
+        yield fault(
+            "Redis",
+            "It could not save its memory to disk, and may refuse writes for that.",
+            'Make room on its disk, or turn saving off (save ""): a farm needs nothing that Redis keeps.',
+        )
+    elif int(told.get("aof_enabled", 0)):
+        yield note(
+            "Redis", "It writes all that passes through it to disk.", "appendonly no: a farm needs nothing that Redis keeps."
+        )
+
+
+def _workers(store: redis.Redis) -> Iterator[Finding]:
+    found, others = [], []
+    for key in store.scan_iter(WORKER_KEYS):
+        try:
+            found.append(WorkerReport.from_bytes(store.get(key) or b""))  # type: ignore[arg-type]
+        except (ValueError, TypeError):
+            others.append(str(key))
+    if not found:
+        yield note(
+            "Workers", "None reports itself: jobs wait.", f"{PROGRAM} worker --join adds one; `{PROGRAM} up` prints its token."
+        )
+        return
+    slots = sum(worker.slots for worker in found)
+    yield fine("Workers", f"{len(found)} with {slots} slots: {', '.join(sorted(worker.name for worker in found)[:5])}.")
+    strangers = sorted(worker.name for worker in found if not worker.kind.startswith(f"{__version__}-"))
+    if strangers or others:
+        names = ", ".join([*strangers, *others][:5])
+        yield note(
+            "Workers",
+            f"Of another release than {__version__}: {names}. Their samples go into no picture of this one.",
+            "Update them.",
+        )
+    if aside := sorted(worker.name for worker in found if worker.state == "paused"):
+        yield note("Workers", f"Paused or set aside: {', '.join(aside[:5])}.", "The page Workers says why, and takes them back.")
+
+
+def _clocks(whose: str, apart_s: float) -> Finding:
+    return note(
+        "Clock", f"The clock of {whose} is {abs(apart_s):.0f} s {'ahead' if apart_s > 0 else 'behind'}.", "Let NTP keep both."
+    )

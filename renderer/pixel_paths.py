@@ -1,0 +1,132 @@
+"""A pixel explained: its samples rendered once more, and of a few of them the path, with places in the picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.kernel.camera import axes_of
+from renderer.render import pixel_samples, replay
+from renderer.replay import Replay, Vertex
+from renderer.scene.compiled import CompiledScene
+from renderer.settings import RenderSettings, Vec3, View
+
+__all__ = ["MODELS", "MOST_SAMPLES", "Bounce", "PixelPath", "PixelPaths", "Spot", "bounce_of", "pixel_paths", "spot_of"]
+
+MOST_SAMPLES = 4096  # looked at: the first so many
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+Choice = Literal["first", "median", "brightest", "asked"]
+Bounce = Literal["reflected", "transmitted"]
+
+MODELS = {
+    rows.DIFFUSE: "diffuse",
+    rows.MIRROR: "mirror",
+    rows.GLASS: "glass",
+    rows.METALLIC_ROUGHNESS: "metallic-roughness",
+    rows.CONDUCTOR: "conductor",
+    rows.BLINN_PHONG: "blinn-phong",
+    rows.UNLIT: "unlit",
+    rows.LAYERED: "layered",
+}
+
+
+class Spot(NamedTuple):
+    """Where a place is seen, in homogeneous coordinates: at x / w, y / w pixels from the picture's upper left corner, where w is
+    above 0; else not before the eye. What lies between two spots is seen between them; what is infinitely far has a spot too."""
+
+    x: float
+    y: float
+    w: float
+
+
+@dataclass(frozen=True)
+class PixelPath:
+    """A sample that was chosen to be shown."""
+
+    chosen: list[Choice]
+    sample: int
+    replay: Replay
+    spots: list[Spot]  # of the eye's side of each vertex; of the environment, in its direction
+    lamps: list[Spot | None]  # of the lights' points
+
+
+@dataclass(frozen=True)
+class PixelPaths:
+    """sums: of the colours of samples 0 ... samples - 1, as the film adds them up; finite: how many were numbers."""
+
+    samples: int
+    sums: tuple[int, int, int]
+    finite: int
+    paths: list[PixelPath]
+
+
+def pixel_paths(
+    scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, asked: int | None = None
+) -> PixelPaths:
+    """Of the pixel's first `count` samples, MOST_SAMPLES at most: the first, the one of median luminance, the brightest; and
+    the one that is asked for by its number, which may be any.
+
+    Raises SettingsError where the pixel or the sample cannot be.
+    """
+    count = min(count, MOST_SAMPLES)
+    values, is_finite = pixel_samples(scene, settings, x, y, count)
+    chosen: dict[int, list[Choice]] = {}
+    if asked is not None:
+        chosen[asked] = ["asked"]
+    chosen.setdefault(0, []).append("first")
+    if count > 0:
+        light = np.where(is_finite, values @ LUMINANCE, np.inf)  # what is no number comes first: it is what one looks for
+        order = np.argsort(light, kind="stable")
+        chosen.setdefault(int(order[(count - 1) // 2]), []).append("median")
+        chosen.setdefault(int(order[-1]), []).append("brightest")
+    paths = []
+    for sample, roles in chosen.items():
+        found = replay(scene, settings, x, y, sample)
+        paths.append(PixelPath(roles, sample, found, *_spots(settings, found)))
+    red, green, blue = (int(v) for v in values.sum(0))
+    return PixelPaths(count, (red, green, blue), int(is_finite.sum()), paths)
+
+
+def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
+    """To which side of the surface a path went on; None where it did not."""
+    if vertex.kind != "surface" or vertex.normal is None or following is None:
+        return None
+    return "reflected" if float(np.dot(vertex.normal, following.direction)) > 0 else "transmitted"
+
+
+def _spots(settings: RenderSettings, found: Replay) -> tuple[list[Spot], list[Spot | None]]:
+    view = _view_at(settings, found.time)
+
+    def spot(point: Vec3 | None, direction: Vec3) -> Spot:
+        return spot_of(view, settings.width, settings.height, point or direction, point is None)
+
+    lamps = [None if v.lamp is None else spot(v.lamp.point, v.lamp.direction) for v in found.vertices]
+    return [spot(v.point, v.direction) for v in found.vertices], lamps
+
+
+def _view_at(settings: RenderSettings, time: float) -> View:
+    """The nearest of the views that a moving camera has while the shutter is open."""
+    if not settings.views:
+        return settings.view
+    return settings.views[round(time * (len(settings.views) - 1))]
+
+
+def spot_of(view: View, width: int, height: int, point: Vec3, is_far: bool = False) -> Spot:
+    """Where a point is seen through the middle of a view's lens, or a direction in which something is infinitely far."""
+    right, up, back, eye = axes_of(view)
+    away = np.array(point, np.float64) - (0.0 if is_far else eye)
+    across, rise, ahead = float(away @ right), float(away @ up), -float(away @ back)
+    if view.projection == "panorama":
+        turn = math.atan2(across, ahead) / (2 * math.pi)
+        climb = math.atan2(rise, math.hypot(across, ahead)) / math.pi
+        return Spot(width * (0.5 + turn), height * (0.5 - climb), 1.0)
+    if view.projection == "orthographic":
+        pixels, w = height / view.height, 0.0 if is_far else 1.0
+    else:
+        pixels, w = height / (2 * math.tan(math.radians(view.fov) / 2)), ahead
+    return Spot(width / 2 * w + across * pixels, height / 2 * w - rise * pixels, w)

@@ -1,0 +1,52 @@
+"""/api/hooks: who is told when a job ends, and whether it arrives."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from typing import Any
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, Response
+from sqlalchemy import func, select
+
+from service.errors import NotFound, Unavailable
+from service.farm import Farm, FarmDependency
+from service.hooks.deliver import UndeliveredError
+from service.hooks.message import trial
+from service.store.models import Delivery
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/hooks", tags=["hooks"])
+
+
+@router.get("")
+def list_hooks(farm: FarmDependency) -> list[dict[str, Any]]:
+    """All hooks, with how many messages arrived, wait, or were given up, and the latest error."""
+    return [_told(farm, number, hook) for number, hook in enumerate(farm.outbox.hooks)]
+
+
+@router.post("/{number}/test", status_code=204)
+def test_hook(number: int, farm: FarmDependency) -> Response:
+    """Send a message that says only that messages arrive; 503 with the reason where it does not."""
+    if not 0 <= number < len(farm.outbox.hooks):
+        raise NotFound("There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK.")
+    try:
+        farm.outbox.tell(farm.outbox.hooks[number], f"msg_{uuid.uuid4().hex}", trial(time.time()))
+    except UndeliveredError as error:
+        raise Unavailable(f"The message did not arrive. {error}") from None
+    return Response(status_code=204)
+
+
+def _told(farm: Farm, number: int, hook: str) -> dict[str, Any]:
+    messages = select(func.count()).where(Delivery.hook == hook, Delivery.job != "")
+    with farm.sessions() as session:
+        arrived = session.scalar(messages.where(Delivery.done.is_not(None)))
+        waiting = session.scalar(messages.where(Delivery.due.is_not(None)))
+        given_up = session.scalar(messages.where(Delivery.due.is_(None), Delivery.done.is_(None)))
+        failed = select(Delivery.error).where(Delivery.hook == hook, Delivery.error.is_not(None))
+        error = session.scalar(failed.order_by(Delivery.ended.desc()).limit(1))
+    # What stands behind a hook's host is often its secret.
+    shown = hook if "://" not in hook else f"{urlsplit(hook).scheme}://{urlsplit(hook).hostname}/..."
+    return {"number": number, "hook": shown, "arrived": arrived, "waiting": waiting, "given_up": given_up, "error": error}

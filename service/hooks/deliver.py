@@ -1,0 +1,68 @@
+"""One attempt to tell one hook one message."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import time
+from typing import Any
+
+import httpx
+
+from service.hooks.signing import headers
+
+__all__ = ["RefusedError", "UndeliveredError", "post", "run"]
+
+ANSWER_WITHIN_S = 10.0
+RUN_WITHIN_S = 60.0
+SAID = 300  # characters of what a program said that are kept
+
+
+class UndeliveredError(Exception):
+    """It did not arrive; why, as a sentence. It may at another time."""
+
+
+class RefusedError(UndeliveredError):
+    """It is not wanted there any more."""
+
+
+def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
+    """Send a message, signed. Raises UndeliveredError."""
+    body = json.dumps(message, separators=(",", ":")).encode()
+    signed = {"Content-Type": "application/json", "User-Agent": "rayfarm", **headers(secret, id, int(time.time()), body)}
+    try:
+        with httpx.stream("POST", url, content=body, headers=signed, timeout=ANSWER_WITHIN_S, follow_redirects=False) as answer:
+            status = answer.status_code
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        raise UndeliveredError(f"It could not be reached ({type(error).__name__}: {error}).") from None
+    if status == httpx.codes.GONE:
+        raise RefusedError("It answered 410: it wants no more messages.")
+    if not 200 <= status < 300:
+        raise UndeliveredError(f"It answered {status}.")
+
+
+def run(program: str, id: str, message: dict[str, Any]) -> None:
+    """Run a program with the message as its standard input. Raises UndeliveredError."""
+    data = message["data"]
+    told = {"RAYFARM_EVENT": message["type"], "RAYFARM_MESSAGE_ID": id}
+    told |= {f"RAYFARM_JOB_{key.upper()}": str(data.get(key) or "") for key in ("id", "name", "state", "error", "page")}
+    # The farm's own secrets are not the program's business.
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("RAYFARM_")}
+    try:
+        done = subprocess.run(
+            [program],
+            input=json.dumps(message).encode(),
+            env=inherited | {key: value.replace("\0", "") for key, value in told.items()},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            timeout=RUN_WITHIN_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise UndeliveredError(f"The program took longer than {RUN_WITHIN_S:.0f} s and was ended.") from None
+    except OSError as error:
+        raise UndeliveredError(f"The program could not be started ({error.strerror}).") from None
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip()[-SAID:]
+        raise UndeliveredError(f"The program ended with {done.returncode}." + (f" It said: {said}" if said else ""))

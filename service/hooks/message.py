@@ -1,0 +1,35 @@
+"""What is told of a job that has ended."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+from service.store.models import Job
+
+__all__ = ["about", "trial"]
+
+
+def about(job: Job, public_url: str) -> dict[str, Any]:
+    """The message about a job in one of the states finished, failed, cancelled. public_url: where the page is; may be empty."""
+    told: dict[str, Any] = {
+        "id": job.id,
+        "name": job.name,
+        "state": job.state,
+        "scene": job.scene,
+        "active_s": round(job.active_s, 1),
+        "error": job.error,
+        "path": f"/api/jobs/{job.id}",
+    }
+    if public_url:
+        told["page"] = f"{public_url.rstrip('/')}/#/jobs/{job.id}"
+    return _event(f"job.{job.state}", job.finished or 0.0, told)
+
+
+def trial(now: float) -> dict[str, Any]:
+    """A message that says only that messages arrive."""
+    return _event("test", now, {"text": "This is a test: messages of this farm arrive here."})
+
+
+def _event(type: str, at: float, data: dict[str, Any]) -> dict[str, Any]:
+    return {"type": type, "timestamp": datetime.fromtimestamp(at, UTC).isoformat(), "data": data}

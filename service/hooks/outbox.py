@@ -1,0 +1,122 @@
+"""Tells hooks of every job that ends, at least once, also across restarts: each message is a row until it has arrived.
+
+What was told already is known by the row's (hook, job, when it ended): a job that goes on and ends again is told again.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+import uuid
+
+from sqlalchemy import delete, exists, func, select
+
+from service.errors import FarmError
+from service.hooks.deliver import RefusedError, UndeliveredError, post, run
+from service.hooks.message import about
+from service.settings import Settings
+from service.store.database import Sessions
+from service.store.models import FINAL, Delivery, Job
+
+__all__ = ["RETRIES_S", "Outbox"]
+
+log = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 1.0
+OVERLAP_S = 60.0  # rows may be committed in another order than their times
+AT_A_TIME = 100
+KEPT_S = 30 * 86400.0
+RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # after each attempt that failed
+
+
+class Outbox:
+    """One thread that looks for ends of jobs and sends what is due."""
+
+    def __init__(self, settings: Settings, sessions: Sessions) -> None:
+        self._settings = settings
+        self._sessions = sessions
+        self.hooks = [*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]
+        self._since: dict[str, float] = {}
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hooks", daemon=True)
+
+    def start(self) -> None:
+        """Begin, where there is anybody to tell."""
+        if self.hooks:
+            self._thread.start()
+
+    def stop(self) -> None:
+        """End after the message in hand; what is due is sent in the next life."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(2)
+
+    def tell(self, hook: str, id: str, message: dict[str, object]) -> None:
+        """Send one message now. Raises UndeliveredError."""
+        if hook == self._settings.job_hook:
+            run(hook, id, message)
+        else:
+            post(hook, self._settings.webhook_secret, id, message)
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK_EVERY_S):
+            try:
+                self._note_ends()
+                self._send_due()
+            except FarmError as error:
+                log.warning("hooks wait: %s", error)
+            except Exception:
+                log.exception("a fault in telling hooks")
+
+    def _note_ends(self) -> None:
+        for hook in self.hooks:
+            since = self._since.get(hook)
+            if since is None:
+                since = self._begun(hook)
+            with self._sessions() as session:
+                first = select(func.min(Delivery.ended)).where(Delivery.hook == hook, Delivery.job == "")
+                begun = session.scalar(first) or 0.0
+                told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
+                ended = select(Job).where(Job.finished >= max(begun, since - OVERLAP_S), Job.state.in_(FINAL), ~told)
+                news = list(session.scalars(ended.order_by(Job.finished).limit(AT_A_TIME)))
+            if news:
+                with self._sessions.begin() as session:
+                    session.add_all(self._row(hook, job) for job in news)
+                since = max(job.finished or 0.0 for job in news)
+            self._since[hook] = since
+
+    def _begun(self, hook: str) -> float:
+        """Of what a hook was told last. A new one is told of what ends from now on."""
+        with self._sessions.begin() as session:
+            latest = session.scalar(select(func.max(Delivery.ended)).where(Delivery.hook == hook))
+            if latest is None:
+                latest = time.time()
+                session.add(Delivery(id=uuid.uuid4().hex, hook=hook, job="", ended=latest, message={}, done=latest))
+            session.execute(
+                delete(Delivery).where(Delivery.job != "", Delivery.due.is_(None), Delivery.ended < time.time() - KEPT_S)
+            )
+        return latest
+
+    def _row(self, hook: str, job: Job) -> Delivery:
+        message = about(job, self._settings.public_url)
+        return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=job.finished, message=message, due=time.time())
+
+    def _send_due(self) -> None:
+        with self._sessions() as session:
+            due = select(Delivery).where(Delivery.due <= time.time(), Delivery.hook.in_(self.hooks))
+            rows = list(session.scalars(due.order_by(Delivery.due).limit(AT_A_TIME)))
+        for row in rows:
+            if self._stop.is_set():
+                return
+            row.attempts += 1
+            try:
+                self.tell(row.hook, row.id, row.message)
+                row.due, row.done, row.error = None, time.time(), None
+            except UndeliveredError as error:
+                is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
+                row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
+                row.error = str(error)
+                log.warning("%s was not told of job %s: %s", row.hook.split("?")[0], row.job, error)
+            with self._sessions.begin() as session:
+                session.merge(row)

@@ -1,0 +1,58 @@
+"""A film's file read from its beginning to its end, beside whoever uses it: whether it is what was written, or what is left."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from renderer.settings import tiles_of
+from service.errors import FarmError
+from service.store.film_faults import damaged, film_faults
+from service.store.film_file import ROWS
+from service.store.film_version import FilmShape, Row, is_up_to_date, is_whole
+
+__all__ = ["film_samples", "rows_left"]
+
+PATIENCE_S = 5.0
+
+
+def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
+    """The samples of each frame, all pixels together, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits.
+
+    A film of an older release has no checksums: it is read, and believed.
+    """
+    tiles = tiles_of(shape.width, shape.height, shape.tile_size)
+    found: Counter[int] = Counter()
+    with film_faults(), closing(_opened(path)) as database:
+        rows = ROWS if is_up_to_date(database, shape) else ROWS.replace("checksum", "NULL")
+        for *row, known in database.execute(rows):
+            frame, tile, first, count = row[:4]
+            if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not is_whole(tuple(row), known):
+                raise damaged(f"samples from {first} on of tile {tile} are not what was written")
+            found[frame] += count * tiles[tile].w * tiles[tile].h
+    return found
+
+
+def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
+    """The rows of a damaged film that can still be read and are what was written; none where that cannot be made out."""
+    try:
+        with closing(_opened(path)) as database:
+            if not is_up_to_date(database, shape):
+                return
+            (last,) = database.execute("SELECT coalesce(max(rowid), 0) FROM part").fetchone()
+            for rowid in range(1, last + 1):
+                try:
+                    found = database.execute(f"{ROWS} WHERE rowid = ?", (rowid,)).fetchone()
+                except sqlite3.DatabaseError:
+                    continue
+                if found is not None and found[6] is not None and is_whole(found[:6], found[6]):
+                    yield found[:6]
+    except (sqlite3.DatabaseError, FarmError):
+        return
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=PATIENCE_S)

@@ -1,0 +1,122 @@
+"""Pixels explained: a worker is asked to render a pixel's samples once more, and answered for while who asks waits."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import redis
+
+from service.errors import Failed, TooLate, Unavailable
+from service.scheduling.dispatch import Dispatcher, QueueError
+from service.scheduling.workers import Roster
+from service.settings import Settings
+from worker.explained import ExplainPixel, explained_key
+from worker.view_parts import view_queue
+
+__all__ = ["Explaining"]
+
+AT_ONCE = 4  # each takes a thread of the service while it waits
+BEGIN_S = 20.0  # that a slot may take to get to it: it comes before all that nobody waits for
+ANSWER_S = 60.0  # from there on; frames of what moves are prepared first
+LOOK_S = 1.0
+ASKED_AT_MOST = 2
+
+
+class Explaining:
+    """May be asked by any thread, which waits for the answer."""
+
+    def __init__(self, settings: Settings, roster: Callable[[], Roster]) -> None:
+        self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
+        self._dispatcher = Dispatcher(settings.redis_url, self._redis)
+        self._roster = roster
+        self._room = threading.BoundedSemaphore(AT_ONCE)
+        self._stop = threading.Event()
+
+    def stop(self) -> None:
+        """Nobody is answered any more."""
+        self._stop.set()
+        self._dispatcher.close()
+        self._redis.close()
+
+    def kinds(self) -> list[str]:
+        """The kinds of the ready workers that explain pixels, those with most slots first; none of which some cannot: whoever is
+        free takes what waits for a kind. Raises Unavailable where there is none.
+        """
+        roster = self._roster()
+        ready = roster.ready()
+        unable = {report.kind for report in ready if not report.explains}
+        kinds = sorted({report.kind for report in ready} - unable, key=lambda kind: (-roster.slots(kind), kind))
+        if not kinds and not ready:
+            raise Unavailable("To explain a pixel takes a worker, and none is connected. Start one, then ask again.")
+        if not kinds:
+            raise Unavailable("The connected workers are of an older release, which explains no pixels. Start newer ones.")
+        return kinds
+
+    def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
+        """What worker.explain.told says of the pixel, and under `worker` who says it. work: its message is filled in.
+
+        Raises Unavailable, TooLate, or Failed where the worker says why it cannot be.
+        """
+        if not self._room.acquire(blocking=False):
+            raise Unavailable("Other pixels are being explained. Try again in a moment.", 2.0)
+        try:
+            for _ in range(ASKED_AT_MOST):
+                answer = self._asked(replace(work, message=secrets.token_hex(8)), kind)
+                if answer is not None:
+                    return answer
+            raise Unavailable("The worker was lost while it followed the pixel's paths. Try again.", 2.0)
+        except (redis.RedisError, QueueError) as error:
+            raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
+        finally:
+            self._room.release()
+
+    def _asked(self, work: ExplainPixel, kind: str) -> dict[str, Any] | None:
+        """None where it has to be asked again. Raises redis.RedisError and QueueError too."""
+        self._dispatcher.send_explain(work, kind)
+        holder: str | None = None
+        deadline = time.monotonic() + BEGIN_S
+        while not self._stop.is_set():
+            if time.monotonic() > deadline:
+                self._dispatcher.take_back(view_queue(kind), {work.message})
+                late = f"{holder} did not answer in time." if holder else "No worker had time for it; all slots are busy."
+                raise TooLate(f"The pixel could not be explained: {late} Try again.")
+            found: Any = self._redis.blpop([explained_key(work.message)], timeout=LOOK_S)
+            if found is None:
+                if holder is not None and holder not in self._roster().reports:
+                    return None
+                continue
+            answer = _understood(found[1])
+            match answer.get("type"):
+                case "begun":
+                    holder = str(answer.get("worker"))
+                    deadline = time.monotonic() + ANSWER_S
+                case "compiling":
+                    raise Unavailable(f"{holder} makes the kernel for it ready: a minute or two, once. Ask again then.", 15.0)
+                case "done":
+                    return {**answer["explained"], "worker": holder}
+                case "returned":
+                    raise Unavailable(f"The pixel could not be explained: {_why(answer)}. Try again.", 2.0)
+                case _:
+                    raise Failed(f"The pixel could not be explained: {_why(answer)}.")
+        raise Unavailable("The service is going down. Try again when it is back.")
+
+
+def _understood(data: bytes) -> dict[str, Any]:
+    """Raises Failed."""
+    try:
+        answer = json.loads(data)
+        if isinstance(answer, dict) and (answer.get("type") != "done" or isinstance(answer.get("explained"), dict)):
+            return answer
+    except (ValueError, RecursionError):
+        pass
+    raise Failed("The worker's answer makes no sense here. Run the same release of Rayfarm on all machines.")
+
+
+def _why(answer: dict[str, Any]) -> str:
+    return str(answer.get("error", ""))[:2000].rstrip(".")

@@ -1,0 +1,7 @@
+"""A service to look at."""
+
+from __future__ import annotations
+
+from tests.service.conftest import redis_server, service
+
+__all__ = ["redis_server", "service"]

@@ -1,0 +1,115 @@
+"""Each thing that is wrong with a data folder is said, and what is well is not complained about."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rayfarm.doctor import folder as looked_at
+from rayfarm.doctor.finding import Finding
+from rayfarm.doctor.folder import look_at_folder
+from service.settings import Settings
+from tests.service.conftest import Service
+from tests.service.store.test_lost_films import damaged, one_bit
+
+
+def look(data: Path, deep: bool = False, **settings: int) -> list[Finding]:
+    return list(look_at_folder(Settings(data=data, **settings), deep, lambda done, total: None))  # type: ignore[arg-type]
+
+
+def faults(data: Path, deep: bool = False) -> list[str]:
+    return [f"{each.about}: {each.says}" for each in look(data, deep) if each.level == "fault"]
+
+
+@pytest.fixture
+def stored(service: Service) -> Path:
+    """A folder with a finished job, whose service looks after no films."""
+    with service.worker():
+        service.wait_for(service.submit(service.ready_scene()), "finished")
+    service.options["film_check_days"] = 0
+    service.restart()
+    data: Path = service.options["data"]
+    return data
+
+
+def film(data: Path) -> Path:
+    return next((data / "films").glob("*.sqlite"))
+
+
+def blob(data: Path) -> Path:
+    return next(path for path in (data / "blobs").rglob("*") if path.is_file())
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+
+
+def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Path) -> None:
+    found = look(stored, deep=True)
+    assert {each.level for each in found if each.about != "Room"} == {"fine"}
+    assert [each.about for each in found] == ["Data folder", "Room", "Database", "Uploads", "Films"]
+
+
+@pytest.mark.parametrize(
+    ("break_it", "deep", "sentence"),
+    [
+        (lambda data: blob(data).unlink(), False, "Uploads: Of .* 1 are not there"),
+        (lambda data: flip(blob(data)), True, "Uploads: Of .* 1 are damaged"),
+        (lambda data: film(data).unlink(), False, "Films: Of 1 finished jobs 1 have a damaged film or none"),
+        (lambda data: one_bit(film(data)), True, "Films: Of 1 finished jobs 1 have a damaged film or none"),
+        (
+            lambda data: (data / "token").write_text("open") and (data / "token").chmod(0o644),
+            False,
+            "Secrets: Others can read token",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said(stored: Path, break_it: Callable[[Path], object], deep: bool, sentence: str) -> None:
+    break_it(stored)
+    (said,) = faults(stored, deep)
+    assert re.match(sentence, said), said
+    if deep:
+        assert faults(stored) == [], "without reading nobody knows"
+
+
+def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Service, stored: Path) -> None:
+    service.stop()
+    try:
+        with sqlite3.connect(stored / "rayfarm.sqlite") as database:
+            (revision,) = database.execute("SELECT version_num FROM alembic_version").fetchone()
+            database.execute("UPDATE alembic_version SET version_num = '9999'")
+        database.close()
+        assert "newer release (revision 9999" in faults(stored)[0]
+        whole = (stored / "rayfarm.sqlite").read_bytes()
+        damaged(stored / "rayfarm.sqlite")
+        assert "Database: " in faults(stored)[0]
+        assert "is damaged" in faults(stored)[0]
+        (stored / "rayfarm.sqlite").write_bytes(whole)
+        with sqlite3.connect(stored / "rayfarm.sqlite") as database:
+            database.execute("DELETE FROM alembic_version")
+        database.close()
+        assert [each.says for each in look(stored) if each.level == "note" and "older release" in each.says]
+    finally:
+        with sqlite3.connect(stored / "rayfarm.sqlite") as database:
+            database.execute("DELETE FROM alembic_version")
+            database.execute("INSERT INTO alembic_version VALUES (?)", (revision,))
+        database.close()
+        service.start()
+
+
+def test_rights_room_and_network_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = tmp_path / "data"
+    assert [each.level for each in look(data)] == ["note"], "it is not there yet"
+    data.mkdir(0o755)
+    assert "Others on this machine can look into" in look(data)[0].says
+    assert any(each.about == "Room" and each.level == "fault" for each in look(data, min_free_bytes=1 << 60))
+    monkeypatch.setattr(looked_at, "_file_system", lambda folder: "nfs4")
+    assert any("network drive (nfs4)" in each.says for each in look(data))
+    (tmp_path / "file").touch()
+    assert look(tmp_path / "file")[0].level == "fault"

@@ -1,0 +1,75 @@
+"""What is said of a Redis, of workers, and of a machine that no farm runs on."""
+
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+
+import pytest
+import redis
+
+from rayfarm.doctor.finding import Finding
+from rayfarm.doctor.running import look_at_redis, look_at_running
+from renderer import __version__
+from tests.helpers import running_redis
+from tests.rayfarm.program import rayfarm
+from tests.service.conftest import Service
+
+
+def said(found: list[Finding], level: str) -> str:
+    return "\n".join(each.says for each in found if each.level == level)
+
+
+def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis_server: running_redis) -> None:
+    with redis.Redis.from_url(redis_server.url) as store, service.worker(name="old"):
+        found = list(look_at_redis(redis_server.url))
+        assert said(found, "fault") == ""
+        assert f"Of another release than {__version__}: old" in said(found, "note"), "its kind says so"
+        before = store.config_get("maxmemory*")
+        try:
+            store.config_set("maxmemory-policy", "allkeys-lru")
+            store.config_set("maxmemory", store.info()["used_memory"] + 200_000)
+            found = list(look_at_redis(redis_server.url))
+            assert "it forgets work (maxmemory-policy allkeys-lru)" in said(found, "fault")
+            assert "results wait to be merged" in said(found, "note")
+        finally:
+            for name, value in before.items():
+                store.config_set(name, value)
+
+
+def test_a_wrong_password_and_a_redis_that_is_away(redis_server: running_redis) -> None:
+    wrong = redis_server.url.replace(redis_server.password, "wrong")
+    assert "refuses the password" in said(list(look_at_redis(wrong)), "fault")
+    found = list(look_at_redis("redis://:secret@127.0.0.1:1/0"))
+    assert "127.0.0.1:1/0 does not answer" in said(found, "fault")
+    assert "secret" not in str(found)
+
+
+def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAYFARM_REDIS_URL", raising=False)
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        found = list(look_at_running(tmp_path, other.getsockname()[1]))
+    assert "None runs on" in said(found, "note")
+    assert "in use by another program" in said(found, "fault")
+    assert any(each.about == "Redis" and each.level == "fine" for each in found)
+
+
+def test_the_command_ends_with_1_where_there_is_a_fault(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir(0o700)
+    (tmp_path / "data" / "token").write_text("known to all")
+    (tmp_path / "data" / "token").chmod(0o604)
+    done = rayfarm("doctor", "--data", tmp_path / "data", "--json", "--port=0", COLUMNS="160")
+    assert done.returncode == 2, "no port is 0"
+    done = rayfarm("doctor", "--data", tmp_path / "data", "--json", COLUMNS="160")
+    assert done.returncode == 1, done.stdout
+    found = {each["about"]: each for each in json.loads(done.stdout)}
+    assert found["Secrets"]["level"] == "fault"
+    assert found["Secrets"]["do"].startswith("chmod 600")
+    assert found["Python"]["level"] == "fine"
+    (tmp_path / "data" / "token").chmod(0o600)
+    done = rayfarm("doctor", "--data", tmp_path / "data", "--port=1", COLUMNS="160")
+    assert "fault" in done.stdout.splitlines()[-1]
+    assert "-> " in done.stdout

@@ -1,0 +1,145 @@
+"""Hooks hear of every end of a job, once it can be told: a real server that answers as it likes, and a real program."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.hooks import outbox
+from service.hooks.signing import headers
+from tests.service.conftest import Service, until
+
+SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
+
+
+class Receiver:
+    """Keeps what it is sent, and answers with the statuses that it was given, the last one from then on."""
+
+    def __init__(self) -> None:
+        self.statuses = [204]
+        self.got: list[tuple[dict[str, str], bytes]] = []
+        receiver = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = self.rfile.read(int(self.headers["Content-Length"]))
+                receiver.got.append(({key.lower(): value for key, value in self.headers.items()}, body))
+                self.send_response(receiver.statuses.pop(0) if len(receiver.statuses) > 1 else receiver.statuses[0])
+                self.end_headers()
+
+            def log_message(self, *_: Any) -> None:
+                pass
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server.server_port}/hook?key=of-the-receiver"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    @property
+    def messages(self) -> list[dict[str, Any]]:
+        return [json.loads(body) for _, body in self.got]
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    receiver = Receiver()
+    yield receiver
+    receiver.server.shutdown()
+    receiver.server.server_close()
+
+
+@pytest.fixture
+def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> Service:
+    """A service that tells the receiver, and does not wait long before it tries again."""
+    monkeypatch.setattr(outbox, "RETRIES_S", (0.1,) * 7)
+    monkeypatch.setattr(outbox, "LOOK_EVERY_S", 0.1)
+    service.options |= {"webhooks": [receiver.url], "webhook_secret": SECRET, "public_url": "http://farm.example/"}
+    service.restart()
+    until(lambda: service.farm.outbox._since != {}, "the outbox has begun")
+    return service
+
+
+def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) -> None:
+    with told.worker():
+        job = told.submit(told.ready_scene(), name="the night's")
+        told.wait_for(job, "finished")
+        until(lambda: len(receiver.got) > 0, "the hook is told")
+        told.restart()
+        other = told.submit(told.ready_scene())
+        told.wait_for(other, "finished")
+        until(lambda: len(receiver.got) > 1, "the hook is told of the next")
+    assert [message["data"]["id"] for message in receiver.messages] == [job, other]
+    (sent, body), _ = receiver.got
+    message = json.loads(body)
+    assert (message["type"], message["data"]["name"], message["data"]["page"]) == (
+        "job.finished",
+        "the night's",
+        f"http://farm.example/#/jobs/{job}",
+    )
+    signed = headers(SECRET, sent["webhook-id"], int(sent["webhook-timestamp"]), body)
+    assert sent["webhook-signature"] == signed["webhook-signature"]
+    (hook,) = told.http.get("/api/hooks").json()
+    assert hook == {"number": 0, "hook": "http://127.0.0.1/...", "arrived": 2, "waiting": 0, "given_up": 0, "error": None}
+
+
+def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, receiver: Receiver) -> None:
+    receiver.statuses = [500, 302, 204]
+    job = told.submit(told.upload())
+    told.patch(job, state="cancelled")
+    until(lambda: told.http.get("/api/hooks").json()[0]["arrived"] == 1, "the message arrives")
+    assert [message["type"] for message in receiver.messages] == ["job.cancelled"] * 3
+    assert len({sent["webhook-id"] for sent, _ in receiver.got}) == 1
+
+
+@pytest.mark.parametrize(("status", "attempts"), [(500, 8), (410, 1)])
+def test_it_is_given_up_in_the_end(told: Service, receiver: Receiver, status: int, attempts: int) -> None:
+    receiver.statuses = [status]
+    told.patch(told.submit(told.upload()), state="cancelled")
+    until(lambda: told.http.get("/api/hooks").json()[0]["given_up"] == 1, "the message is given up")
+    assert len(receiver.got) == attempts
+    assert str(status) in told.http.get("/api/hooks").json()[0]["error"]
+
+
+def test_a_new_hook_is_not_told_of_what_ended_before(service: Service, receiver: Receiver) -> None:
+    service.patch(service.submit(service.upload()), state="cancelled")
+    service.options |= {"webhooks": [receiver.url]}
+    service.restart()
+    until(lambda: service.farm.outbox._since != {}, "the outbox has begun")
+    job = service.submit(service.upload())
+    service.patch(job, state="cancelled")
+    until(lambda: len(receiver.got) > 0, "the hook is told")
+    assert [message["data"]["id"] for message in receiver.messages] == [job]
+    assert service.farm.settings.webhook_secret.startswith("whsec_")
+
+
+def test_a_trial_says_whether_messages_arrive(told: Service, receiver: Receiver) -> None:
+    assert told.http.post("/api/hooks/0/test").status_code == 204
+    assert receiver.messages[0]["type"] == "test"
+    receiver.statuses = [404]
+    refused = told.http.post("/api/hooks/0/test")
+    assert (refused.status_code, "answered 404" in refused.json()["detail"]) == (503, True)
+    assert told.http.post("/api/hooks/1/test").status_code == 404
+
+
+def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_TOKEN", "the farm's own")
+    program = tmp_path / "hook.sh"
+    program.write_text(
+        f"#!/bin/sh\ncat > {tmp_path}/message\nenv | grep ^RAYFARM_ > {tmp_path}/variables\nmv {tmp_path}/message {tmp_path}/said\n"
+    )
+    program.chmod(0o755)
+    service.options |= {"job_hook": str(program)}
+    service.restart()
+    until(lambda: service.farm.outbox._since != {}, "the outbox has begun")
+    job = service.submit(service.upload())
+    service.patch(job, state="cancelled")
+    until((tmp_path / "said").exists, "the program has run")
+    assert json.loads((tmp_path / "said").read_text())["data"]["id"] == job
+    told = dict(line.split("=", 1) for line in (tmp_path / "variables").read_text().splitlines())
+    assert (told["RAYFARM_JOB_ID"], told["RAYFARM_JOB_STATE"], told["RAYFARM_EVENT"]) == (job, "cancelled", "job.cancelled")
+    assert "RAYFARM_TOKEN" not in told

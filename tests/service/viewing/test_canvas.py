@@ -1,0 +1,66 @@
+"""The sums of a view: what they tell of its noise, and which tiles are to be shown."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from renderer import film
+from renderer.settings import tiles_of
+from service.viewing.canvas import GROWTH, Canvas
+from service.viewing.passes import Level, Passes
+from tests.service.peer_worker import expected_sums
+
+
+def filled(canvas: Canvas, samples: int) -> list[int]:
+    """Samples with which the first tile is shown, where it is looked at after each piece."""
+    level, shown = canvas.level, []
+    for pieces in iter(Passes([Level(level.width, level.height, samples, level.tiles)], 1e-5).next, []):
+        for piece in pieces:
+            rect = level.tiles[piece.tile]
+            canvas.add(piece.tile, piece.first, piece.count, expected_sums(rect, piece.first, piece.count, 0))
+            for tile in list(canvas.changed):
+                shown += [canvas.take(tile)[1]] * (tile == 0)
+    mean, has, _ = canvas.take(piece.tile)
+    assert has == samples
+    np.testing.assert_array_equal(mean, np.moveaxis(film.mean(expected_sums(rect, 0, samples, 0), 24), -1, 0))
+    return shown
+
+
+def canvas_of(samples: int, noise: float | None = None) -> Canvas:
+    return Canvas(Level(64, 48, samples, tiles_of(64, 48, 32)), 24, noise)
+
+
+@pytest.mark.parametrize("samples", [8, 64, 100])
+def test_its_noise_is_that_of_a_job(samples: int) -> None:
+    canvas = canvas_of(samples)
+    assert canvas.noise is None
+    filled(canvas, samples)
+    tiles = [(film.noise(expected_sums(tile, 0, samples, 0), 24), tile.w * tile.h) for tile in canvas.level.tiles]
+    assert canvas.noise == pytest.approx(math.sqrt(sum(noise**2 * area for noise, area in tiles) / (64 * 48)), rel=1e-12)
+    assert canvas.is_complete
+    assert canvas.mean_samples == samples
+
+
+def test_a_tile_is_complete_where_its_noise_is_as_low_as_is_wanted() -> None:
+    canvas = canvas_of(256, 0.058)  # evenly distributed samples: 0.577 / sqrt(n)
+    filled(canvas, 64)
+    assert not canvas.is_complete
+    assert canvas.noise == pytest.approx(0.577 / 8, rel=0.05)
+    canvas = canvas_of(256, 0.075)
+    filled(canvas, 32)
+    assert not any(map(canvas.tile_is_complete, range(4)))
+    canvas = canvas_of(256, 0.075)
+    filled(canvas, 64)
+    assert canvas.is_complete
+
+
+def test_a_tile_is_shown_again_when_it_has_half_as_many_again() -> None:
+    shown = filled(canvas_of(100), 100)
+    assert shown[:3] == [1, 2, 3]
+    assert shown[-1] == 100
+    assert all(after >= GROWTH * before for before, after in itertools.pairwise(shown[:-1]))
+    assert len(shown) <= 2 + math.log(100, GROWTH)

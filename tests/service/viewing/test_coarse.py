@@ -1,0 +1,62 @@
+"""What of a picture is seen while it clears up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer.image import rgbe9995
+from renderer.settings import Tile
+from service.viewing.view_packet import EXACT, HEADER, TILE, Shown, packet
+from tests.service.viewer import body_of, unpacked
+
+
+def seen(tiles: list[Shown]) -> list[np.ndarray]:
+    """The radiance (3, h, w) of each tile as a page has it."""
+    message = packet(tiles, (64, 64), (128, 128), 7, 9)
+    assert HEADER.unpack_from(message)[2:] == (len(tiles), 7, 9, 64, 64, 128, 128)
+    heads = [TILE.unpack_from(message, HEADER.size + i * TILE.size) for i in range(len(tiles))]
+    assert heads == [(*tile.rect, tile.samples + tile.is_exact * EXACT) for tile in tiles]
+    return [np.moveaxis(rgbe9995.unpack(words), -1, 0) for words in unpacked(heads, body_of(message))]
+
+
+def shown(mean: np.ndarray, is_exact: bool = False, samples: int = 3) -> Shown:
+    _, h, w = mean.shape
+    return Shown(Tile(1, 2, w, h), mean.astype(np.float32), samples, is_exact)
+
+
+def test_brightness_is_near_and_hue_is_that_of_four_pixels() -> None:
+    generator = np.random.default_rng(1)
+    four = generator.uniform(0.01, 1, (3, 5, 7)).repeat(2, 1).repeat(2, 2)[:, :9, :13]  # sides that are odd
+    mean = four * 2.0 ** generator.uniform(-18, 12, (9, 13))
+    (found,) = seen([shown(mean)])
+    brightness = mean.sum(0)
+    np.testing.assert_allclose(found.sum(0), brightness, rtol=1 / 64 + 3 * 2**-9)
+    np.testing.assert_allclose(found / brightness, mean / brightness, atol=1 / 64 + 2 / 255 + 2**-9)
+
+
+def test_a_black_pixel_stays_black_and_tells_no_hue_and_a_bright_one_shines() -> None:
+    mean = np.zeros((3, 2, 4))
+    mean[:, 0, 0] = 0.8, 0.1, 0.1
+    mean[:, 1, 3] = 1e9, -1.0, np.nan
+    (found,) = seen([shown(mean)])
+    np.testing.assert_allclose(found[:, 0, 0], mean[:, 0, 0], atol=0.02)
+    np.testing.assert_allclose(found[:, 1, 3], (rgbe9995.MAX, 0, 0), rtol=0.02)
+    assert np.count_nonzero(found.sum(0)) == 2
+
+
+def test_tiles_that_are_complete_are_exact_beside_others_that_are_not() -> None:
+    generator = np.random.default_rng(2)
+    tiles = [shown(generator.uniform(0, 9, (3, h, w)), h % 2 == 0) for h, w in ((8, 8), (3, 5), (4, 9), (7, 2))]
+    for tile, found in zip(tiles, seen(tiles), strict=True):
+        if tile.is_exact:
+            np.testing.assert_array_equal(rgbe9995.pack(np.moveaxis(tile.mean, 0, -1)), rgbe9995.pack(np.moveaxis(found, 0, -1)))
+        else:
+            np.testing.assert_allclose(found.sum(0), tile.mean.sum(0), rtol=1 / 64 + 3 * 2**-9)
+
+
+@pytest.mark.parametrize(("noise", "bits"), [(0.5, 7.5), (0.05, 5)])
+def test_it_takes_a_few_bits_of_a_noisy_pixel(noise: float, bits: float) -> None:
+    generator = np.random.default_rng(3)
+    mean = np.array([0.4, 0.3, 0.2])[:, None, None] * generator.lognormal(0, noise, (128, 128))
+    assert len(packet([shown(mean)], (128, 128), (128, 128), 0, 0)) < bits / 8 * 128 * 128

@@ -1,0 +1,238 @@
+/** A pixel explained: the paths of some of its samples, drawn over the picture, with a table of what each met and what light it brought. */
+
+import { explainPixel } from "../news/api.js";
+import { fill, h, setText } from "../base/dom.js";
+import { count, radiance } from "../base/format.js";
+import { drawPath } from "../film/path-lines.js";
+import { icon } from "../base/icons.js";
+import { announce } from "../shell/tray.js";
+import { t } from "../base/words.js";
+
+/** @typedef {import("../base/types.js").Explained} Explained */
+/** @typedef {import("../base/types.js").PixelPath} PixelPath */
+/** @typedef {import("../base/types.js").PathVertex} PathVertex */
+/** @typedef {{x: number, y: number}} Pixel */
+
+/** @type {Record<string, string>} */
+const ENDS = {
+  missed: t("It left the scene."),
+  absorbed: t("Nothing was left of its light."),
+  roulette: t("Russian roulette ended it."),
+  depth: t("It has as many segments as the settings allow."),
+  caught: t("It left too many surfaces without getting on."),
+  unlit: t("The material scatters no light."),
+  passed: t("It passed too many transparent surfaces."),
+};
+/** @type {Record<string, string>} */
+const CHOSEN = { asked: t("Asked for"), first: t("First"), median: t("Median"), brightest: t("Brightest") };
+/** @type {Record<string, string>} */
+const BOUNCES = { reflected: t("reflected"), transmitted: t("let through") };
+const LAST_SAMPLE = 1048575;
+
+/** @param {number[]} rgb */
+const luminance = ([r = 0, g = 0, b = 0]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
+/** @param {(number | null)[] | null} values */
+const listed = (values) => (values ? values.map((value) => (value == null ? "–" : radiance(value))).join("  ") : "–");
+/** @param {number[]} a @param {number[]} b */
+const sum = (a, b) => a.map((value, i) => value + (b[i] ?? 0));
+/** @param {number} share */
+const percent = (share) => `${Number((share * 100).toPrecision(3))} %`;
+
+/**
+ * @param {import("../film/live-picture.js").LivePicture} picture
+ * @param {import("../base/store.js").Disposer} life
+ */
+export function explainPanel(picture, life) {
+  const { view, live } = picture;
+  const title = h("h2", null, t("Explained pixel"));
+  const shut = h("button", { class: "icon-button", type: "button", "aria-label": t("Close the explanation"), title: t("Close (Escape)"), onclick: () => close() }, icon("close"));
+  const body = h("div", { class: "stack tight" });
+  const element = h("section", { class: "side-section stack tight explained", "aria-label": t("Explained pixel"), hidden: true }, h("div", { class: "row spread" }, title, shut), body);
+  let asking = new AbortController();
+  /** @type {Pixel | null} */
+  let pixel = null;
+  /** @type {{path: PixelPath, chosen: number | null} | null} */
+  let shown = null;
+  life.add(() => asking.abort());
+
+  const draw = () => {
+    const { path, chosen } = shown ?? {};
+    view?.over.setMark("path", pixel && path ? (over, ratio) => pixel && drawPath(over, ratio, pixel, path.vertices, chosen ?? null) : null);
+  };
+  const close = () => {
+    asking.abort();
+    turn(false);
+    const hadFocus = element.contains(document.activeElement);
+    pixel = shown = null;
+    element.hidden = true;
+    draw();
+    if (hadFocus) button.focus();
+  };
+  /** @param {Pixel} at @param {number | null} [sample] */
+  const explain = async (at, sample = null) => {
+    asking.abort();
+    const { signal } = (asking = new AbortController());
+    pixel = at;
+    element.hidden = false;
+    setText(title, t("Pixel {x}, {y} explained", { x: at.x, y: at.y }));
+    if (sample === null) {
+      shown = null;
+      draw();
+      fill(body, h("p", { class: "quiet", role: "status" }, t("A worker follows its paths once more…")));
+    }
+    element.scrollIntoView({ block: "nearest" });
+    try {
+      const found = await explainPixel({ job: live.job, frame: live.frame }, at.x, at.y, sample, signal);
+      show(found, sample);
+    } catch (error) {
+      if (signal.aborted) return;
+      const again = h("button", { class: "button", type: "button", onclick: () => void explain(at, sample) }, icon("refresh"), t("Ask again"));
+      fill(body, h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", { class: "grow stack tight" }, /** @type {Error} */ (error).message, again)));
+    }
+  };
+
+  /** @param {Explained} found @param {number | null} sample */
+  const show = (found, sample) => {
+    const detail = h("div", { class: "stack tight" });
+    const name = `path-${found.x}-${found.y}`;
+    const choices = found.paths.map((path, i) => {
+      const words = path.chosen.map((choice) => CHOSEN[choice] ?? choice).join(", ");
+      const radio = h("input", { type: "radio", name, onchange: () => pick(path) });
+      radio.checked = sample === null ? i === 0 : path.sample === sample;
+      return h("label", null, radio, h("span", { class: "grow" }, words), h("span", { class: "quiet number" }, `#${path.sample}`), h("span", { class: "mono" }, path.value ? radiance(luminance(path.value)) : t("no number")));
+    });
+    const pick = (/** @type {PixelPath} */ path) => {
+      shown = { path, chosen: null };
+      fill(detail, pathDetail(path, (chosen) => ((shown = { path, chosen }), draw())));
+      draw();
+    };
+    const number = h("input", { type: "number", min: 0, max: LAST_SAMPLE, step: 1, "aria-label": t("Number of a sample"), value: sample === null ? "" : String(sample) });
+    const other = h("form", { class: "row other-sample", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), number.value && void explain({ x: found.x, y: found.y }, number.valueAsNumber)) }, h("span", { class: "quiet" }, t("Another sample")), number, h("button", { class: "button", type: "submit" }, t("Follow")));
+    fill(
+      body,
+      h("p", { class: "quiet small", role: "status" }, verdict(found)),
+      h("div", { class: "paths", role: "radiogroup", "aria-label": t("Samples of this pixel, with their luminance") }, choices),
+      other,
+      detail,
+    );
+    const first = (sample === null ? null : found.paths.find((path) => path.sample === sample)) ?? found.paths[0];
+    if (first) pick(first);
+    announce(t("The pixel's paths are shown"));
+  };
+
+  let isOn = false;
+  const turn = (/** @type {boolean} */ on) => {
+    isOn = on;
+    button.setAttribute("aria-pressed", String(on));
+  };
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Explain a pixel"), onclick: () => turn(!isOn) }, icon("path"));
+  button.title = t("Explain a pixel: click on the picture to see its light's paths (Q explains the one under the cursor)");
+  if (view) {
+    /** @type {Pixel | null} */
+    let from = null;
+    life.listen(view.element, "pointerdown", (/** @type {PointerEvent} */ event) => {
+      from = isOn && event.button === 0 && !event.shiftKey ? { x: event.clientX, y: event.clientY } : null;
+    });
+    life.listen(view.element, "pointerup", (/** @type {PointerEvent} */ event) => {
+      const isStill = from && Math.hypot(event.clientX - from.x, event.clientY - from.y) < 4;
+      from = null;
+      if (isStill && view.over.cursor) void explain({ ...view.over.cursor });
+    });
+    life.add(live.onTurn(() => pixel && close())); // another frame's
+  }
+  return {
+    element,
+    button,
+    explain,
+    /** @type {import("../shell/shortcuts.js").Shortcut[]} */
+    keys: [
+      { keys: "Q", does: t("Explain the pixel under the cursor: its paths over the picture"), run: () => view?.over.cursor && void explain({ ...view.over.cursor }) },
+      { keys: "Escape", does: t("Close the explanation"), run: () => (pixel || isOn) && close() },
+    ],
+  };
+}
+
+/** @param {Explained} found @returns {string} */
+function verdict({ samples, mean, equals_film: equals, worker }) {
+  if (!samples) return t("The pixel has no sample yet; its first is shown.");
+  const said = t("{n} samples followed again by {worker}; their mean is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
+  return `${said} ${equals === true ? t("Their sum is the film's to the bit.") : equals === false ? t("Their sum is not the film's: the film or the scene has changed.") : ""}`;
+}
+
+/** @param {PixelPath} path @param {(chosen: number | null) => void} look */
+function pathDetail(path, look) {
+  const about = h("dl", { class: "facts number", hidden: true, "aria-live": "polite" });
+  const buttons = path.vertices.map((_, i) => {
+    const place = h("button", { class: "vertex", type: "button", "aria-pressed": "false", "aria-label": t("Vertex {n}", { n: i + 1 }), onclick: () => choose(place.getAttribute("aria-pressed") === "true" ? null : i) }, String(i + 1));
+    return place;
+  });
+  const choose = (/** @type {number | null} */ chosen) => {
+    buttons.forEach((button, i) => button.setAttribute("aria-pressed", String(i === chosen)));
+    const vertex = chosen === null ? undefined : path.vertices[chosen];
+    about.hidden = !vertex;
+    fill(about, ...(vertex ? facts(vertex) : []).map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
+    look(chosen);
+  };
+  const heads = [["#", t("Number")], [t("Met"), ""], [t("Weight"), t("Throughput: what radiance from here counts")], [t("Light"), t("Light that it adds to the sample")]];
+  return [
+    h(
+      "table",
+      { class: "path-table" },
+      h("caption", { class: "visually-hidden" }, t("What the path met, from the camera on")),
+      h("thead", null, h("tr", null, heads.map(([text, title]) => h("th", { scope: "col", title: title || null }, text)))),
+      h("tbody", null, path.vertices.map((vertex, i) => row(vertex, buttons[i]))),
+    ),
+    about,
+    h("p", { class: "small" }, path.end ? (ENDS[path.end] ?? path.end) : ""),
+    legend(),
+  ];
+}
+
+/** @param {PathVertex} vertex @param {HTMLElement | undefined} button */
+function row(vertex, button) {
+  const { kind, throughput, emitted, direct, light } = vertex;
+  const brought = luminance(sum(emitted, direct));
+  const lit = light && !direct.some((value) => value !== 0) ? t("blocked") : "";
+  return h(
+    "tr",
+    null,
+    h("th", { scope: "row" }, button),
+    h("td", null, h("span", { class: "met" }, nameOf(vertex)), h("span", { class: "quiet small" }, kind === "surface" ? lobe(vertex) : kind === "passed" ? t("passed by its alpha") : "")),
+    h("td", { class: "mono", title: listed(throughput) }, radiance(luminance(throughput))),
+    h("td", { class: "mono", title: listed(sum(emitted, direct)) }, brought ? `+${radiance(brought)}` : "–", h("span", { class: "quiet small" }, lit)),
+  );
+}
+
+/** @param {PathVertex} vertex */
+const nameOf = ({ kind, object_name: object, material_name: material, object: number }) =>
+  kind === "missed" ? t("Environment") : [object || (number == null ? "" : t("Object {n}", { n: number })), material].filter(Boolean).join(", ");
+
+/** @param {PathVertex} vertex */
+const lobe = ({ model, bounce }) => [model, bounce ? BOUNCES[bounce] : ""].filter(Boolean).join(", ");
+
+/** @param {PathVertex} vertex @returns {[string, string][]} */
+function facts(vertex) {
+  const { light, point, distance, throughput, emitted, emitted_weight: weight, direct, pdf, survival } = vertex;
+  /** @type {[string, string | null | false][]} */
+  const all = [
+    [t("Position"), point && listed(point)],
+    [t("Distance"), distance != null && radiance(distance)],
+    [t("Throughput"), listed(throughput)],
+    [t("Its own light"), emitted.some(Boolean) && listed(emitted)],
+    [t("Counted by MIS as"), weight != null && percent(weight)],
+    [t("Light chosen at"), light && (light.point ? listed(light.point) : t("infinitely far"))],
+    [t("It would bring"), light && listed(light.brought)],
+    [t("It brings"), light && (direct.some(Boolean) ? listed(direct) : t("nothing: it is blocked"))],
+    [t("Counted by MIS as"), light && percent(light.weight)],
+    [t("Chance of the light"), light?.pdf != null && t("{pdf} per steradian", { pdf: radiance(light.pdf) })],
+    [t("Goes on"), lobe(vertex)],
+    [t("Chance of that way"), pdf != null && t("{pdf} per steradian", { pdf: radiance(pdf) })],
+    [t("Survives roulette by"), survival != null && percent(survival)],
+  ];
+  return all.flatMap(([name, value]) => (value ? [/** @type {[string, string]} */ ([name, value])] : []));
+}
+
+function legend() {
+  const line = (/** @type {string} */ kind, /** @type {string} */ text) => h("li", null, h("span", { class: `sample-line ${kind}`, "aria-hidden": "true" }), text);
+  return h("ul", { class: "path-legend small quiet" }, line("way", t("path")), line("lit", t("light that arrives: dashes, diamond")), line("blocked", t("light that is blocked: dots, cross")));
+}

@@ -1,0 +1,63 @@
+/** The log of a picture: what the service and the workers told of it, line by line. */
+
+import { getJobLog, jobLogUrl } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { announce, showError } from "../shell/tray.js";
+import { t } from "../base/words.js";
+
+const RENEW_MS = 2000;
+
+/**
+ * @param {() => import("../base/types.js").Job} job
+ * @param {import("../base/store.js").Disposer} life
+ * @returns {HTMLElement}
+ */
+export function logPanel(job, life) {
+  const lines = h("pre", { class: "log-lines", tabindex: "0", role: "log", "aria-live": "off", "aria-label": t("Log") });
+  const follow = h("input", { type: "checkbox", onchange: () => follow.checked && toEnd() });
+  follow.checked = true;
+  const copy = h("button", { class: "button", type: "button", onclick: () => void copied() }, icon("copy"), t("Copy"));
+  const { id, name } = job();
+  const save = h("a", { class: "button", href: jobLogUrl(id), download: `${name}.log` }, icon("download"), t("Download"));
+  const said = h("p", { class: "quiet small", role: "status", hidden: true });
+  const element = h(
+    "details",
+    { class: "side-section job-log" },
+    h("summary", null, h("h2", null, t("Log"))),
+    h("div", { class: "stack tight" }, h("div", { class: "row" }, h("label", { class: "check grow" }, follow, t("Follow")), copy, save), said, lines),
+  );
+  const toEnd = () => (lines.scrollTop = lines.scrollHeight);
+  const copied = async () => {
+    try {
+      await navigator.clipboard.writeText(lines.textContent ?? "");
+      announce(t("The log is copied"));
+    } catch (error) {
+      showError(t("The log was not copied"), navigator.clipboard ? error : t("Browsers copy from pages on HTTPS and localhost only."));
+    }
+  };
+  let asking = new AbortController();
+  life.add(() => asking.abort());
+  const renew = async () => {
+    asking.abort();
+    asking = new AbortController();
+    try {
+      const text = await getJobLog(id, asking.signal);
+      if (text !== lines.textContent) {
+        setText(lines, text);
+        if (follow.checked) toEnd();
+      }
+      said.hidden = text !== "";
+      if (!text) setText(said, t("Nothing was told of it yet."));
+    } catch (error) {
+      if (asking.signal.aborted) return;
+      said.hidden = false;
+      setText(said, /** @type {Error} */ (error).message);
+    }
+  };
+  // Whoever reads further up is left there; at the end again, the log is followed again.
+  lines.addEventListener("scroll", () => (follow.checked = lines.scrollHeight - lines.scrollTop - lines.clientHeight < 8));
+  element.addEventListener("toggle", () => element.open && void renew());
+  life.every(RENEW_MS, () => element.open && !document.hidden && void renew());
+  return element;
+}

@@ -1,0 +1,60 @@
+/** How clear the live view is, and how clear it is to become: until its noise, as a job's is measured, is below a level. */
+
+import { h } from "../base/dom.js";
+import { t, tn } from "../base/words.js";
+
+/** Relative noise; what is asked for until one chooses is the second. */
+const LEVELS = [0.05, 0.02, 0.01];
+const DEFAULT = 0.02;
+const KEY = "rayfarm-view-noise";
+
+/**
+ * @param {number} mean samples a pixel
+ * @param {number | null} noise relative; null: with so few samples nobody knows
+ * @param {number | null} slots that render it; null: it is done
+ */
+export function clarity(mean, noise, slots) {
+  const samples = t("{n} spp", { n: mean < 10 ? Number(mean.toPrecision(2)) : Math.round(mean) });
+  const left = noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
+  return [samples, left, slots === null ? t("done") : tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");
+}
+
+/** @param {number} noise */
+const percent = (noise) => `${Number((100 * noise).toPrecision(2))} %`;
+
+/**
+ * The choice, which is remembered.
+ *
+ * @param {() => void} changed
+ */
+export function clearness(changed) {
+  const kept = read();
+  const element = h(
+    "select",
+    { "aria-label": t("How clear the view becomes"), title: t("How clear the view becomes") },
+    LEVELS.map((level) => h("option", { value: level, selected: level === kept }, t("To {noise} noise", { noise: percent(level) }))),
+    h("option", { value: 0, selected: kept === 0 }, t("To 256 samples")),
+  );
+  element.addEventListener("change", () => {
+    try {
+      localStorage.setItem(KEY, element.value);
+    } catch {
+      // A browser that keeps nothing: it lasts as long as the page.
+    }
+    changed();
+  });
+  return {
+    element,
+    /** What a view's request says of it. @returns {{noise?: number}} */
+    request: () => (Number(element.value) ? { noise: Number(element.value) } : {}),
+  };
+}
+
+function read() {
+  try {
+    const kept = localStorage.getItem(KEY);
+    return kept !== null && [...LEVELS, 0].includes(Number(kept)) ? Number(kept) : DEFAULT;
+  } catch {
+    return DEFAULT;
+  }
+}
