@@ -63,7 +63,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(slots * self._settings.window_per_slot - self.leases.messages(kind))
+            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
             for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
                 room -= self._share(list(equals), kind, slots, room, start)
                 if room <= 0:
