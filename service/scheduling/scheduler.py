@@ -80,7 +80,7 @@ class Scheduler:
                 raise
 
     def _take_as_not_sent(self) -> None:
-        """What was to be sent at once may not have been: it is handed out again. Of what was sent after all, the film takes one."""
+        """What was to be sent at once may not have been: it is handed out again. Its film takes each once, if it was."""
         for lease in self._sent:
             job = self.jobs.get(lease.owner)
             if self.leases.end(lease.id) is not None and job is not None and lease.batch is not None:
