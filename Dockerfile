@@ -21,7 +21,7 @@ COPY service service
 COPY scenes service/scenes
 COPY web service/web
 USER rayfarm
-ENV RAYFARM_DATA=/data
+ENV RAYFARM_DATA=/data RAYFARM_PRINT_LINK=true
 VOLUME /data
 EXPOSE 8000
 HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=6 \

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.commands import backup, bench, doctor, info, jobs, render, submit, up, worker
+from rayfarm.commands import backup, bench, doctor, info, jobs, render, submit, token, up, user, worker
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from renderer.errors import RayfarmError
@@ -24,7 +24,7 @@ app = typer.Typer(
     help="""A render farm that starts with one command.
 
     [bold]On this machine[/bold]   rayfarm up                                the farm and its page
-    [bold]On another[/bold]        rayfarm worker --join URL --token T       adds its cores to the farm
+    [bold]On another[/bold]        rayfarm worker --join URL                 adds its cores to the farm
     [bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
     [bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
     [bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           also while it runs
@@ -32,7 +32,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, info, backup, doctor, bench):
+for command in (up, worker, render, submit, jobs, user, token, info, backup, doctor, bench):
     command.register(app)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,7 +28,9 @@ from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
 
-__all__ = ["Client", "ClientError"]
+__all__ = ["TOKEN_VARIABLE", "Client", "ClientError"]
+
+TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
 AWAY_S = 60.0
@@ -63,10 +66,16 @@ class _Answer:
 class Client:
     """A farm's service at `url`. Every method raises ClientError."""
 
-    def __init__(self, url: str, timeout_s: float = 60.0) -> None:
+    def __init__(self, url: str, timeout_s: float = 60.0, token: str | None = None) -> None:
+        """token: what a farm that asks for a login is shown; $RAYFARM_API_TOKEN unless told."""
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
+        token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
+        if not (token.isascii() and token.isprintable()):
+            raise ClientError(f"The token has characters that no token has. Look at {TOKEN_VARIABLE}.")
         self._http = httpx.Client(
-            base_url=self.url if is_address(self.url) else "", timeout=httpx.Timeout(timeout_s, connect=5.0)
+            base_url=self.url if is_address(self.url) else "",
+            timeout=httpx.Timeout(timeout_s, connect=5.0),
+            headers={"Authorization": f"Bearer {token}"} if token else {},
         )
 
     def __enter__(self) -> Client:
@@ -78,6 +87,14 @@ class Client:
     def close(self) -> None:
         """Close the connections."""
         self._http.close()
+
+    def call(self, method: str, path: str, **json_body: Any) -> Any:
+        """Any route of the API, with a JSON body where there is one: its answer's JSON, None where it has none.
+
+        farm.call("POST", "/api/users", name="anna", role="submit")
+        """
+        answer = self._send(method, path, json=json_body or None)
+        return self._data(answer) if answer.body else None
 
     def upload(
         self,

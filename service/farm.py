@@ -18,6 +18,7 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from service.access.access import Access
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
@@ -58,6 +59,7 @@ class Farm:
         self.instance = settings.instance()
         try:
             self.database, self.sessions = connect(settings.database)
+            self.access = Access(self.sessions, settings, self.instance)
         except BaseException:
             self._lock.close()
             raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 from types import FrameType
@@ -16,6 +17,7 @@ from starlette.responses import RedirectResponse
 
 from renderer import __version__
 from service.api import problem, routes
+from service.api.gate import Gate
 from service.api.security import Door
 from service.errors import CannotStart
 from service.farm import Farm
@@ -42,6 +44,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             app.state.refusal = str(error)
             raise
         farm.start(asyncio.get_running_loop())
+        if settings.print_link and farm.access.needs_login:
+            where = f"http://{socket.gethostname()}:{settings.port}"
+            print(f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}")
         with _streams_end_with_the_server(farm.broadcast):
             try:
                 yield
@@ -66,7 +71,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.mount("/", WebPages(settings.web), name="web")
     else:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
-    app.add_middleware(Door, settings=settings)
+    app.add_middleware(Gate)
+    app.add_middleware(Door, settings=settings)  # the outermost: who speaks to the service at all
     return app
 
 

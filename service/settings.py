@@ -6,6 +6,7 @@ import contextlib
 import re
 import secrets
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -14,10 +15,11 @@ from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
 
-__all__ = ["Settings"]
+__all__ = ["OWNER_TOKEN", "Settings"]
 
 MIB = 1 << 20
 GIB = 1 << 30
+OWNER_TOKEN = "owner-token"  # in the data folder: who reads it owns the farm
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -32,8 +34,12 @@ class Settings(BaseSettings):
     database_url: str = ""  # SQLite in the data folder where empty
     blobs: str = ""  # s3://bucket/prefix: uploads and compiled scenes are kept there; in the data folder where empty
     token: str = ""  # what workers show; kept in the data folder where empty
+    owner_token: str = ""  # what lets its owner in, as an administrator; kept in the data folder where empty
     host: str = "127.0.0.1"
+    published: str = ""  # the address by which it is reached, where that is not `host`: a container's
     port: int = 8000
+    login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
+    print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
@@ -110,8 +116,15 @@ class Settings(BaseSettings):
         """Whether only this machine can reach the service."""
         return self.host in LOOPBACK
 
+    @property
+    def needs_login(self) -> bool:
+        """Whether nobody is let in without showing who they are."""
+        if self.login == "auto":
+            return not self.is_loopback if not self.published else self.published not in LOOPBACK
+        return self.login == "always"
+
     def make_folders(self) -> None:
-        """The folders of the data directory, the instance's id, and the token where none is given."""
+        """The folders of the data directory, the instance's id, and the tokens where none are given."""
         self.data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(PermissionError):  # another user's folder: as private as they made it
             self.data.chmod(PRIVATE_FOLDER)
@@ -119,6 +132,8 @@ class Settings(BaseSettings):
             (self.data / name).mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
         if not self.token:
             self.token = _kept(self.data / "token")
+        if not self.owner_token:
+            self.owner_token = _kept(self.data / OWNER_TOKEN)
         if self.webhooks and not self.webhook_secret:
             path = self.data / "webhook-secret"
             if not path.exists():

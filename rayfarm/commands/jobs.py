@@ -11,9 +11,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from rayfarm import options
-from rayfarm.client import Client
-from rayfarm.commands.submit import server_url
 from rayfarm.console import out
+from rayfarm.login import farm_client
 
 __all__ = ["register"]
 
@@ -38,7 +37,7 @@ def jobs(
       rayfarm jobs --server http://studio:8000
       rayfarm jobs 7f3a --json
     """
-    with Client(server_url(server)) as farm:
+    with farm_client(server) as farm:
         rows = farm.jobs() if job is None else [farm.job(job)]
     if as_json:
         found = [asdict(row) for row in rows]

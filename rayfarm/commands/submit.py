@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +13,7 @@ from rayfarm.answers import Job, Scene
 from rayfarm.client import Client, ClientError
 from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.scene_files import belonging, is_numbered
@@ -21,7 +21,7 @@ from rayfarm.shot import FarmShot, fetch_shot
 from renderer.frames import frames_text
 from service.watching.movie import MOVIES
 
-__all__ = ["register", "server_url"]
+__all__ = ["register"]
 
 FORMATS = ("png", "exr", "jpg")
 
@@ -29,17 +29,6 @@ FORMATS = ("png", "exr", "jpg")
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command("submit")(submit)
-
-
-def server_url(server: str | None) -> str:
-    """The farm to talk to: --server, $RAYFARM_SERVER, the one that runs on the data folder, or this machine's port 8000."""
-    from rayfarm.local.state import running_farm
-    from service.places import default_data_folder
-
-    if server or (server := os.environ.get("RAYFARM_SERVER")):
-        return server
-    here = running_farm(default_data_folder())
-    return here.url if here else "http://127.0.0.1:8000"
 
 
 @takes_picture
@@ -112,7 +101,7 @@ def submit(
     if is_numbered(scene) and frames is None:
         raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
     environment = picture.environment().image
-    with Client(server_url(server)) as farm:
+    with farm_client(server) as farm:
         uploaded = farm.upload(belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name)
         ready = _prepared(farm, uploaded)
         for warning in options.told(ready.warnings, picture.environment()):

@@ -7,12 +7,15 @@ import os
 import time
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.machine import StopSignals, cores, has_screen
+
+if TYPE_CHECKING:
+    from rayfarm.local.farm import LocalFarm
 
 __all__ = ["register"]
 
@@ -40,6 +43,12 @@ def up(
             help="Where scenes, jobs and films are kept; it says so when it is up. [dim]$RAYFARM_DATA[/dim]",
         ),
     ] = None,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="A name that the page is opened by, beside addresses and this machine's own; repeatable."
+        ),
+    ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
     """Start the farm on this machine: a Redis of its own, the service, one worker slot per core, and the page.
@@ -50,7 +59,8 @@ def up(
 
       rayfarm up
       rayfarm up --port 9000 --workers 4 --data ~/farm
-      rayfarm up --host 0.0.0.0        other machines may join
+      rayfarm up --host 0.0.0.0        other machines may join; whoever opens the page logs in, first by the link it prints
+      rayfarm up --host 0.0.0.0 --allow-host farm.example
     """
     from rayfarm.local.farm import LocalFarm
     from rayfarm.local.state import locked
@@ -67,13 +77,13 @@ def up(
             err.print(sentence, markup=False, soft_wrap=True)
 
     with locked(folder):
-        farm = LocalFarm(folder, host, port, slots, say)
+        farm = LocalFarm(folder, host, port, slots, say, allow_host or ())
         try:
             farm.start(signals.stop)
             if farm.wait(farm.service_answers, "service", signals.stop):
-                _summary(farm.url, farm.public_url, farm.secrets.token, host, folder)
+                _summary(farm, folder)
                 if browser and has_screen():
-                    webbrowser.open(farm.url)
+                    webbrowser.open(farm.login_link(farm.url) or farm.url)
                 if slots and farm.wait(farm.worker_ready, "worker", signals.stop, COMPILING_S):
                     count = "one worker slot" if slots == 1 else f"{slots} worker slots"
                     out.print(f"Ready after {time.monotonic() - begun:.1f} s with {count}. Ctrl-C stops the farm.")
@@ -88,15 +98,18 @@ def up(
     say("Stopped. Nothing is left running.")
 
 
-def _summary(url: str, public_url: str, token: str, host: str, folder: Path) -> None:
+def _summary(farm: LocalFarm, folder: Path) -> None:
     def line(title: str, text: str) -> None:
         out.print(f"  {title:<15} {text}", markup=False, soft_wrap=True)
 
-    out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{url}[/bold]\n")
-    line("API", f"{url}/docs/")
-    if host in LOOPBACK:
+    out.print(f"\n[bold]Rayfarm[/bold] is up at [bold]{farm.url}[/bold]\n")
+    if (link := farm.login_link(farm.public_url)) is not None:
+        line("Log in", link)
+        line("", f"(works once, for a day; `{PROGRAM} user link` prints another, `{PROGRAM} user add` lets others in)")
+    line("API", f"{farm.url}/docs/")
+    if farm.host in LOOPBACK:
         line("Add a machine", "start with --host 0.0.0.0, which prints the command for it")
     else:
-        line("Add a machine", f"{PROGRAM} worker --join {public_url} --token {token}")
+        line("Add a machine", f"RAYFARM_TOKEN={farm.secrets.token} {PROGRAM} worker --join {farm.public_url}")
     line("Data and logs", str(folder))
     line("Kernels", "loading; the first start compiles them, which takes about half a minute\n")

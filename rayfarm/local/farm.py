@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
 import redis
 
+from rayfarm.client import Client
 from rayfarm.errors import CommandError
 from rayfarm.local import broker
 from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secrets_of
 from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
+from rayfarm.login import link_of, owner_token
+from service.access.roles import OWNER
 from worker.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["LocalFarm", "free_port"]
@@ -32,12 +36,16 @@ REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it c
 class LocalFarm:
     """A farm of this machine on one data folder; hold `state.locked(data)` around it.
 
-    port 0 takes a free one. slots 0 starts no worker. say: gets sentences about what happens.
+    port 0 takes a free one. slots 0 starts no worker. say: gets sentences about what happens. names: more that the service
+    answers to.
     """
 
-    def __init__(self, data: Path, host: str, port: int, slots: int, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, data: Path, host: str, port: int, slots: int, say: Callable[[str], None], names: Sequence[str] = ()
+    ) -> None:
         self.data = data
         self.host = host
+        self.names = list(names)
         self.slots = slots
         self.secrets = secrets_of(data)
         self.port = port or free_port(host)
@@ -81,6 +89,8 @@ class LocalFarm:
             "RAYFARM_PORT": str(self.port),
             "PYTHONUNBUFFERED": "1",
         }
+        if self.names:
+            env["RAYFARM_ALLOWED_HOSTS"] = json.dumps(self.names)
         uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for.
@@ -126,6 +136,13 @@ class LocalFarm:
         except httpx.HTTPError:
             return False
 
+    def login_link(self, url: str) -> str | None:
+        """A link that lets the owner in, once; None where the service asks for no login. Raises ClientError."""
+        with Client(self.url, token=owner_token(self.data)) as client:
+            if not client.call("GET", "/api/session")["login"]:
+                return None
+            return link_of(url, client.call("POST", "/api/links", user=OWNER)["code"])
+
     def worker_ready(self) -> bool:
         """Whether this farm's worker has its kernels and takes batches."""
         process = self._parts["worker"].process
@@ -162,7 +179,7 @@ class LocalFarm:
         return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
 
     def _announce(self) -> None:
-        announce(self.data, FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids()))
+        announce(self.data, FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids(), self.public_url))
 
 
 def _is_ready(report: bytes, pid: int) -> bool:

@@ -37,13 +37,14 @@ class Secrets:
 
 @dataclass(frozen=True)
 class FarmAddress:
-    """Where a running farm is. `pids`: its parts by name, for whoever wants to look at them."""
+    """Where a running farm is. `pids`: its parts by name, for whoever wants to look at them. public_url: for other machines."""
 
     url: str
     token: str
     redis_url: str
     pid: int
     pids: dict[str, int]
+    public_url: str = ""
 
 
 def secrets_of(data: Path) -> Secrets:

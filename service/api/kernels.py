@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
 from renderer.artefact import MAX_BYTES
-from service.api.token import check_token
 from service.errors import NotFound, TooLarge
 from service.farm import FarmDependency
 from service.store.room import full_disk
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/farm/kernels", tags=["farm"], dependencies=[Depends(check_token)])
+router = APIRouter(prefix="/api/farm/kernels", tags=["farm"])
 
 
 @router.get("/{name}", response_class=FileResponse)

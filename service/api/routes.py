@@ -15,8 +15,11 @@ from service.api import (
     jobs,
     kernels,
     live,
+    login,
+    people,
     scenes,
     shot_files,
+    tokens,
     viewport,
     workers,
 )
@@ -41,5 +44,8 @@ for module in (
     farm,
     kernels,
     health,
+    login,
+    people,
+    tokens,
 ):
     router.include_router(module.router)

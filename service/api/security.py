@@ -17,7 +17,7 @@ from service.api.hosts import Hosts, name_of
 from service.api.problem import Problem, response
 from service.settings import Settings
 
-__all__ = ["Door", "is_beyond"]
+__all__ = ["SAFE_METHODS", "Door", "is_beyond", "refuse"]
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -33,8 +33,10 @@ HEADERS = {
 }
 UNKNOWN_NAME = (
     "The service does not answer to the name {name}. Open it as localhost or by its address; "
-    "to let it answer to this name too, start it with RAYFARM_ALLOWED_HOSTS='[\"{name}\"]'."
+    "to let it answer to this name too, start it with --allow-host {name} (RAYFARM_ALLOWED_HOSTS='[\"{name}\"]')."
 )
+FOREIGN = "The request comes from a page of another origin. Use the service's own page, or a program."
+OWN_SITE = ("same-origin", "none")  # none: the browser's user did it, by the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
 STREAMED = ("/api/scenes", "/api/farm/blobs/", "/api/farm/kernels/")
@@ -54,13 +56,9 @@ class Door:
             return
         refusal = self._judge(scope)
         if refusal is not None:
-            answer = response(refusal.status, refusal.detail, refusal.headers)
-            if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
-                await answer(scope, receive, _with_headers(send))
-            else:
-                await send({"type": "websocket.close", "code": 1008})
+            await refuse(refusal, scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, _with_headers(send))
         else:
             await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(send))
 
@@ -74,11 +72,21 @@ class Door:
             return Problem(421, UNKNOWN_NAME.format(name=name[:80]))
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
-            return Problem(403, "The request comes from a page of another origin. Use the service's own page, or a program.")
+            return Problem(403, FOREIGN)
+        if scope["type"] == "http" and changes and headers.get("sec-fetch-site", "none") not in OWN_SITE:
+            return Problem(403, FOREIGN)
         length = headers.get("content-length", "")
         if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and is_beyond(length, MAX_BODY):
             return _too_large()
         return None
+
+
+async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer a request, or a WebSocket that is not open yet, with what is wrong with it."""
+    if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
+        await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, send)
+    else:
+        await send({"type": "websocket.close", "code": 1008})
 
 
 def _host_of(origin: str) -> str | None:

@@ -15,7 +15,7 @@ and gets JSON:
                           samples: what every pixel of the whole view has; mean: what one has on the average; noise: relative,
                           null while it is not known; message: why nothing new comes; null: it does
     {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, makes no sense
-    {"type": "picked", "x", "y", "depth", "position"}                 null: nothing is there
+    {"type": "picked", "x", "y", "direction", "depth", "position", "normal"}   the last three are null: nothing is there
 
 and pictures (service/viewing/view_packet.py): a small one first, then the whole view with ever more samples, of which each brings
 the tiles that have half as many again as they were shown with; those that are complete, exactly. At most two of them are

@@ -89,6 +89,7 @@ function page(api) {
 const main = document.getElementById("operations");
 try {
   const answer = await fetch("/openapi.json");
+  if (answer.status === 401) throw new Error("log in on the page first");
   if (!answer.ok) throw new Error(`the service answers ${answer.status}`);
   main.replaceChildren(...page(await answer.json()));
 } catch (error) {

@@ -11,6 +11,8 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
+from service.store.whole import PRIVATE, PRIVATE_FOLDER, write_whole
+
 __all__ = ["KEPT", "JobLog", "JobLogs"]
 
 KEPT = 1 << 18  # bytes that are told
@@ -119,15 +121,13 @@ class JobLogs:
         return self._folder / f"{job}.log"
 
     def _append(self, path: Path, text: bytes) -> None:
-        self._folder.mkdir(mode=0o700, exist_ok=True)
-        with path.open("ab") as file:
+        self._folder.mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
+        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, PRIVATE), "ab") as file:
             file.write(text)
             size = file.tell()
         if size > LARGEST:
             kept = self.text(path.stem)
-            beside = path.with_suffix(".new")
-            beside.write_bytes(kept)
-            beside.replace(path)  # whoever reads sees the one or the other
+            write_whole(path, kept)
 
 
 def _batches(count: int) -> str:

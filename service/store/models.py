@@ -1,4 +1,4 @@
-"""What the database records: scenes, jobs and frames. Samples are recorded by the films."""
+"""What the database records: scenes, jobs and frames, and who may do what with them. Samples are recorded by the films."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["ACTIVE", "FINAL", "Base", "Environment", "Frame", "Job", "Scene", "blobs_of"]
+__all__ = ["ACTIVE", "FINAL", "Base", "Delivery", "Environment", "Frame", "Job", "Key", "Scene", "User", "blobs_of"]
 
 ACTIVE = ("queued", "running", "paused")
 FINAL = ("finished", "failed", "cancelled")
@@ -154,6 +154,33 @@ class Frame(Base):
         """The hashes of the blobs that it refers to."""
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         return blobs_of([ref for ref in compiled.values() if isinstance(ref, dict)])
+
+
+class User(Base):
+    """Somebody who may log in."""
+
+    __tablename__ = "users"
+
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    role: Mapped[str] = mapped_column(String(16))  # view | submit | admin
+    password: Mapped[str | None] = mapped_column(Text)  # Argon2id; None: by a link alone
+    created: Mapped[float] = mapped_column(Float)
+
+
+class Key(Base):
+    """A secret that lets somebody in. Only its hash is here."""
+
+    __tablename__ = "keys"
+
+    id: Mapped[str] = mapped_column(String(20), primary_key=True)  # which may be shown
+    hash: Mapped[str] = mapped_column(String(64), unique=True)  # SHA-256
+    kind: Mapped[str] = mapped_column(String(16))  # session | token | link | worker
+    user: Mapped[str] = mapped_column(String(64), index=True)  # whose it is; of a worker's: who made it
+    name: Mapped[str] = mapped_column(String(255))  # what it is for, in its owner's words
+    role: Mapped[str] = mapped_column(String(16))  # at most this, and at most what the user may
+    created: Mapped[float] = mapped_column(Float)
+    expires: Mapped[float | None] = mapped_column(Float)
+    seen: Mapped[float | None] = mapped_column(Float)
 
 
 class Delivery(Base):

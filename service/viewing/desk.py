@@ -28,7 +28,7 @@ from service.viewing.handed import Handed
 from service.viewing.hands import Hands
 from service.viewing.look import Look
 from service.viewing.moments import Moments
-from service.viewing.picking import picked, picking
+from service.viewing.picking import answered, picking
 from service.viewing.room import FULL, has_room
 from service.viewing.watch import Watch
 from worker.contract import FrameInfo, prepare_queue, render_queue
@@ -226,7 +226,7 @@ class Desk:
         """Hand out what is to be rendered, so that every slot has something in hand and something to go on with."""
         for watch in list(self._watches.values()):
             is_asked = any(out.pick is not None and out.watch is watch for out in self._out.values())
-            if watch.pick is not None and watch.settings is not None and not is_asked:
+            if watch.pick is not None and watch.passes is not None and not is_asked:
                 self._send_pick(watch)
         hungry = {watch.id: watch for watch in self._watches.values() if watch.passes is not None and not watch.is_paused}
         while hungry:
@@ -324,8 +324,7 @@ class Desk:
     def _hear_part(self, out: Handed, answer: ViewAnswer) -> None:
         watch = out.watch
         if out.pick is not None:
-            watch.picked.append(picked(*out.pick, answer))
-            watch.wake()
+            answered(out, out.pick, answer)
             return
         piece = out.pieces.pop(int(answer.more["number"]), None)
         if piece is None or watch.passes is None or watch.look is None:

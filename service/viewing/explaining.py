@@ -24,6 +24,7 @@ __all__ = ["Explaining"]
 AT_ONCE = 4  # each takes a thread of the service while it waits
 BEGIN_S = 20.0  # that a slot may take to get to it: it comes before all that nobody waits for
 ANSWER_S = 60.0  # from there on; frames of what moves are prepared first
+COMPILE_S = 20.0  # to load a kernel takes seconds, to compile one minutes
 LOOK_S = 1.0
 ASKED_AT_MOST = 2
 
@@ -80,10 +81,13 @@ class Explaining:
         """None where it has to be asked again. Raises redis.RedisError and QueueError too."""
         self._dispatcher.send_explain(work, kind)
         holder: str | None = None
+        is_compiling = False
         deadline = time.monotonic() + BEGIN_S
         while not self._stop.is_set():
             if time.monotonic() > deadline:
                 self._dispatcher.take_back(view_queue(kind), {work.message})
+                if is_compiling:
+                    raise Unavailable(f"{holder} makes the kernel for it ready: a minute or two, once. Ask again then.", 15.0)
                 late = f"{holder} did not answer in time." if holder else "No worker had time for it; all slots are busy."
                 raise TooLate(f"The pixel could not be explained: {late} Try again.")
             found: Any = self._redis.blpop([explained_key(work.message)], timeout=LOOK_S)
@@ -97,7 +101,8 @@ class Explaining:
                     holder = str(answer.get("worker"))
                     deadline = time.monotonic() + ANSWER_S
                 case "compiling":
-                    raise Unavailable(f"{holder} makes the kernel for it ready: a minute or two, once. Ask again then.", 15.0)
+                    is_compiling = True
+                    deadline = time.monotonic() + COMPILE_S
                 case "done":
                     return {**answer["explained"], "worker": holder}
                 case "returned":

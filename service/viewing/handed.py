@@ -20,7 +20,7 @@ class Handed:
     view: int
     kind: str
     pieces: dict[int, Piece] = field(default_factory=dict)  # those that are not answered
-    pick: tuple[int, int] | None = None
+    pick: tuple[int, int] | None = None  # not answered
     is_frame: bool = False
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     heard: float = field(default_factory=time.monotonic)  # when there was a sign of it last
@@ -30,3 +30,5 @@ class Handed:
         """What was not answered is to be handed out again, where the view is still looked at."""
         if self.pieces and self.watch.passes is not None and self.view == self.watch.view:
             self.watch.passes.lose(list(self.pieces.values()))
+        if not self.watch.is_closed:
+            self.watch.pick = self.watch.pick or self.pick

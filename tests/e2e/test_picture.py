@@ -57,8 +57,9 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
     page.on("request", lambda request: asked.append(request.url.split("/frames/")[-1]) if "/frames/" in request.url else None)
     page.evaluate("""() => {
         const before = fetch;
+        const asked = new Promise((done) => { window.letTheFilmCome = done; });
         window.fetch = async (url, ...more) => {
-            if (String(url).endsWith("/film")) await new Promise((done) => setTimeout(done, 300));
+            if (String(url).endsWith("/film")) await asked;
             return before(url, ...more);
         };
     }""")  # a route would keep the browser from using what it has
@@ -67,6 +68,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
     expect(poster).to_have_js_property("naturalWidth", SIZE["width"])
     box, stage = poster.bounding_box(), page.locator(".stage").bounding_box()
     assert box and stage and box["width"] / box["height"] == pytest.approx(1.5, rel=0.02)
+    page.evaluate("letTheFilmCome()")
     expect(page.locator(".stage")).to_have_attribute("data-film", "here")
     expect(poster).to_have_count(0)
     page.keyboard.press("1")

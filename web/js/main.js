@@ -1,21 +1,24 @@
 /** Starts the page: the shell, the farm's news, drops, and the view that the URL names. */
 
 import { fill, h } from "./base/dom.js";
-import { followFarm } from "./news/farm.js";
+import { followFarm, lost } from "./news/farm.js";
+import { mustLogIn } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
-import { emptyState } from "./shell/hints.js";
+import { emptyPage } from "./shell/hints.js";
 import { tellOfEnds } from "./shell/notify.js";
 import { linkTo, onNavigate } from "./shell/router.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
 import { clearPageErrors, showError } from "./shell/tray.js";
 import { acceptDrops } from "./shell/uploads.js";
+import { accountView } from "./views/account.js";
 import { compareView } from "./views/compare.js";
 import { homeView } from "./views/home.js";
 import { jobView } from "./views/job.js";
 import { jobsView } from "./views/jobs.js";
 import { sceneView } from "./views/scene.js";
+import { loginView, takeCode } from "./views/login.js";
 import { workersView } from "./views/workers.js";
 import { t } from "./base/words.js";
 
@@ -34,30 +37,42 @@ function viewFor([section, id, other]) {
   if (section === "jobs") return id ? jobView(id) : jobsView();
   if (section === "compare" && id) return compareView(id, other);
   if (section === "workers") return workersView();
+  if (section === "account") return accountView();
   const element = h(
     "div",
     { class: "page" },
-    emptyState("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
+    emptyPage("info", t("There is nothing at this address"), h("a", { href: linkTo() }, t("To the front page"))),
   );
   return { element, dispose: () => {} };
 }
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
-const markSection = buildShell();
-/** @type {View | null} */
-let shown = null;
 
-onNavigate(({ path }) => {
-  const first = shown === null;
-  shown?.dispose();
-  clearPageErrors();
-  shown = viewFor(path);
-  fill(main, shown.element);
-  markSection(SECTION_OF[path[0] ?? ""] ?? path[0] ?? "");
-  scrollTo(0, 0);
-  // A screen reader starts to read the new view; at the start the browser's own focus stays.
-  if (!first) main.focus({ preventScroll: true });
-});
+function start() {
+  const markSection = buildShell();
+  /** @type {View | null} */
+  let shown = null;
+
+  onNavigate(({ path }) => {
+    const first = shown === null;
+    shown?.dispose();
+    clearPageErrors();
+    shown = viewFor(path);
+    fill(main, shown.element);
+    markSection(SECTION_OF[path[0] ?? ""] ?? path[0] ?? "");
+    scrollTo(0, 0);
+    // A screen reader starts to read the new view; at the start the browser's own focus stays.
+    if (!first) main.focus({ preventScroll: true });
+  });
+
+  addShortcuts([{ keys: "?", does: t("This help"), run: showHelp }]);
+  acceptDrops();
+  followFarm();
+  followTallies();
+  tellOfEnds();
+  // Who was logged out meanwhile loses all connections, and is not told why by any of them.
+  lost.subscribe(({ size }) => size && void mustLogIn().then((must) => must && location.reload()));
+}
 
 /** @param {unknown} error */
 const fault = (error) =>
@@ -65,8 +80,8 @@ const fault = (error) =>
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
-addShortcuts([{ keys: "?", does: t("This help"), run: showHelp }]);
-acceptDrops();
-followFarm();
-followTallies();
-tellOfEnds();
+const code = takeCode();
+if (code !== null || (await mustLogIn())) {
+  /** @type {HTMLElement} */ (document.getElementById("topbar")).hidden = true;
+  fill(main, loginView(code).element);
+} else start();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -289,10 +290,37 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         viewer.wait(1, 1)
         viewer.say(pick=[5, 60])
         until(lambda: (viewer.read(), bool(viewer.picked))[1], "it is answered")
-        assert viewer.picked == [{"x": 5, "y": 60, "depth": 2.0, "position": [0.0, 0.0, 0.0]}]
+        (found,) = viewer.picked
+        direction = found.pop("direction")
+        assert found == {"x": 5, "y": 60, "depth": 2.0, "position": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+        half = math.tan(math.radians(20)) / 32  # of a pixel of 64 rows
+        np.testing.assert_allclose(np.divide(direction, -direction[2]), [(5.5 - 48) * half, (32 - 60.5) * half, -1])
         (asked,) = [(work, part) for work, part in worker.parts if work.is_whole]
         assert asked[1].tile == (5, 60, 1, 1)
         assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
+
+
+def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service: Service, worker: PeerWorker) -> None:
+    with look(service, service.ready_scene()) as viewer:
+        viewer.show(1, spp=2)
+        viewer.wait(1, 2)
+        picks: list[ViewParts] = []
+
+        def first_is_lost(work: ViewParts, part: Part) -> bool | None:
+            if not work.is_whole:
+                return None
+            picks.append(work)
+            if len(picks) == 1:
+                viewer.show(2, spp=2, seed=1)
+                until(lambda: any(each.view > work.view for each in service.farm.desk._watches.values()), "the view is another")
+            return None
+
+        worker.on_part = first_is_lost
+        viewer.say(pick=[5, 60])
+        until(lambda: (viewer.read(), bool(viewer.picked))[1], "it is answered", say=lambda: len(picks))
+        viewer.wait(2, 2)
+        viewer.read(0.3)
+        assert len(viewer.picked) == 1, "and no more than once"
 
 
 def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Service, worker: PeerWorker) -> None:

@@ -129,9 +129,7 @@ def test_a_trial_says_whether_messages_arrive(told: Service, receiver: Receiver)
 def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN", "the farm's own")
     program = tmp_path / "hook.sh"
-    program.write_text(
-        f"#!/bin/sh\ncat > {tmp_path}/message\nenv | grep ^RAYFARM_ > {tmp_path}/variables\nmv {tmp_path}/message {tmp_path}/said\n"
-    )
+    program.write_text("#!/bin/sh\ncd $(dirname $0)\ncat > message\nenv | grep ^RAYFARM_ > variables\nmv message said\n")
     program.chmod(0o755)
     service.options |= {"job_hook": str(program)}
     service.restart()

@@ -28,7 +28,8 @@ def filled(folder: Path) -> FilmFolder:
     films = FilmFolder(folder, 1 << 20)
     film = films.open("job", SETTINGS, TILE, pin=True)
     for tile in range(len(film.tiles)):
-        film.merge([part(film, tile, first, 1, bad=[BadSample(film.tiles[tile].x, 0, first)]) for first in range(SPP)])
+        for first in range(SPP):
+            film.merge([part(film, tile, first, 1, bad=[BadSample(film.tiles[tile].x, 0, first)])])
     film.merge([part(film, 1, first, 1) for first in range(SPP, FOLD_AT)])
     films.close()
     return FilmFolder(folder, 1 << 20)
@@ -80,9 +81,8 @@ def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> No
     film = films.open("job", settings, 32, pin=True)
     noise = np.random.default_rng(1)
     for tile in range(4):
-        film.merge(
-            [Part(0, tile, first, 1, pack_sums(noise.integers(0, 1 << 62, (CHANNELS, 32, 32), np.int64))) for first in range(SPP)]
-        )
+        for first in range(SPP):
+            film.merge([Part(0, tile, first, 1, pack_sums(noise.integers(0, 1 << 62, (CHANNELS, 32, 32), np.int64)))])
     films.close()
     path = tmp_path / "job.sqlite"
     with path.open("r+b") as file:

@@ -87,7 +87,7 @@ export function progressOf(letter, job) {
 
 /** @param {{label: string, a: string, b: string}[]} rows */
 export function differenceTable(rows) {
-  const head = ["", "A", "B"].map((text) => h("th", { scope: "col" }, text));
+  const head = ["", "A", "B"].map((text) => (text ? h("th", { scope: "col" }, text) : h("td")));
   return h(
     "table",
     null,

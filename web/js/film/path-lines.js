@@ -89,7 +89,7 @@ export function drawPath(over, ratio, pixel, vertices, chosen) {
   /** @type {Spot} */
   const start = [pixel.x + 0.5, pixel.y + 0.5, 1];
   for (const [i, { light, direct, spot }] of vertices.entries()) {
-    const towards = light && line(spot, light.spot);
+    const towards = light?.brought.some(Boolean) && line(spot, light.spot);
     if (!towards) continue;
     const isSeen = direct.some((value) => value !== 0);
     stroke(over, ratio, towards, isSeen ? LIT : BLOCKED, isSeen ? [7, 5] : [2, 5], chosen === i);

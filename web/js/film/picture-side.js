@@ -9,7 +9,11 @@ import { DENOISED } from "./channels.js";
 import { Film } from "./film.js";
 import { Store } from "../base/store.js";
 
-/** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
+/**
+ * Where the pictures of a side come from: a job's film as it grows, or another that is like it. `job` is "" where it is of none.
+ *
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn">} FilmSource
+ */
 
 /** What is stale is renewed at most this often. */
 const EVERY_MS = 3000;
@@ -26,7 +30,7 @@ const SETTLE_MS = 300;
 
 export class PictureSide {
   /**
-   * @param {LiveFilm} live
+   * @param {FilmSource} live
    * @param {import("./film-layer.js").FilmLayer} layer
    */
   constructor(live, layer) {
@@ -105,7 +109,8 @@ export class PictureSide {
     const { channel } = this.state.value;
     if (channel === "") {
       if (this.played) this.play(null);
-      else this.layer.upload();
+      else if (this.layer.film === this.live.film) this.layer.upload();
+      else this.layer.setFilm(this.live.film);
       return;
     }
     this.fetching.abort();

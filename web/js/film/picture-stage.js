@@ -12,11 +12,11 @@ import { wipeDivider } from "./wipe.js";
 import { zoomControls } from "./zoom-controls.js";
 import { t } from "../base/words.js";
 
-/** @typedef {import("./live-film.js").LiveFilm} LiveFilm */
+/** @typedef {import("./picture-side.js").FilmSource} FilmSource */
 
 /**
  * @typedef {object} Side
- * @property {LiveFilm} live
+ * @property {FilmSource} live
  * @property {string} channel
  * @property {string} [name] what it is called beside the other; its channel's where left out
  */
@@ -78,7 +78,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   const parts = [null, null];
   if (view) {
     view.element.append(divider.element); // within the stage: the wheel zooms over it too
-    const remember = rememberPlace(view.viewport);
+    const remember = rememberPlace(view.viewport, life);
     moved = () => {
       zoom.show(view.viewport.scale);
       remember();
@@ -139,7 +139,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
 /** @typedef {{side: PictureSide, readout: PixelReadout, dispose: () => void}} Part */
 
 /**
- * @param {LiveFilm} live
+ * @param {FilmSource} live
  * @param {import("./film-layer.js").FilmLayer} layer
  * @param {() => void} changed
  * @returns {Part}

@@ -84,7 +84,7 @@ export class PixelReadout {
     const { samples } = side.live.film.at(at.x, at.y);
     this.show(side.film?.at(at.x, at.y).rgb.map(radiance) ?? [], samples, false);
     const { channel } = side.state.value;
-    if (samples && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
+    if (samples && side.live.job && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
   }
 
   /** @param {{x: number, y: number}} at @param {string} channel */

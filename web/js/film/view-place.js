@@ -10,14 +10,16 @@ const REST_MS = 400;
  * Shows what the URL says, if it says anything.
  *
  * @param {Viewport} viewport
+ * @param {import("../base/store.js").Disposer} life
  * @returns {() => void} to be called when the viewport moved
  */
-export function rememberPlace(viewport) {
+export function rememberPlace(viewport, life) {
   const [scale, x, y] = (here().params.get("at") ?? "").split(",").map(Number);
   if (scale && scale > 0 && Number.isFinite(x) && Number.isFinite(y)) viewport.show(scale, x ?? 0, y ?? 0);
   const path = here().path.join("/");
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
+  life.add(() => clearTimeout(timer));
   return () => {
     clearTimeout(timer);
     timer = setTimeout(() => {

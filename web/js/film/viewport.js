@@ -43,6 +43,8 @@ export class Viewport {
     /** Follow the canvas as it resizes, until the user zooms or pans. */
     this.fitted = true;
     this.canvas = { width: 1, height: 1 };
+    /** The picture fits without a margin, and at any scale: for a canvas of its own shape. */
+    this.isSnug = false;
     /** So many pictures lie beside each other on the canvas. */
     this.across = 1;
     this.picture = { width: 1, height: 1 };
@@ -52,9 +54,9 @@ export class Viewport {
   fit() {
     const { picture } = this;
     const canvas = { width: this.canvas.width / this.across, height: this.canvas.height };
-    const margin = Math.min(canvas.width, canvas.height) > 600 ? 48 : 0;
+    const margin = Math.min(canvas.width, canvas.height) > 600 && !this.isSnug ? 48 : 0;
     const scale = Math.min((canvas.width - margin) / picture.width, (canvas.height - margin) / picture.height);
-    this.scale = clamp(scale > 2 ? Math.floor(scale) : scale);
+    this.scale = clamp(scale > 2 && !this.isSnug ? Math.floor(scale) : scale);
     this.centre();
     this.fitted = true;
   }

@@ -3,6 +3,7 @@
 import { hexOf, linearOf } from "../base/colour.js";
 import { fill, h, setText } from "../base/dom.js";
 import { bytes } from "../base/format.js";
+import { icon } from "../base/icons.js";
 import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
 import { LIGHT_FILES, takeLights } from "../shell/light-drop.js";
@@ -17,6 +18,15 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Environment} Environment */
 /** @typedef {import("./light-choices.js").Light} Light */
 
+/**
+ * @typedef {object} LightHandle what a hand elsewhere than in these fields does with the light
+ * @property {() => {rotation: number, strength: number, turns: boolean}} get turns: whether it has a direction
+ * @property {(light: {rotation: number, strength: number}, isDone: boolean) => void} set
+ * @property {() => {elevation: number, azimuth: number} | null} sun where it is seen, the light's rotation included; null: no clear sky
+ * @property {(sun: {elevation: number, azimuth: number}, isDone: boolean) => void} stand puts it there, under a clear sky
+ * @property {() => () => void} keep the light as it is now; gives what takes it back
+ */
+
 /** @type {Light[]} */
 const ALWAYS = [
   { id: "own", label: t("Its own"), help: t("As the scene's file says.") },
@@ -25,10 +35,12 @@ const ALWAYS = [
 /** @type {Light} */
 const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
 const NOON = "noon";
+/** Asks whoever shows the scene to let the sun be placed by a click there. */
+export const PLACE_SUN = "place-sun";
 
 /**
  * @param {Record<string, any>} first what the fields show first, where that is not each setting's default; `light`: a request's
- * @returns {{element: HTMLElement, get: () => EnvironmentRequest, dispose: () => void}} what differs from the scene's own
+ * @returns {{element: HTMLElement, get: () => EnvironmentRequest, handle: LightHandle, dispose: () => void}} get: what differs from the scene's own
  */
 export function environmentFields(first) {
   const { environment = null } = first;
@@ -64,14 +76,18 @@ export function environmentFields(first) {
     { class: "sun-fields" },
     dial.element,
     h("div", { class: "stack" }, field(t("Sun's height, °"), elevation), field(t("Sun's direction, °"), azimuth)),
+    h(
+      "button",
+      { class: "button small", type: "button", onclick: () => element.dispatchEvent(new CustomEvent(PLACE_SUN, { bubbles: true })) },
+      icon("sun"),
+      t("Place it in the view"),
+    ),
   );
   const choices = lightChoices(
     (id) => {
       const preset = environmentOf(id)?.sky;
       if (preset) {
-        elevation.value = String(preset.elevation);
-        azimuth.value = String(preset.azimuth ?? 0);
-        dial.set({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
+        showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
       }
       pick(id);
       tell(true);
@@ -89,6 +105,12 @@ export function environmentFields(first) {
     h("div", { class: "light-sliders" }, numbers.map(({ element }) => element)),
   );
 
+  /** @param {{elevation: number, azimuth: number}} next as the sky has it */
+  function showSun(next) {
+    elevation.value = String(next.elevation);
+    azimuth.value = String(next.azimuth);
+    dial.set(next);
+  }
   /** @param {string} id @returns {EnvironmentRequest | undefined} */
   function environmentOf(id) {
     return environments.value?.find((each) => each.id === id)?.environment;
@@ -140,6 +162,7 @@ export function environmentFields(first) {
   return {
     element,
     dispose: () => (listen(), drops()),
+    handle: lightHandle(),
     get: () => ({
       ...Object.fromEntries(
         numbers
@@ -150,6 +173,47 @@ export function environmentFields(first) {
       ...chosen(),
     }),
   };
+
+  /** @returns {LightHandle} */
+  function lightHandle() {
+    /** @param {string} name */
+    const inputOf = (name) =>
+      /** @type {HTMLInputElement} */ (
+        numbers.find(({ setting }) => setting.name === `environment_${name}`)?.element.querySelector("input[type=number]")
+      );
+    const [rotation, strength] = [inputOf("rotation"), inputOf("strength")];
+    const show = () => {
+      for (const input of [rotation, strength]) input.dispatchEvent(new Event("input")); // its slider and its mark follow
+    };
+    const isSky = () => kind === "sky" || Boolean(environmentOf(kind)?.sky);
+    return {
+      get: () => ({ rotation: numberOf(rotation, 0), strength: numberOf(strength, 1), turns: kind !== "color" }),
+      set(light, isDone) {
+        rotation.value = String(light.rotation);
+        strength.value = String(light.strength);
+        show();
+        tell(isDone);
+      },
+      sun: () => (isSky() ? { elevation: numberOf(elevation, 0), azimuth: numberOf(azimuth, 0) - numberOf(rotation, 0) } : null),
+      stand(sun, isDone) {
+        const tenths = (/** @type {number} */ value) => Math.round(value * 10) / 10;
+        const inSky = (((sun.azimuth + numberOf(rotation, 0)) % 360) + 360) % 360;
+        showSun({ elevation: tenths(sun.elevation), azimuth: tenths(inSky) % 360 });
+        pick("sky");
+        tell(isDone);
+      },
+      keep() {
+        const [was, ...values] = [kind, elevation.value, azimuth.value, rotation.value, strength.value];
+        return () => {
+          [elevation, azimuth, rotation, strength].forEach((input, i) => (input.value = values[i] ?? ""));
+          dial.set({ elevation: numberOf(elevation, 0), azimuth: numberOf(azimuth, 0) });
+          show();
+          pick(was);
+          tell(true);
+        };
+      },
+    };
+  }
 
   /** @returns {EnvironmentRequest} */
   function chosen() {

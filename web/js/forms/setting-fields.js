@@ -17,7 +17,7 @@ const SIZE = ["width", "height"];
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
  * @param {Record<string, any>} [first] what the fields show first, where that is something else; `light`: a request's
- * @returns {{light: HTMLElement, basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>, dispose: () => void}}
+ * @returns {{light: HTMLElement, basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
  */
 export function settingFields(defaults, first = {}) {
   /** @param {Setting} setting what a request that leaves it out gets */
@@ -48,6 +48,7 @@ export function settingFields(defaults, first = {}) {
     light: environment.element,
     basic: elements("basic"),
     dispose: environment.dispose,
+    lightHandle: environment.handle,
     folds: [
       fold(t("Advanced"), [
         group(

@@ -192,7 +192,7 @@ function pathDetail(path, look) {
 function row(vertex, button) {
   const { kind, throughput, emitted, direct, light } = vertex;
   const brought = luminance(sum(emitted, direct));
-  const lit = light && !direct.some((value) => value !== 0) ? t("blocked") : "";
+  const lit = isBlocked(light, direct) ? t("blocked") : "";
   return h(
     "tr",
     null,
@@ -203,9 +203,12 @@ function row(vertex, button) {
   );
 }
 
+/** @param {PathVertex["light"]} light @param {number[]} direct */
+const isBlocked = (light, direct) => !!light?.brought.some(Boolean) && !direct.some(Boolean);
+
 /** @param {PathVertex} vertex */
 const nameOf = ({ kind, object_name: object, material_name: material, object: number }) =>
-  kind === "missed" ? t("Environment") : [object || (number == null ? "" : t("Object {n}", { n: number })), material].filter(Boolean).join(", ");
+  kind === "missed" ? t("Environment") : [object || (number == null ? "" : t("Object {n}", { n: number })), material !== object && material].filter(Boolean).join(", ");
 
 /** @param {PathVertex} vertex */
 const lobe = ({ model, bounce }) => [model, bounce ? BOUNCES[bounce] : ""].filter(Boolean).join(", ");
@@ -222,7 +225,7 @@ function facts(vertex) {
     [t("Counted by MIS as"), weight != null && percent(weight)],
     [t("Light chosen at"), light && (light.point ? listed(light.point) : t("infinitely far"))],
     [t("It would bring"), light && listed(light.brought)],
-    [t("It brings"), light && (direct.some(Boolean) ? listed(direct) : t("nothing: it is blocked"))],
+    [t("It brings"), light && (isBlocked(light, direct) ? t("nothing: it is blocked") : listed(direct))],
     [t("Counted by MIS as"), light && percent(light.weight)],
     [t("Chance of the light"), light?.pdf != null && t("{pdf} per steradian", { pdf: radiance(light.pdf) })],
     [t("Goes on"), lobe(vertex)],

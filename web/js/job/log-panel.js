@@ -17,9 +17,9 @@ export function logPanel(job, life) {
   const lines = h("pre", { class: "log-lines", tabindex: "0", role: "log", "aria-live": "off", "aria-label": t("Log") });
   const follow = h("input", { type: "checkbox", onchange: () => follow.checked && toEnd() });
   follow.checked = true;
-  const copy = h("button", { class: "button", type: "button", onclick: () => void copied() }, icon("copy"), t("Copy"));
+  const copy = h("button", { class: "icon-button", type: "button", "aria-label": t("Copy the log"), title: t("Copy the log"), onclick: () => void copied() }, icon("copy"));
   const { id, name } = job();
-  const save = h("a", { class: "button", href: jobLogUrl(id), download: `${name}.log` }, icon("download"), t("Download"));
+  const save = h("a", { class: "icon-button", href: jobLogUrl(id), download: `${name}.log`, "aria-label": t("Download the log"), title: t("Download the log") }, icon("download"));
   const said = h("p", { class: "quiet small", role: "status", hidden: true });
   const element = h(
     "details",

@@ -64,7 +64,7 @@ export function errorOf(status, body) {
  * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal, keepalive?: boolean}} [options]
  * @returns {Promise<any>}
  */
-async function call(method, path, { json, headers = {}, signal, keepalive } = {}) {
+export async function call(method, path, { json, headers = {}, signal, keepalive } = {}) {
   let response;
   try {
     response = await fetch(`api${path}`, {

@@ -3,14 +3,11 @@
  * it breaks. It begins with a snapshot of all tiles, or with what differs from what the page says that it has (`have`).
  */
 
-import { Backoff } from "../base/backoff.js";
+import { LastingSocket } from "../base/lasting-socket.js";
 import { decodeTile } from "./tile-packet.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
-
-/** A silent connection is dead: the service speaks at least every few seconds, and laptops wake up with dead sockets. */
-const SILENCE_MS = 20_000;
 
 /** What the service closes the connection of a job with that is deleted, or was never there. */
 const GONE = [4404, 4410];
@@ -25,65 +22,49 @@ const GONE = [4404, 4410];
  * @property {(sentence: string) => void} refused the service closed the connection for good
  */
 
-export class Live {
+export class Live extends LastingSocket {
   /**
    * @param {string} job
    * @param {number} frame whose tiles are sent
    * @param {LiveHandlers} handlers
    */
   constructor(job, frame, handlers) {
+    super(handlers, t("The service closed the live picture."));
     this.handlers = handlers;
     this.job = job;
     this.frame = frame;
-    this.backoff = new Backoff();
-    /** @type {WebSocket | null} */
-    this.socket = null;
-    this.lastHeard = 0;
-    this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
+    /** The frame that the socket was opened for. */
+    this.asked = frame;
     this.connect();
   }
 
-  url() {
-    const url = new URL(`api/jobs/${this.job}/live`, location.href);
-    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    url.hash = "";
-    url.search = `frame=${this.frame}${this.handlers.have ? "&snapshot=false" : ""}`;
-    return url;
+  /** @override */
+  address() {
+    this.asked = this.frame;
+    return `api/jobs/${this.job}/live?frame=${this.frame}${this.handlers.have ? "&snapshot=false" : ""}`;
   }
 
-  connect() {
-    const socket = new WebSocket(this.url());
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
-    this.lastHeard = performance.now();
-    const asked = this.frame;
-    socket.onopen = () => {
-      if (this.frame !== asked) this.turnTo(this.frame);
-      this.sayHave();
-      this.backoff.succeeded();
-      this.handlers.link(true);
-    };
-    socket.onmessage = ({ data }) => {
-      if (this.socket !== socket) return; // closed while this was on its way
-      this.lastHeard = performance.now();
-      if (typeof data === "string") {
-        this.handlers.message(JSON.parse(data));
-        return;
-      }
-      const tile = decodeTile(data);
-      this.handlers.tile(tile);
-      if (this.socket === socket) socket.send(JSON.stringify({ ack: tile.seq }));
-    };
-    socket.onclose = ({ code, reason }) => {
-      if (this.socket !== socket) return;
-      if (GONE.includes(code)) return; // the farm's news say so too
-      if (code === 1008 || (code >= 4000 && code < 5000)) {
-        this.handlers.refused(reason || t("The service closed the live picture."));
-        return;
-      }
-      this.handlers.link(false);
-      this.backoff.schedule(() => this.connect());
-    };
+  /** @override */
+  opened() {
+    if (this.frame !== this.asked) this.turnTo(this.frame);
+    this.sayHave();
+  }
+
+  /** @override @param {Record<string, any>} message */
+  told(message) {
+    this.handlers.message(message);
+  }
+
+  /** @override @param {ArrayBuffer} packet */
+  sent(packet) {
+    const tile = decodeTile(packet);
+    this.handlers.tile(tile);
+    this.say({ ack: tile.seq });
+  }
+
+  /** @override @param {number} code @param {string} reason */
+  ended(code, reason) {
+    if (!GONE.includes(code)) super.ended(code, reason); // else the farm's news say so too
   }
 
   /** From now on the tiles of another frame, first all of them; or what differs, as at the beginning. @param {number} frame */
@@ -96,23 +77,5 @@ export class Live {
   sayHave() {
     const have = this.handlers.have?.();
     if (have) this.say({ have });
-  }
-
-  /** @param {object} message */
-  say(message) {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
-  }
-
-  checkSilence() {
-    if (this.socket?.readyState === WebSocket.OPEN && performance.now() - this.lastHeard > SILENCE_MS)
-      this.socket.close();
-  }
-
-  close() {
-    clearInterval(this.watchdog);
-    this.backoff.cancel();
-    const socket = this.socket;
-    this.socket = null;
-    socket?.close(1000);
   }
 }

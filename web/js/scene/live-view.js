@@ -6,20 +6,28 @@
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
-import { Film } from "../film/film.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
+import { PLACE_SUN } from "../forms/environment-fields.js";
+import { addShortcuts } from "../shell/shortcuts.js";
+import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clearness } from "./clarity.js";
-import { enlarged } from "./enlarge.js";
 import { alongSight, lookAt } from "./orbit.js";
+import { LIVE } from "./sides.js";
+import { sunHand } from "./sun-hand.js";
 import { viewHand } from "./view-hand.js";
+import { ViewFilm } from "./view-film.js";
 import { ViewLink } from "./view-link.js";
+import { viewStage } from "./view-stage.js";
+import { viewTools } from "./view-tools.js";
+import { Store } from "../base/store.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
-/** @typedef {import("../base/types.js").JobRequest} JobRequest */
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("./view-link.js").Picked} Picked */
 
 /** The farm renders no more pixels than these, whatever the screen has. */
 const MOST_PIXELS = 1 << 20;
@@ -32,9 +40,11 @@ const NOT_OF_A_VIEW = ["spp", "noise", "seconds", "frames", "order", "every", "n
  * @param {import("./settings-form.js").SettingsForm} form
  * @param {string} meanwhile a picture's address, shown until the first one of the view is here; "" for none
  * @param {(view: View) => void} turned by hand
+ * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides what is seen in its place
+ * @param {(a: Job, b: Job) => [string, string]} names of two pictures, by what tells them apart
  * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void}} refresh: the form was changed
  */
-export function liveView(scene, form, meanwhile, turned) {
+export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
   const surface = h(
@@ -51,12 +61,6 @@ export function liveView(scene, form, meanwhile, turned) {
   );
   const state = h("p", { class: "small quiet number view-state", role: "status" });
   const said = h("p", { class: "small quiet view-hint" });
-  const pick = h(
-    "button",
-    { class: "button small", type: "button", "aria-pressed": "false" },
-    icon("target"),
-    t("Pick the focus"),
-  );
   const exposure = h("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
   const curve = h(
     "select",
@@ -65,13 +69,6 @@ export function liveView(scene, form, meanwhile, turned) {
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
   const clear = clearness(() => refresh());
-  const element = h(
-    "div",
-    { class: "live-view-box" },
-    h("div", { class: "live-view-frame" }, surface),
-    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), clear.element, curve, pick),
-    h("div", { class: "view-bar" }, bookmarks(scene.id, form.view, (view) => turn(view)), h("span", { class: "grow" }), said),
-  );
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
   let picture;
@@ -79,38 +76,26 @@ export function liveView(scene, form, meanwhile, turned) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    setText(state, error.message);
-    return { element, refresh: () => {}, dispose: () => {} };
+    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {} };
   }
   // Until the first samples are here: better another view of the scene than a black one.
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
 
-  /** @type {Film | null} */
-  let film = null;
-  let id = -1;
+  const film = new ViewFilm();
+  film.onTurn(() => {
+    fit(film.film.width, film.film.height);
+    picture.layers[0].setFilm(film.film);
+  });
+  film.onTile((tile) => picture.layers[0].putTile(film.film, tile));
   /** What was asked for last. */
   let asked = { width: 1, height: 1 };
-  /** What to do with the place that the next answer names. @type {((picked: import("./view-link.js").Picked) => void) | null} */
+  /** What to do with the place that the next answer names. @type {((picked: Picked) => void) | null} */
   let onPicked = null;
 
   const link = new ViewLink(scene.id, {
     picture(next) {
-      if (!film || film.width !== next.width || film.height !== next.height) {
-        // Tiles that are still to come show what was seen before.
-        const covered = next.tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0);
-        const isWhole = covered === next.width * next.height;
-        film = film && !isWhole ? enlarged(film, next.width, next.height) : new Film(next.width, next.height);
-        fit(next.width, next.height);
-        for (const tile of next.tiles) film.put(tile);
-        picture.layers[0].setFilm(film);
-      } else {
-        for (const tile of next.tiles) {
-          film.put(tile);
-          picture.layers[0].putTile(film, tile);
-        }
-      }
-      id = next.id;
-      surface.dataset.view = String(id);
+      film.take(next);
+      surface.dataset.view = String(next.id);
       surface.style.backgroundImage = "";
       picture.invalidate();
     },
@@ -120,7 +105,7 @@ export function liveView(scene, form, meanwhile, turned) {
       else if (bound) setText(state, clarity(mean, noise, done ? null : slots));
     },
     failed: (sentence) => setText(state, sentence),
-    picked: (found) => (onPicked?.(found), (onPicked = null)),
+    picked: (found) => onPicked?.(found),
     link: (up) => up || setText(state, t("The connection is lost; trying again.")),
     refused: (sentence) => setText(state, sentence),
   });
@@ -134,6 +119,8 @@ export function liveView(scene, form, meanwhile, turned) {
     viewport.show(1, width / 2, height / 2);
   };
 
+  /** Of the view on the screen, in CSS pixels. */
+  let wide = 0;
   const refresh = () => {
     if (!form.element.checkValidity()) return;
     /** @type {Record<string, any>} */
@@ -141,12 +128,10 @@ export function liveView(scene, form, meanwhile, turned) {
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of NOT_OF_A_VIEW) delete request[name];
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
-    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, surface);
+    const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
     link.show({ ...request, ...clear.request(), width, height });
-    const canFocus = (form.view().projection ?? "perspective") === "perspective";
-    pick.hidden = !canFocus;
-    if (!canFocus) setPicking(false);
+    offer();
     if (focused && form.view().aperture) tell();
   };
   /** @param {View} view */
@@ -156,7 +141,16 @@ export function liveView(scene, form, meanwhile, turned) {
     turned(view);
   };
 
-  let picking = false;
+  /** What is seen in the view's place. */
+  let instead = { isOpen: false, hasLive: true };
+  /** Shows the tools that there is something for. */
+  const offer = () => {
+    const canFocus = (form.view().projection ?? "perspective") === "perspective";
+    for (const [name, button] of tools.buttons) {
+      button.hidden = instead.isOpen ? !(instead.hasLive && name === "light") : name === "focus" && !canFocus;
+      if (button.hidden && tools.chosen() === name) tools.choose("");
+    }
+  };
   /** The lens is focused and has no aperture yet, which makes it seen. */
   let focused = false;
   const tell = (/** @type {string} */ sentence = "") => {
@@ -165,82 +159,143 @@ export function liveView(scene, form, meanwhile, turned) {
     const usual = touch
       ? t("Two fingers move the view; tap it to turn it with one.")
       : t("Drag turns, Shift and drag moves, the wheel goes nearer; W A S D Q E fly.");
-    setText(said, sentence || usual);
+    const ofStage = touch
+      ? t("A finger across moves the picture, two zoom.")
+      : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
+    setText(said, sentence || (instead.isOpen ? ofStage : usual));
   };
-  const setPicking = (/** @type {boolean} */ on) => {
-    if (on === picking) return;
-    picking = on;
-    pick.setAttribute("aria-pressed", String(on));
-    surface.classList.toggle("picking", on);
-    tell(on ? t("Click what is to be sharp.") : "");
-  };
-  pick.addEventListener("click", () => setPicking(!picking));
-  tell();
 
-  /** @param {MouseEvent} event */
-  const pixelAt = (event) => {
+  /** @param {MouseEvent} event @param {(picked: Picked, at: {x: number, y: number}) => void} then */
+  const pick = (event, then) => {
     const box = surface.getBoundingClientRect();
-    return {
-      x: Math.floor(((event.clientX - box.left) / box.width) * asked.width),
-      y: Math.floor(((event.clientY - box.top) / box.height) * asked.height),
+    const within = (/** @type {number} */ share, /** @type {number} */ size) => Math.min(Math.max(Math.floor(share * size), 0), size - 1);
+    const at = {
+      x: within((event.clientX - box.left) / box.width, asked.width),
+      y: within((event.clientY - box.top) / box.height, asked.height),
     };
+    onPicked = (found) => {
+      if (found.x !== at.x || found.y !== at.y) return; // of an earlier click
+      onPicked = null;
+      then(found, at);
+    };
+    link.say({ pick: [at.x, at.y] });
   };
-  /** @param {MouseEvent} event */
-  const focusAt = (event) => {
-    const at = pixelAt(event);
-    onPicked = ({ depth }) => {
+  /** @param {PointerEvent} event */
+  const focusAt = (event) =>
+    pick(event, ({ depth }, at) => {
       if (!depth) {
         tell(t("Nothing is there to focus on. Click an object."));
         return;
       }
       const distance = alongSight(form.view(), asked, at, depth);
       form.focus(distance);
-      setPicking(false);
+      tools.choose("");
       const told = t("Sharp at a distance of {distance}.", { distance: distance.toPrecision(4) });
       tell(form.view().aperture ? told : t("{told} Give the lens an aperture to see it.", { told }));
       focused = !form.view().aperture;
       refresh();
-    };
-    link.say({ pick: [at.x, at.y] });
-  };
+    });
+  const frame = h("div", { class: "live-view-frame" }, surface);
+  const light = lightHand(frame, () => stage.shown() ?? surface, form.light);
+  const tools = viewTools(
+    surface,
+    [
+      light.tool,
+      sunHand(surface, form.light, pick, tell),
+      {
+        ...{ name: "focus", icon: /** @type {const} */ ("target"), label: t("Pick the focus"), title: t("Pick the focus") },
+        ...{ hint: t("Click what is to be sharp."), press: focusAt },
+      },
+    ],
+    tell,
+  );
   const letGo = viewHand(surface, {
     view: form.view,
     turn,
     size: diagonal(scene.bounds),
-    pressed(event) {
-      if (picking) focusAt(event);
-      return picking;
+    pressed: tools.press,
+    keyed: tools.key,
+    centre: (event) => tools.chosen() || pick(event, ({ position }) => position && turn(lookAt(form.view(), position))),
+  });
+  const lightKey = heldKey("l", () => tools.chosen() === "light", (on) => {
+    if (instead.isOpen && !instead.hasLive) return;
+    tools.choose(on ? "light" : "");
+    if (on) (instead.isOpen ? tools.buttons.get("light") : surface)?.focus({ preventScroll: true });
+  });
+  tools.buttons.get("light")?.addEventListener("keydown", (event) => tools.key(event) && event.preventDefault());
+  const endKeys = addShortcuts([
+    { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
+    {
+      keys: "Escape",
+      does: t("Take back what is dragged; lay the tool down; back to the live view"),
+      run: () => void (tools.escape() || sides.set({ a: LIVE, b: "" })),
     },
-    centre(event) {
-      const at = pixelAt(event);
-      onPicked = ({ position }) => position && turn(lookAt(form.view(), position));
-      link.say({ pick: [at.x, at.y] });
+  ]);
+  const placeSun = () => (tools.choose("sun"), surface.scrollIntoView({ block: "nearest" }), surface.focus({ preventScroll: true }));
+  form.element.addEventListener(PLACE_SUN, placeSun);
+
+  const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
+  const toolBar = h("div", { class: "view-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view)));
+  const stage = viewStage({
+    ...{ scene: scene.id, sides, live: film, look, names },
+    changed(now) {
+      instead = now;
+      surface.hidden = now.isOpen;
+      state.hidden = toolBar.hidden = said.hidden = now.isOpen && !now.hasLive;
+      link.rest(state.hidden);
+      offer();
+      tell();
     },
   });
-
-  const look = () => {
-    picture.look = { exposure: exposure.valueAsNumber, curve: curve.value };
-    setText(shown, `${exposure.valueAsNumber > 0 ? "+" : ""}${exposure.valueAsNumber} EV`);
+  frame.append(stage.element, light.readout);
+  // Over the stage, which drags its picture, the light is turned all the same.
+  frame.addEventListener(
+    "pointerdown",
+    (event) => {
+      const onPicture = instead.isOpen && instead.hasLive && !(/** @type {Element} */ (event.target).closest(".wipe"));
+      if (onPicture && tools.press(event)) event.stopPropagation();
+    },
+    true,
+  );
+  frame.addEventListener("contextmenu", (event) => event.shiftKey && event.preventDefault());
+  const element = h(
+    "div",
+    { class: "live-view-box" },
+    frame,
+    stage.bar,
+    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), clear.element, curve),
+    toolBar,
+    said,
+  );
+  const relook = () => look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
+  look.subscribe((now) => {
+    picture.look = now;
+    setText(shown, `${now.exposure > 0 ? "+" : ""}${now.exposure} EV`);
     picture.invalidate();
-  };
-  exposure.addEventListener("input", look);
-  exposure.addEventListener("dblclick", () => ((exposure.value = "0"), look()));
-  curve.addEventListener("change", look);
+  });
+  exposure.addEventListener("input", relook);
+  exposure.addEventListener("dblclick", () => ((exposure.value = "0"), relook()));
+  curve.addEventListener("change", relook);
 
-  let width = 0;
   const resizing = new ResizeObserver(() => {
-    if (Math.abs(surface.clientWidth - width) < 2) return;
-    width = surface.clientWidth;
+    const { clientWidth } = stage.shown() ?? surface;
+    if (!clientWidth || Math.abs(clientWidth - wide) < 2) return;
+    wide = clientWidth;
     refresh();
   });
-  resizing.observe(surface);
+  for (const each of [surface, stage.element]) resizing.observe(each);
   refresh();
   return {
     element,
     refresh,
     dispose() {
       resizing.disconnect();
+      stage.dispose();
       letGo();
+      light.dispose();
+      lightKey.dispose();
+      endKeys();
+      form.element.removeEventListener(PLACE_SUN, placeSun);
       link.close();
       picture.dispose();
     },
@@ -252,11 +307,11 @@ export function liveView(scene, form, meanwhile, turned) {
  *
  * @param {number} width of the picture that is asked for
  * @param {number} height
- * @param {HTMLElement} surface
+ * @param {number} wide the view, in CSS pixels; 0: not known yet
  */
-function sizeFor(width, height, surface) {
-  const wide = Math.max(LEAST_SIDE, (surface.clientWidth || 320) * Math.min(devicePixelRatio, 2));
-  const scale = Math.min(wide / width, Math.sqrt(MOST_PIXELS / (width * height)));
+function sizeFor(width, height, wide) {
+  const most = Math.max(LEAST_SIDE, (wide || 320) * Math.min(devicePixelRatio, 2));
+  const scale = Math.min(most / width, Math.sqrt(MOST_PIXELS / (width * height)));
   return { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
 }
 

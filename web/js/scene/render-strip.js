@@ -1,14 +1,20 @@
-/** The pictures of a scene in a strip: a click opens one, Shift and a click compares it with the one that was clicked before. */
+/**
+ * The pictures of a scene in a strip: a click shows one as A in the view's place, Shift and a click as B beside it; the link on it
+ * opens its page. (No double click: what lies above grows at the first, and the strip moves from under the pointer.)
+ */
 
 import { imageUrl } from "../news/api.js";
 import { h, keyedList, setText } from "../base/dom.js";
 import { hidden, jobs } from "../news/farm.js";
 import { firstFrame } from "../base/shot-words.js";
 import { icon } from "../base/icons.js";
-import { go, linkTo } from "../shell/router.js";
+import { linkTo } from "../shell/router.js";
+import { announce } from "../shell/tray.js";
+import { asA, asB, jobOf } from "./sides.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("./sides.js").Sides} Sides */
 
 /** A picture that is being rendered is renewed this often. */
 const PICTURE_EVERY_MS = 5000;
@@ -16,11 +22,12 @@ const MOST = 60;
 
 /**
  * @param {string} scene
+ * @param {import("../base/store.js").Store<Sides>} sides
  * @param {import("../base/store.js").Disposer} life
  */
-export function renderStrip(scene, life) {
+export function renderStrip(scene, sides, life) {
   const list = h("ul", { class: "strip" });
-  const hint = h("span", { class: "small quiet" }, t("Shift and a click on two of them compares"));
+  const hint = h("span", { class: "small quiet" }, t("A click shows one as A, Shift and a click as B"));
   const title = h("h2", { class: "strip-title" }, t("Pictures of this scene"));
   const element = h(
     "section",
@@ -28,59 +35,61 @@ export function renderStrip(scene, life) {
     h("div", { class: "row" }, title, h("span", { class: "grow" }), hint),
     list,
   );
-  /** The first of two that are to be compared. @type {string | null} */
-  let first = null;
-  const mark = () => {
-    for (const each of list.querySelectorAll("a"))
-      each.classList.toggle("marked", first !== null && each.dataset.job === first);
-    setText(hint, first ? t("Shift-click another to compare") : t("Shift and a click on two of them compares"));
+  /** @param {Job} job @param {MouseEvent} event */
+  const clicked = ({ id }, event) => {
+    if (jobOf(id)) sides.update((now) => (event.shiftKey ? asB(now, id) : asA(now, id)));
+    else announce(t("There is nothing of it to show yet."));
   };
   const show = keyedList(
     list,
     (/** @type {Job} */ job) => job.id,
-    (job) =>
-      tile(job, (event) => {
-        if (!event.shiftKey) return;
-        event.preventDefault();
-        if (first && first !== job.id) go("compare", first, job.id);
-        first = first === job.id ? null : job.id;
-        mark();
-      }),
+    (job) => tile(job, (event) => clicked(job, event), () => sides.value),
   );
   const update = () => {
     const own = (jobs.value ?? []).filter((job) => job.scene === scene && !hidden.value.has(job.id)).slice(0, MOST);
     show(own);
     element.hidden = own.length === 0;
-    hint.hidden = own.length < 2;
   };
   life.add(jobs.subscribe(update));
   life.add(hidden.subscribe(update));
+  life.add(sides.subscribe(update));
   return element;
 }
 
 /**
  * @param {Job} job
  * @param {(event: MouseEvent) => void} clicked
+ * @param {() => Sides} sides
  * @returns {import("../base/dom.js").Row<Job>}
  */
-function tile(job, clicked) {
+function tile(job, clicked, sides) {
   const image = h("img", { alt: "", hidden: true });
   image.addEventListener("load", () => (image.hidden = false));
   const about = h("span", { class: "strip-about small number" });
-  const anchor = h(
-    "a",
-    { class: "strip-tile", href: linkTo("jobs", job.id), onclick: clicked },
-    h("span", { class: "strip-picture" }, icon("image"), image),
+  const letter = h("span", { class: "letter", "aria-hidden": "true", hidden: true });
+  const button = h(
+    "button",
+    { class: "strip-tile", type: "button", onclick: clicked },
+    h("span", { class: "strip-picture" }, icon("image"), image, letter),
     about,
   );
-  anchor.dataset.job = job.id;
+  button.dataset.job = job.id;
+  const open = h("a", { class: "strip-open", href: linkTo("jobs", job.id), title: t("Open its page") }, icon("next"));
   let shown = "";
   let at = -Infinity;
   return {
-    element: h("li", null, anchor),
+    element: h("li", null, button, open),
     update(next) {
-      setText(about, aboutOf(next));
-      anchor.setAttribute("aria-label", `${next.name}, ${aboutOf(next)}`);
+      const words = aboutOf(next);
+      const { a, b } = sides();
+      const side = a === next.id ? "A" : b === next.id ? "B" : "";
+      setText(about, words);
+      setText(letter, side);
+      letter.hidden = !side;
+      button.setAttribute("aria-pressed", String(side !== ""));
+      const name = `${next.name}, ${words}`;
+      button.setAttribute("aria-label", side ? t("{name}, shown as {side}", { name, side }) : name);
+      open.setAttribute("aria-label", t("Open {name}", { name }));
       const isNew = next.samples > 0 && shown !== `${next.state}`;
       if (!isNew && !(next.state === "running" && performance.now() - at > PICTURE_EVERY_MS)) return;
       if (next.samples <= 0) return;

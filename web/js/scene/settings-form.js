@@ -24,6 +24,7 @@ import { t, tn } from "../base/words.js";
  * @property {() => import("../base/types.js").View} view
  * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
  * @property {(distance: number) => void} focus
+ * @property {import("../forms/environment-fields.js").LightHandle} light
  * @property {() => void} dispose
  */
 
@@ -97,7 +98,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     h("div", { class: "submit" }, estimate, render),
   );
   update();
-  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, dispose: others.dispose };
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, light: others.lightHandle, dispose: others.dispose };
 }
 
 /**

@@ -28,11 +28,12 @@ const FLIGHT = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0
  * @param {() => View} hand.view
  * @param {(view: View) => void} hand.turn
  * @param {(event: PointerEvent) => boolean} hand.pressed whether the press was for something else
+ * @param {(event: KeyboardEvent) => boolean} hand.keyed whether the key was
  * @param {(event: MouseEvent) => void} hand.centre
  * @param {number} hand.size of the scene: its diagonal
  * @returns {() => void} lets go
  */
-export function viewHand(surface, { view, turn, pressed, centre, size }) {
+export function viewHand(surface, { view, turn, pressed, keyed, centre, size }) {
   /** Pointers that are down, at their last place. @type {Map<number, {x: number, y: number}>} */
   const down = new Map();
   let tap = { x: 0, y: 0, at: 0 };
@@ -104,6 +105,10 @@ export function viewHand(surface, { view, turn, pressed, centre, size }) {
   const land = () => flying.clear();
   surface.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (keyed(event)) {
+      event.preventDefault();
+      return;
+    }
     const key = event.key.toLowerCase();
     if (key in FLIGHT) {
       event.preventDefault();

@@ -3,12 +3,11 @@
  * anew, a new one asks for the view that was wanted last.
  */
 
-import { Backoff } from "../base/backoff.js";
+import { LastingSocket } from "../base/lasting-socket.js";
 import { decodeView } from "./view-packet.js";
 import { t } from "../base/words.js";
 
-/** A silent connection is dead: the service speaks at least every few seconds. */
-const SILENCE_MS = 20_000;
+/** @typedef {import("../base/types.js").Vec3} Vec3 */
 
 /**
  * @typedef {object} ViewState
@@ -21,7 +20,13 @@ const SILENCE_MS = 20_000;
  * @property {number} slots
  * @property {string | null} message why nothing new comes
  *
- * @typedef {{x: number, y: number, depth: number | null, position: import("../base/types.js").Vec3 | null}} Picked
+ * @typedef {object} Picked what lies under a pixel; null: nothing does
+ * @property {number} x
+ * @property {number} y
+ * @property {Vec3 | null} direction which way the pixel looks; null: not known just now
+ * @property {number | null} depth from the eye
+ * @property {Vec3 | null} position
+ * @property {Vec3 | null} normal
  *
  * @typedef {object} ViewHandlers
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
@@ -32,76 +37,63 @@ const SILENCE_MS = 20_000;
  * @property {(sentence: string) => void} refused the service closed the connection for good
  */
 
-export class ViewLink {
+export class ViewLink extends LastingSocket {
   /** @param {string} scene @param {ViewHandlers} handlers */
   constructor(scene, handlers) {
+    super(handlers, t("The service closed the view."));
     this.scene = scene;
     this.handlers = handlers;
-    this.backoff = new Backoff();
     this.id = 0;
     /** The view that is wanted. @type {Record<string, any> | null} */
     this.wanted = null;
     /** A view waits for the next drawn frame: a mouse says more often where it is. */
     this.pending = 0;
-    /** @type {WebSocket | null} */
-    this.socket = null;
-    this.lastHeard = 0;
     /** The picture that came last is shown: they are unpacked beside each other, and shown in their order. */
     this.shown = Promise.resolve();
-    this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
-    this.seen = () => this.say({ paused: document.hidden });
+    /** Its pictures are not looked at just now. */
+    this.rests = false;
+    this.seen = () => this.say({ paused: document.hidden || this.rests });
     document.addEventListener("visibilitychange", this.seen);
     this.connect();
   }
 
-  connect() {
-    const url = new URL(`api/scenes/${encodeURIComponent(this.scene)}/viewport`, location.href);
-    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    url.hash = "";
-    const socket = new WebSocket(url);
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
-    this.lastHeard = performance.now();
-    socket.onopen = () => {
-      this.backoff.succeeded();
-      this.handlers.link(true);
-      if (document.hidden) this.seen();
-      this.ask();
-    };
-    socket.onmessage = ({ data }) => {
-      if (this.socket !== socket) return;
-      this.lastHeard = performance.now();
-      if (typeof data === "string") {
-        this.hear(JSON.parse(data));
-        return;
-      }
-      const coming = decodeView(data);
-      this.shown = Promise.allSettled([coming, this.shown]).then(([picture]) => {
-        if (this.socket !== socket) return;
-        if (picture.status === "rejected") {
-          this.handlers.failed(String(picture.reason.message ?? picture.reason));
-          return;
-        }
-        this.handlers.picture(picture.value);
-        this.say({ ack: picture.value.seq });
-      });
-    };
-    socket.onclose = ({ code, reason }) => {
-      if (this.socket !== socket) return;
-      if (code === 1008 || (code >= 4000 && code < 5000)) {
-        this.handlers.refused(reason || t("The service closed the view."));
-        return;
-      }
-      this.handlers.link(false);
-      this.backoff.schedule(() => this.connect());
-    };
+  /** @override */
+  address() {
+    return `api/scenes/${encodeURIComponent(this.scene)}/viewport`;
   }
 
-  /** @param {any} said */
-  hear(said) {
+  /** @override */
+  opened() {
+    if (document.hidden || this.rests) this.seen();
+    this.ask();
+  }
+
+  /** @override @param {any} said */
+  told(said) {
     if (said.type === "state") this.handlers.state(said);
     else if (said.type === "picked") this.handlers.picked(said);
     else if (said.type === "error" && (said.id === null || said.id === this.id)) this.handlers.failed(said.detail);
+  }
+
+  /** @override @param {ArrayBuffer} packet */
+  sent(packet) {
+    const { socket } = this;
+    this.shown = Promise.allSettled([decodeView(packet), this.shown]).then(([picture]) => {
+      if (this.socket !== socket) return;
+      if (picture.status === "rejected") {
+        this.handlers.failed(String(picture.reason.message ?? picture.reason));
+        return;
+      }
+      this.handlers.picture(picture.value);
+      this.say({ ack: picture.value.seq });
+    });
+  }
+
+  /** @param {boolean} on pictures may stay away for a while */
+  rest(on) {
+    if (on === this.rests) return;
+    this.rests = on;
+    this.seen();
   }
 
   /** @param {Record<string, any>} view what is to be seen from now on: a job's request */
@@ -118,23 +110,10 @@ export class ViewLink {
     this.say({ id: this.id, ...this.wanted });
   }
 
-  /** @param {Record<string, any>} message */
-  say(message) {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
-  }
-
-  checkSilence() {
-    if (this.socket?.readyState === WebSocket.OPEN && performance.now() - this.lastHeard > SILENCE_MS)
-      this.socket.close();
-  }
-
+  /** @override */
   close() {
-    clearInterval(this.watchdog);
     cancelAnimationFrame(this.pending);
     document.removeEventListener("visibilitychange", this.seen);
-    this.backoff.cancel();
-    const socket = this.socket;
-    this.socket = null;
-    socket?.close(1000);
+    super.close();
   }
 }

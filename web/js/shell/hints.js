@@ -31,7 +31,7 @@ export function command(text) {
 }
 
 /** Adds a worker to this farm; the token is told where the farm was started. */
-export const joinCommand = () => `python3 farm.py worker --join ${location.origin} --token TOKEN`;
+export const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
 
 /** Whether this page, and so the farm, was opened under a name that only its own machine knows. */
 export const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
@@ -80,4 +80,15 @@ export function noWorkerNotice() {
  */
 export function emptyState(symbol, title, ...children) {
   return h("div", { class: "empty" }, icon(symbol), h("strong", null, title), ...children);
+}
+
+/**
+ * The same, where there is nothing else on the page: its title is the page's.
+ *
+ * @param {import("../base/icons.js").IconName} symbol
+ * @param {string} title
+ * @param {...import("../base/dom.js").Child} children
+ */
+export function emptyPage(symbol, title, ...children) {
+  return h("div", { class: "empty" }, icon(symbol), h("h1", null, title), ...children);
 }

@@ -5,6 +5,7 @@ import { lost, workers } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
 import { tallies } from "../news/job-list.js";
+import { session } from "../news/session.js";
 import { notifyButton } from "./notify.js";
 import { languageMenu } from "./language-menu.js";
 import { linkTo } from "./router.js";
@@ -67,6 +68,7 @@ export function buildShell() {
       },
       "?",
     ),
+    accountLink(),
     notifyButton(),
     languageMenu(),
     themeButton(),
@@ -117,6 +119,13 @@ function buildLostBanner() {
     if (!banner.hidden) announce(t("Connected again"));
     banner.hidden = true;
   });
+}
+
+/** Where somebody is logged in: who, and the way to what is theirs. */
+function accountLink() {
+  const { login, name } = session.value;
+  if (!login || name === null) return null;
+  return h("a", { class: "icon-button account-link", href: linkTo("account"), title: t("Logged in as {name}", { name }), "aria-label": t("Logged in as {name}", { name }) }, icon("person"));
 }
 
 function themeButton() {

@@ -6,7 +6,7 @@ import { clampExposure, displayFromUrl, displayPanel } from "../job/display-pane
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
 import { lightWords } from "../base/light-words.js";
-import { emptyState, noWorkerNotice } from "../shell/hints.js";
+import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
@@ -56,14 +56,14 @@ export function jobView(id) {
         update(job);
       } else if (job) {
         // Its size is the scene's, and that is not known yet.
-        instead(emptyState("clock", job.name, h("p", null, job.error ?? job.message ?? t("Waits for its scene."))));
+        instead(emptyPage("clock", job.name, h("p", null, job.error ?? job.message ?? t("Waits for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {
           const wasThere = update !== null && error.status === 404;
           if (update && !wasThere) return; // what is shown stays; the banner says that the service does not answer
           instead(
-            emptyState(
+            emptyPage(
               wasThere ? "trash" : "image",
               wasThere ? t("This picture was deleted") : t("This picture is not here"),
               !wasThere && h("p", null, error.message),

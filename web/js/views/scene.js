@@ -4,7 +4,7 @@ import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
-import { emptyState, noWorkerNotice } from "../shell/hints.js";
+import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { settingsForm } from "../scene/settings-form.js";
@@ -17,10 +17,13 @@ import { addFiles, choose } from "../shell/uploads.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { renderStrip } from "../scene/render-strip.js";
+import { sidesFromUrl } from "../scene/sides.js";
+import { sideNames } from "../compare/job-differences.js";
 import { removeScene } from "./scene-card.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").Job} Job */
 
 /**
  * @param {string} id
@@ -34,7 +37,7 @@ export function sceneView(id) {
   const gone = ({ message }) =>
     fill(
       element,
-      emptyState("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
+      emptyPage("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
@@ -165,6 +168,7 @@ function ready(page, scene, life) {
       { keys: "Enter", does: t("Render"), run: () => form.element.requestSubmit() },
     ]),
   );
+  const sides = sidesFromUrl(life);
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   fill(
@@ -177,9 +181,9 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-view" },
-        viewOf(scene, form, life),
+        viewOf(scene, form, sides, life),
         warnings(scene),
-        renderStrip(scene.id, life),
+        renderStrip(scene.id, sides, life),
         facts(scene),
       ),
       h(
@@ -197,9 +201,10 @@ function ready(page, scene, life) {
  *
  * @param {Scene} scene
  * @param {import("../scene/settings-form.js").SettingsForm} form
+ * @param {import("../base/store.js").Store<import("../scene/sides.js").Sides>} sides
  * @param {Disposer} life
  */
-function viewOf(scene, form, life) {
+function viewOf(scene, form, sides, life) {
   let written = here().params.get("view");
   const linked = viewFromText(written);
   if (linked) form.turn(linked);
@@ -221,7 +226,8 @@ function viewOf(scene, form, life) {
       setParams({ view: written });
     }, 400);
   };
-  const live = liveView(scene, form, seen, write);
+  const names = (/** @type {Job} */ a, /** @type {Job} */ b) => sideNames({ job: a, channel: "" }, { job: b, channel: "" });
+  const live = liveView(scene, form, seen, write, sides, names);
   const changed = () => (live.refresh(), write());
   form.element.addEventListener("change", changed);
   form.element.addEventListener("input", live.refresh);

@@ -1,0 +1,70 @@
+"""`rayfarm token`: what programs and workers show to a farm."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Literal
+
+import typer
+from rich.table import Table
+
+from rayfarm import options
+from rayfarm.console import err, out
+from rayfarm.login import farm_client
+
+__all__ = ["register"]
+
+tokens = typer.Typer(name="token", no_args_is_help=True, help="What programs and workers show to a farm.")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(tokens)
+
+
+@tokens.command("make")
+def make(
+    name: Annotated[str, typer.Argument(help="What it is for, as: nightly script")],
+    role: Annotated[
+        Literal["view", "submit", "admin", "worker"], typer.Option(help="What it lets do; worker: join, and nothing else.")
+    ] = "submit",
+    days: Annotated[float, typer.Option(min=0, help="How long it lasts; 0: until it is withdrawn.")] = 90,
+    server: options.Server = None,
+) -> None:
+    """Make a token and print it, this once. Programs have it in RAYFARM_API_TOKEN, workers in RAYFARM_TOKEN.
+
+    [bold]Examples[/bold]
+
+      rayfarm token make nightly
+      rayfarm token make attic --role worker --days 0 > attic.token
+    """
+    with farm_client(server) as farm:
+        made = farm.call("POST", "/api/tokens", name=name, role=role, days=days or None)
+    err.print(f"Token {made['id']} for {name!r}; it is shown this once:", markup=False)
+    print(made["secret"])
+
+
+@tokens.command("list")
+def show(server: options.Server = None) -> None:
+    """List the tokens: whose they are, what they let do, until when, and when each was last shown."""
+    with farm_client(server) as farm:
+        rows = farm.call("GET", "/api/tokens?all=true")
+    table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST SHOWN", box=None, pad_edge=False)
+    for row in rows:
+        until = _day(row["expires"]) or "withdrawn"
+        table.add_row(row["id"], row["name"], row["role"], row["user"], until, _day(row["seen"]) or "never")
+    out.print(table if rows else "No tokens yet. `rayfarm token make NAME` makes one.")
+
+
+@tokens.command("withdraw")
+def withdraw(
+    token: Annotated[str, typer.Argument(help="Its number, as `rayfarm token list` shows it.")], server: options.Server = None
+) -> None:
+    """It lets nobody in from now on."""
+    with farm_client(server) as farm:
+        farm.call("DELETE", f"/api/tokens/{token}")
+    out.print(f"{token} lets nobody in any more.", markup=False)
+
+
+def _day(moment: float | None) -> str:
+    return "" if moment is None else time.strftime("%Y-%m-%d %H:%M", time.localtime(moment))

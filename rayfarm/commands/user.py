@@ -1,0 +1,110 @@
+"""`rayfarm user`: who may use a farm that asks for a login."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Annotated, Literal
+
+import typer
+from rich.table import Table
+
+from rayfarm import options
+from rayfarm.console import out
+from rayfarm.errors import CommandError
+from rayfarm.login import farm_client, link_of, public_url
+
+__all__ = ["register"]
+
+RoleName = Literal["view", "submit", "admin"]
+Name = Annotated[str, typer.Argument(help="The user's name: small letters, digits and . _ @ -")]
+users = typer.Typer(name="user", no_args_is_help=True, help="Who may use a farm that asks for a login.")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(users)
+
+
+@users.command("add")
+def add(
+    name: Name,
+    role: Annotated[RoleName, typer.Option(help="view: look; submit: render too; admin: workers and users too.")] = "submit",
+    password: Annotated[bool, typer.Option("--password", help="Ask for a password here; a line of standard input.")] = False,
+    server: options.Server = None,
+) -> None:
+    """Let somebody in. Prints a link that works once; by it they log in and choose a password.
+
+    [bold]Examples[/bold]
+
+      rayfarm user add anna
+      rayfarm user add ben --role view --password
+    """
+    with farm_client(server) as farm:
+        chosen = {"password": _password()} if password else {}
+        farm.call("POST", "/api/users", name=name, role=role, **chosen)
+        if password:
+            out.print(f"{name} may log in as {role}.", markup=False)
+        else:
+            code = farm.call("POST", "/api/links", user=name)["code"]
+            out.print(f"{name} may log in as {role}, by this link, once, within a day:", markup=False)
+            print(link_of(public_url(farm.url), code))
+
+
+@users.command("list")
+def show(server: options.Server = None) -> None:
+    """List the users, their roles, and how many browsers each is logged in with."""
+    with farm_client(server) as farm:
+        rows = farm.call("GET", "/api/users")
+    if not rows:
+        out.print("No users yet. `rayfarm user add NAME` lets one in; you are let in as the farm's owner.")
+        return
+    table = Table("USER", "ROLE", "PASSWORD", "LOGGED IN", "SINCE", box=None, pad_edge=False)
+    for row in rows:
+        since = time.strftime("%Y-%m-%d", time.localtime(row["created"]))
+        table.add_row(row["name"], row["role"], "yes" if row["has_password"] else "by link", str(row["sessions"]), since)
+    out.print(table)
+
+
+@users.command("role")
+def role(name: Name, role: RoleName, server: options.Server = None) -> None:
+    """Give a user another role; it holds at once."""
+    with farm_client(server) as farm:
+        farm.call("PATCH", f"/api/users/{name}", role=role)
+    out.print(f"{name} is {role} from now on.", markup=False)
+
+
+@users.command("password")
+def password(name: Name, server: options.Server = None) -> None:
+    """Give a user another password, which is asked for here; logs the user out everywhere."""
+    with farm_client(server) as farm:
+        farm.call("PATCH", f"/api/users/{name}", password=_password())
+    out.print(f"{name} has another password, and is logged out everywhere.", markup=False)
+
+
+@users.command("remove")
+def remove(name: Name, server: options.Server = None) -> None:
+    """Let a user in no longer. Scenes and jobs stay."""
+    with farm_client(server) as farm:
+        farm.call("DELETE", f"/api/users/{name}")
+    out.print(f"{name} is let in no longer.", markup=False)
+
+
+@users.command("link")
+def link(
+    name: Annotated[str, typer.Argument(help="Whom it lets in; you, the owner, unless told.")] = "owner",
+    server: options.Server = None,
+) -> None:
+    """Print a link that lets somebody in, once, within a day."""
+    with farm_client(server) as farm:
+        print(link_of(public_url(farm.url), farm.call("POST", "/api/links", user=name)["code"]))
+
+
+def _password() -> str:
+    """From the terminal, unseen and twice; else a line of standard input."""
+    if not sys.stdin.isatty():
+        return sys.stdin.readline().rstrip("\n")
+    chosen: str = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
+    if not chosen:
+        raise CommandError("No password was given.")
+    return chosen

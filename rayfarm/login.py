@@ -1,0 +1,61 @@
+"""Which farm a command talks to, and what it shows there to be let in."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from rayfarm.client import TOKEN_VARIABLE, Client
+
+__all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
+
+
+def server_url(server: str | None) -> str:
+    """The farm to talk to: --server, $RAYFARM_SERVER, the one that runs on the data folder, or this machine's port 8000."""
+    from rayfarm.local.state import running_farm
+    from service.places import default_data_folder
+
+    if server or (server := os.environ.get("RAYFARM_SERVER")):
+        return server
+    here = running_farm(default_data_folder())
+    return here.url if here else "http://127.0.0.1:8000"
+
+
+def farm_client(server: str | None) -> Client:
+    """The farm that a command talks to.
+
+    It is shown what $RAYFARM_API_TOKEN says; and the farm that runs on this machine's data folder, where nothing is set, its own
+    owner's token: who can read that folder owns it.
+    """
+    from rayfarm.local.state import running_farm
+    from service.places import default_data_folder
+
+    url, told = server_url(server), os.environ.get(TOKEN_VARIABLE)
+    if not told:
+        here = running_farm(default_data_folder())
+        told = owner_token(default_data_folder()) if here is not None and here.url == url.rstrip("/") else ""
+    return Client(url, token=told)
+
+
+def owner_token(data: Path) -> str:
+    """What lets the owner of a data folder in; empty where it cannot be read."""
+    from service.settings import OWNER_TOKEN
+
+    with contextlib.suppress(OSError):
+        return (data / OWNER_TOKEN).read_text().strip()
+    return ""
+
+
+def public_url(url: str) -> str:
+    """How other machines reach the farm at an address, where that is the one that runs here."""
+    from rayfarm.local.state import running_farm
+    from service.places import default_data_folder
+
+    here = running_farm(default_data_folder())
+    return here.public_url if here is not None and here.url == url and here.public_url else url
+
+
+def link_of(url: str, code: str) -> str:
+    """The link. Its code stands behind the #, which no browser sends and no server's log has."""
+    return f"{url}/#/login?code={code}"

@@ -1,0 +1,56 @@
+"""All of it together, as the service holds it."""
+
+from __future__ import annotations
+
+from service.access.attempts import Attempts
+from service.access.audit import Audit
+from service.access.keys import Keys
+from service.access.roles import OWNER, Caller, Role
+from service.access.secrets import fingerprint, is_same
+from service.access.users import Users
+from service.errors import CannotStart
+from service.settings import Settings
+from service.store.database import Sessions
+
+__all__ = ["LINK_S", "SESSION_S", "Access"]
+
+FOR_THIS_MACHINE = "this-machine-only"  # docker-compose.yml's default
+SESSION_S = 30 * 86400.0
+LINK_S = 86400.0
+
+
+class Access:
+    """Who may do what."""
+
+    def __init__(self, sessions: Sessions, settings: Settings, instance: str) -> None:
+        if settings.needs_login and settings.token == FOR_THIS_MACHINE:
+            raise CannotStart(
+                "The farm's token is the one that everybody knows, and other machines reach this service. "
+                "Set RAYFARM_TOKEN to one of your own, as of `openssl rand -hex 16`."
+            )
+        self.needs_login = settings.needs_login
+        self.is_told = settings.login == "never" or bool(settings.published)  # and not only concluded from where it listens
+        self.keys = Keys(sessions)
+        self.users = Users(sessions, self.keys)
+        self.attempts = Attempts()
+        self.audit = Audit(settings.data)
+        self._owner = settings.owner_token
+        self._farm = settings.token
+        # Cookies know no ports: two farms of one machine must not overwrite each other's.
+        self.cookie = f"rayfarm-{fingerprint(instance)[:12]}"
+
+    def owner_link(self) -> str:
+        """The code of a new link for the owner."""
+        return self.keys.make("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
+
+    def remembered(self, secret: str) -> Caller | None:
+        """Who shows this, where that is known without asking the database."""
+        if self._farm and is_same(secret, self._farm):
+            return Caller("farm", Role.NOBODY, "worker")
+        if self._owner and is_same(secret, self._owner):
+            return Caller(OWNER, Role.ADMIN, "owner")
+        return self.keys.remembered(secret)
+
+    def find(self, secret: str) -> Caller | None:
+        """Who shows this; None where it lets nobody in. Asks the database. Raises Unavailable."""
+        return self.remembered(secret) or self.keys.find(secret)

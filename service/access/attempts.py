@@ -1,0 +1,75 @@
+"""How often somebody may fail to log in.
+
+By address and name, so that who guesses does not lock out whom they guess at; by address, for who tries many names; by name,
+for who has many addresses. A try is counted before it is looked at: tries at the same moment count too.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import threading
+import time
+from collections import OrderedDict, deque
+
+__all__ = ["Attempts"]
+
+WINDOW_S = 900.0
+OF_ONE = 6  # from one address, at one name
+OF_ADDRESS = 30
+OF_NAME = 120
+MOST = 20_000  # that are remembered of; those of longest ago are forgotten first
+
+
+class Attempts:
+    """The failed tries of the last minutes, in memory: a service that starts anew has seen none."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._tries: OrderedDict[tuple[str, str], deque[float]] = OrderedDict()
+
+    def begin(self, address: str, name: str) -> float | None:
+        """Count a try; or the seconds to wait for the next one, and it does not count."""
+        now = time.monotonic()
+        with self._lock:
+            waits = [self._wait(key, most, now) for key, most in self._keys(address, name)]
+            if (longest := max(waits)) > 0:
+                return longest
+            for key, _ in self._keys(address, name):
+                self._tries.setdefault(key, deque()).append(now)
+                self._tries.move_to_end(key)
+            while len(self._tries) > MOST:
+                self._tries.popitem(last=False)
+        return None
+
+    def succeeded(self, address: str, name: str) -> None:
+        """The try was right: it, and earlier ones of the same hand, are forgotten."""
+        with self._lock:
+            (both, _), *others = self._keys(address, name)
+            failed = len(self._tries.pop(both, ()))
+            for key, _ in others:
+                for _ in range(min(failed, len(self._tries.get(key, ())))):
+                    self._tries[key].pop()
+
+    def _wait(self, key: tuple[str, str], most: int, now: float) -> float:
+        tries = self._tries.get(key)
+        while tries and now - tries[0] > WINDOW_S:
+            tries.popleft()
+        if tries is not None and not tries:
+            del self._tries[key]
+        return WINDOW_S - (now - tries[0]) if tries and len(tries) >= most else 0.0
+
+    @staticmethod
+    def _keys(address: str, name: str) -> list[tuple[tuple[str, str], int]]:
+        where, name = _network(address), name.casefold()[:64]
+        return [((where, name), OF_ONE), ((where, ""), OF_ADDRESS), (("", name), OF_NAME)]
+
+
+def _network(address: str) -> str:
+    """The address; of IPv6 the network that one household or machine has to itself."""
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return address or "?"
+    if parsed.version == 6:
+        return str(parsed.ipv4_mapped or ipaddress.ip_network((parsed, 64), strict=False))
+    return str(parsed)

@@ -1,0 +1,93 @@
+"""What was done by whom: a line of JSON each, only ever added to, in the data folder's audit.jsonl.
+
+    {"at": 1767225600.0, "who": "anna", "kind": "session", "from": "192.168.1.7",
+     "what": "DELETE /api/jobs/{id}", "about": "/api/jobs/7f3a", "status": 204}
+
+No secret is ever in it. A file that has become large is set aside as audit.1.jsonl, and so on; the oldest goes.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from service.store.whole import PRIVATE
+
+__all__ = ["Audit"]
+
+log = logging.getLogger(__name__)
+
+LARGE = 8 << 20
+KEPT = 4
+LONGEST = 200  # characters of what a caller chose
+READ_AT_ONCE = 1 << 16
+
+
+class Audit:
+    """Adds lines, and reads the latest."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._lock = threading.Lock()
+
+    def add(self, who: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None) -> None:
+        """Write down what was done. Where it cannot be written, the service's log gets it."""
+        fields = {"at": round(time.time(), 3), "who": who[:LONGEST], "kind": kind, "from": address}
+        fields |= {"what": what[:LONGEST], "about": about[:LONGEST], "status": status}
+        line = json.dumps(fields) + "\n"
+        try:
+            with self._lock:
+                path = self._path(0)
+                if path.exists() and path.stat().st_size > LARGE:
+                    self._set_aside()
+                with os.fdopen(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "ab") as file:
+                    file.write(line.encode())
+        except OSError as error:
+            log.warning("cannot write audit.jsonl (%s): %s", error, line.strip())
+
+    def latest(self, count: int) -> list[dict[str, Any]]:
+        """The newest lines, the newest first."""
+        found: list[dict[str, Any]] = []
+        for number in range(KEPT):
+            for line in _backwards(self._path(number)):
+                try:
+                    fields = json.loads(line)
+                except ValueError:
+                    continue  # cut off by a full disk or a power cut
+                if isinstance(fields, dict):
+                    found.append(fields)
+                if len(found) >= count:
+                    return found
+        return found
+
+    def _path(self, number: int) -> Path:
+        return self._folder / (f"audit.{number}.jsonl" if number else "audit.jsonl")
+
+    def _set_aside(self) -> None:
+        for number in reversed(range(KEPT - 1)):
+            if self._path(number).exists():
+                self._path(number).replace(self._path(number + 1))
+
+
+def _backwards(path: Path) -> Iterator[bytes]:
+    """The lines of a file, the last first."""
+    try:
+        file = path.open("rb")
+    except FileNotFoundError:
+        return
+    with file:
+        end, rest = file.seek(0, os.SEEK_END), b""
+        while end > 0:
+            begin = max(0, end - READ_AT_ONCE)
+            file.seek(begin)
+            lines = (file.read(end - begin) + rest).split(b"\n")
+            end, rest = begin, lines[0]
+            yield from (line for line in reversed(lines[1:]) if line)
+        if rest:
+            yield rest

@@ -1,0 +1,138 @@
+"""Keys: what a browser, a program or a worker shows to be let in. Made once, known by their hash, withdrawn at any time."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+from sqlalchemy import CursorResult, delete, or_, select, update
+from sqlalchemy.orm import Session
+
+from service.access.roles import OWNER, Caller, Role
+from service.access.secrets import fingerprint, new_secret
+from service.errors import FarmError, NotFound
+from service.store.database import Sessions
+from service.store.models import Key, User
+
+__all__ = ["FRESH_S", "KeyKind", "Keys"]
+
+KeyKind = Literal["session", "token", "link", "worker"]
+FRESH_S = 3.0  # for which a key is not looked up again: another process may have withdrawn it
+SEEN_EVERY_S = 300.0
+MOST_KNOWN = 4096
+
+
+@dataclass(frozen=True)
+class _Known:
+    caller: Caller
+    expires: float | None
+    read: float  # time.monotonic()
+
+
+class Keys:
+    """The keys of the database; those that are in use are remembered for some seconds."""
+
+    def __init__(self, sessions: Sessions) -> None:
+        self._sessions = sessions
+        self._lock = threading.Lock()
+        self._known: dict[str, _Known] = {}
+        self._version = 0
+
+    def make(self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None) -> tuple[str, Key]:
+        """A new key: its secret, which is told this once, and its row."""
+        secret, now = new_secret(kind), time.time()
+        row = Key(id=secrets.token_hex(6), hash=fingerprint(secret), kind=kind, user=user, name=name, role=role.word, created=now)
+        row.expires = None if lasts_s is None else now + lasts_s
+        with self._sessions.begin() as session:
+            session.execute(delete(Key).where(Key.expires < now))
+            session.add(row)
+        return secret, row
+
+    def remembered(self, secret: str) -> Caller | None:
+        """Whose key it is, where that was looked up just now. Waits for nothing."""
+        known = self._known.get(fingerprint(secret))
+        if known is None or time.monotonic() - known.read > FRESH_S or _is_over(known.expires):
+            return None
+        return known.caller
+
+    def find(self, secret: str) -> Caller | None:
+        """Whose key it is; None where it is none, is over or was withdrawn. A link lets nobody in by itself."""
+        hash, version = fingerprint(secret), self._version
+        with self._sessions() as session:
+            row = session.scalar(select(Key).where(Key.hash == hash, Key.kind != "link"))
+            caller = None if row is None or _is_over(row.expires) else _caller(row, session)
+        if row is None or caller is None:
+            return None
+        if row.seen is None or time.time() - row.seen > SEEN_EVERY_S:
+            with contextlib.suppress(FarmError), self._sessions.begin() as session:
+                session.execute(update(Key).where(Key.id == row.id).values(seen=time.time()))
+        with self._lock:
+            if version == self._version:
+                if len(self._known) >= MOST_KNOWN:
+                    self._known.clear()
+                self._known[hash] = _Known(caller, row.expires, time.monotonic())
+        return caller
+
+    def use_link(self, secret: str) -> str | None:
+        """Whom a link is for; it is used up then. None where it is none any more."""
+        found = Key.hash == fingerprint(secret), Key.kind == "link"
+        with self._sessions.begin() as session:
+            row = session.scalar(select(Key).where(*found))
+            # Of two at the same moment one deletes it.
+            deleted = cast("CursorResult[Any]", session.execute(delete(Key).where(*found))).rowcount
+            if row is None or deleted != 1 or _is_over(row.expires):
+                return None
+            return row.user if _role_of(row.user, session) is not Role.NOBODY else None
+
+    def listed(self, kind: KeyKind, user: str | None = None) -> list[Key]:
+        """Those that let somebody in, the newest first. user: whose; None: everybody's."""
+        wanted = select(Key).where(Key.kind == kind, or_(Key.expires.is_(None), Key.expires > time.time()))
+        wanted = wanted if user is None else wanted.where(Key.user == user)
+        with self._sessions() as session:
+            return list(session.scalars(wanted.order_by(Key.created.desc(), Key.id)))
+
+    def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
+        """It lets nobody in from now on. user: whose it must be. Raises NotFound."""
+        with self._sessions.begin() as session:
+            row = session.get(Key, id)
+            if row is None or row.kind != kind or (user is not None and row.user != user):
+                raise NotFound(f"There is no such {kind}; it may have been withdrawn already.")
+            session.delete(row)
+        self.forget()
+        return row
+
+    def withdraw_sessions(self, user: str, but: str | None = None) -> None:
+        """End what a user has open. but: the id of the one that stays."""
+        with self._sessions.begin() as session:
+            session.execute(delete(Key).where(Key.user == user, Key.kind.in_(("session", "link")), Key.id != (but or "")))
+        self.forget()
+
+    def forget(self) -> None:
+        """Look everything up again: something has changed."""
+        with self._lock:
+            self._version += 1
+            self._known = {}
+
+
+def _caller(row: Key, session: Session) -> Caller | None:
+    if row.kind == "worker":
+        return Caller(row.name, Role.NOBODY, "worker", row.id)
+    role = min(Role.of(row.role), _role_of(row.user, session))
+    if role is Role.NOBODY:
+        return None
+    return Caller(row.user, role, "session" if row.kind == "session" else "token", row.id)
+
+
+def _role_of(user: str, session: Session) -> Role:
+    if user == OWNER:
+        return Role.ADMIN
+    found = session.get(User, user)
+    return Role.NOBODY if found is None else Role.of(found.role)
+
+
+def _is_over(expires: float | None) -> bool:
+    return expires is not None and expires < time.time()

@@ -1,0 +1,102 @@
+"""Users: their names, roles and passwords."""
+
+from __future__ import annotations
+
+import re
+import time
+
+from sqlalchemy import delete, select
+
+from service.access.keys import Keys
+from service.access.passwords import check_strength, hashed, is_right
+from service.access.roles import OPEN, OWNER, Role
+from service.errors import Conflict, Invalid, NotFound
+from service.store.database import Sessions
+from service.store.models import Key, User
+
+__all__ = ["Users"]
+
+NAME = re.compile(r"[a-z0-9][a-z0-9._@-]{0,62}")
+TAKEN = (OWNER, OPEN.name)
+
+
+class Users:
+    """The users of the database. What changes them ends what they have open, where that must not go on."""
+
+    def __init__(self, sessions: Sessions, keys: Keys) -> None:
+        self._sessions = sessions
+        self._keys = keys
+
+    def add(self, name: str, role: Role, password: str | None) -> User:
+        """A new user. Raises Invalid and Conflict."""
+        if not NAME.fullmatch(name) or name in TAKEN:
+            raise Invalid(
+                f"{name[:64]!r} cannot be a user's name. Take small letters, digits and . _ @ - (at most 63), and not {OWNER!r}."
+            )
+        kept = None if password is None else _checked(password, name)
+        user = User(name=name, role=role.word, password=kept, created=time.time())
+        with self._sessions.begin() as session:
+            if session.get(User, name) is not None:
+                raise Conflict(f"There is a user {name!r} already. Change its role or password, or take another name.")
+            session.add(user)
+        return user
+
+    def listed(self) -> list[User]:
+        """All, by name."""
+        with self._sessions() as session:
+            return list(session.scalars(select(User).order_by(User.name)))
+
+    def find(self, name: str) -> User:
+        """Raises NotFound."""
+        with self._sessions() as session:
+            user = session.get(User, name)
+        if user is None:
+            raise _no_user(name)
+        return user
+
+    def set_role(self, name: str, role: Role) -> User:
+        """It holds at once, also for what the user has open. Raises NotFound."""
+        with self._sessions.begin() as session:
+            user = session.get(User, name)
+            if user is None:
+                raise _no_user(name)
+            user.role = role.word
+        self._keys.forget()
+        return user
+
+    def set_password(self, name: str, password: str, stays: str | None = None) -> User:
+        """Ends the user's sessions. stays: the id of the one that does not. Raises NotFound and Invalid."""
+        self.find(name)
+        kept = _checked(password, name)
+        with self._sessions.begin() as session:
+            user = session.get(User, name)
+            if user is None:
+                raise _no_user(name)
+            user.password = kept
+        self._keys.withdraw_sessions(name, stays)
+        return user
+
+    def remove(self, name: str) -> None:
+        """With all that let the user in. Raises NotFound."""
+        with self._sessions.begin() as session:
+            user = session.get(User, name)
+            if user is None:
+                raise _no_user(name)
+            session.delete(user)
+            session.execute(delete(Key).where(Key.user == name, Key.kind != "worker"))
+        self._keys.forget()
+
+    def log_in(self, name: str, password: str) -> User | None:
+        """The user, where the password is right. That takes as long for a name that nobody has."""
+        with self._sessions() as session:
+            user = session.get(User, name[:64])
+        return user if is_right(password, user.password if user else None) else None
+
+
+def _checked(password: str, name: str) -> str:
+    check_strength(password, name)
+    return hashed(password)
+
+
+def _no_user(name: str) -> NotFound:
+    return NotFound(f"There is no user {name[:64]!r}. GET /api/users lists them.")

@@ -1,0 +1,204 @@
+"""The gate, behind the door: who may do what. Every request and every WebSocket passes it before any route sees it.
+
+Who reaches the service on loopback and directly is let in as it is. Anybody else shows a session's cookie, or a token:
+Authorization: Bearer TOKEN. What has been let in and stays open is looked at again every few seconds: a log-out, a withdrawn
+token, another role end it.
+"""
+
+from __future__ import annotations
+
+import time
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection, cookie_parser
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.access.access import Access
+from service.access.roles import OPEN, Caller
+from service.api.hosts import LOOPBACK_NAMES, name_of
+from service.api.needs import Need, need_of
+from service.api.problem import Problem
+from service.api.security import SAFE_METHODS, refuse
+from service.api.visit import VISIT, Visit, address_of
+from service.errors import FarmError, Unavailable
+
+__all__ = ["LOG_IN", "Gate", "cookie_name"]
+
+LOG_IN = (
+    "Log in first: on the page, by the link that `rayfarm up` printed or `rayfarm user link` prints; "
+    "a program shows a token: Authorization: Bearer TOKEN."
+)
+OWNERS = (
+    "This says who else is let in, so it wants to know who asks: show the token that lies in owner-token in the data folder "
+    "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so."
+)
+WORKERS = "Workers show the farm's token: Authorization: Bearer TOKEN. `rayfarm up` prints it."
+ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
+FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip")  # whoever sends these is a proxy, and others are behind it
+STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
+AGAIN_S = 5.0
+LOG_IN_AGAIN = 4401  # a WebSocket's close code
+
+
+class Gate:
+    """ASGI middleware between the door and the routes."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Find out who calls, and let pass who may."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        method = "WS" if scope["type"] == "websocket" else scope["method"]
+        path = _path(scope)
+        pattern, need = need_of(method, path)
+        access: Access = scope["app"].state.farm.access
+        connection = HTTPConnection(scope)
+        shown = _shown(connection.headers, cookie_name(access, scope))
+        needs_login = _needs_login(access, connection.headers)
+        try:
+            caller = await _known(access, shown) if shown else None
+        except Unavailable as error:
+            await refuse(Problem(503, str(error)), scope, receive, send)
+            return
+        if not needs_login and (caller is None or not need.is_met(caller)):
+            caller = OPEN
+        address = address_of(connection)
+        scope[VISIT] = Visit(caller, needs_login, address)
+        if method != "OPTIONS" and (refusal := _judge(need, caller)) is not None:
+            if caller is not None and caller.is_known and not caller.is_worker:
+                await _write_down(access, caller, address, f"{method} {pattern}", path, refusal.status)
+            await refuse(refusal, scope, receive, send)
+            return
+        if method == "WS" or pattern in STAYS_OPEN:
+            lasting = _Lasting(access, shown, need, caller, receive, send)
+            await self._app(scope, lasting.receive, lasting.send)
+        elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
+            await self._app(scope, receive, _kept_private(send) if needs_login else send)
+        else:
+            await self._app(scope, receive, _written_down(access, caller, address, f"{method} {pattern}", path, send))
+
+
+def cookie_name(access: Access, scope: Scope) -> str:
+    """What the session's cookie is called. Over TLS browsers let nobody else set one of this name."""
+    return f"__Host-{access.cookie}" if scope["scheme"] in ("https", "wss") else access.cookie
+
+
+def _path(scope: Scope) -> str:
+    """The path that routes are found by."""
+    path: str = scope["path"]
+    root: str = scope.get("app_root_path", scope.get("root_path", ""))
+    return path.removeprefix(root) if root and path.startswith(f"{root}/") else path
+
+
+def _shown(headers: Headers, cookie: str) -> str:
+    """The secret that a request shows; a token counts before a cookie."""
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and token.strip():
+        return token.strip()
+    return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
+
+
+def _needs_login(access: Access, headers: Headers) -> bool:
+    """Whether this request does: on loopback, one that came through a proxy or by another name than loopback's."""
+    if access.needs_login or access.is_told:
+        return access.needs_login
+    return name_of(headers.get("host", "")) not in LOOPBACK_NAMES or any(name in headers for name in FORWARDED)
+
+
+async def _known(access: Access, shown: str) -> Caller | None:
+    return access.remembered(shown) or await run_in_threadpool(access.find, shown)
+
+
+def _judge(need: Need, caller: Caller | None) -> Problem | None:
+    if need.is_met(caller):
+        return None
+    challenge = {"WWW-Authenticate": "Bearer", "Connection": "close"}
+    if need.role is None:
+        return Problem(401, WORKERS, challenge)
+    if caller is None:
+        return Problem(401, LOG_IN, challenge)
+    if not caller.is_known:
+        return Problem(401, OWNERS, challenge)
+    has = "worker" if caller.is_worker else caller.role.word
+    return Problem(403, ROLE.format(needed=need.role.word, name=caller.name, has=has), {"Connection": "close"})
+
+
+async def _write_down(access: Access, caller: Caller, address: str, what: str, path: str, status: int) -> None:
+    await run_in_threadpool(access.audit.add, caller.name, what, kind=caller.kind, address=address, about=path, status=status)
+
+
+def _written_down(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
+    """Into the record, once it is known what came of it."""
+
+    async def wrapped(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            about = Headers(raw=message.get("headers", [])).get("location", path)
+            await _write_down(access, caller, address, what, about, message["status"])
+        await send(message)
+
+    return wrapped
+
+
+def _kept_private(send: Send) -> Send:
+    """What a browser may keep for its user no proxy may keep for others."""
+
+    async def wrapped(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            kept = headers.get("cache-control", "")
+            if "max-age" in kept and "public" not in kept and "private" not in kept:
+                headers["Cache-Control"] = f"private, {kept}"
+        await send(message)
+
+    return wrapped
+
+
+class _Lasting:
+    """A WebSocket, or an answer that goes on: it ends when who opened it is not let in any more."""
+
+    def __init__(self, access: Access, shown: str, need: Need, caller: Caller | None, receive: Receive, send: Send) -> None:
+        self._access, self._shown, self._need = access, shown, need
+        self._receive, self._send = receive, send
+        self._looks = caller is not None and caller.is_known
+        self._looked = time.monotonic()
+        self._is_over = False
+
+    async def receive(self) -> Message:
+        """What comes in, or that nobody is there any more."""
+        message = await self._receive()
+        if message["type"] == "websocket.receive" and not await self._may_go_on():
+            await self._end("websocket")
+        if self._is_over and message["type"] == "websocket.receive":
+            return {"type": "websocket.disconnect", "code": LOG_IN_AGAIN}
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Send, or end it."""
+        if message["type"] in ("websocket.send", "http.response.body") and not await self._may_go_on():
+            await self._end(message["type"].partition(".")[0])
+        elif not self._is_over:
+            await self._send(message)
+
+    async def _end(self, kind: str) -> None:
+        if self._is_over:
+            return
+        self._is_over = True
+        if kind == "websocket":
+            await self._send({"type": "websocket.close", "code": LOG_IN_AGAIN, "reason": "You are logged out. Log in again."})
+        else:
+            await self._send({"type": "http.response.body", "body": b"", "more_body": False})
+
+    async def _may_go_on(self) -> bool:
+        if self._is_over:
+            return False
+        if not self._looks or time.monotonic() - self._looked < AGAIN_S:
+            return True
+        self._looked = time.monotonic()
+        try:
+            return self._need.is_met(await _known(self._access, self._shown))
+        except FarmError:
+            return True  # the database is away for a moment: that withdraws nothing

@@ -1,0 +1,160 @@
+"""/api/login, /api/logout, /api/session: a browser's way in and out, by a name and its password or by a link that works once.
+
+A session is a secret in a cookie that scripts cannot read and that no other site's page makes a browser send. Each login makes
+a new one; what the browser showed before is no session any more.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from fastapi import APIRouter, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.requests import cookie_parser
+
+from service.access.access import SESSION_S
+from service.access.passwords import LONGEST
+from service.access.roles import OWNER, Caller, Role
+from service.api.gate import cookie_name
+from service.api.problem import Problem
+from service.api.visit import VisitDependency
+from service.errors import Conflict, FarmError
+from service.farm import Farm, FarmDependency
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["access"])
+
+Password = Annotated[str, Field(min_length=1, max_length=LONGEST)]
+
+
+class LoginIn(BaseModel):
+    """A name and its password; or the code of a link."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field("", max_length=64)
+    password: str = Field("", max_length=LONGEST)
+    link: str = Field("", max_length=LONGEST)
+
+
+class PasswordIn(BaseModel):
+    """old: needed where there is one."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    old: str = Field("", max_length=LONGEST)
+    new: Password
+
+
+class SessionOut(BaseModel):
+    """Who the service takes you for. login: whether one is needed here; name: null where nobody is logged in."""
+
+    login: bool
+    name: str | None
+    role: str | None
+    kind: str | None = Field(description="session, token, owner; open: this machine is let in without a login")
+
+
+@router.get("/api/session", response_model=SessionOut)
+def get_session(visit: VisitDependency) -> SessionOut:
+    """Who you are here, and whether a login is needed."""
+    return _session_out(visit.caller, visit.needs_login)
+
+
+@router.post("/api/login", response_model=SessionOut)
+def log_in(asked: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency) -> SessionOut:
+    """Log in; the answer sets the session's cookie."""
+    access = farm.access
+    if asked.link:
+        name = access.keys.use_link(asked.link)
+        if name is None:
+            access.audit.add("", "login refused", kind="link", address=visit.address, status=401)
+            raise Problem(
+                401, "This link was used already, is over a day old, or was withdrawn. Ask for a new one: `rayfarm user link`."
+            )
+        role = Role.ADMIN if name == OWNER else Role.of(access.users.find(name).role)
+        kind = "link"
+    else:
+        name, role, kind = *_by_password(asked.name, asked.password, farm, visit.address), "password"
+    _end(request, farm)
+    secret, row = access.keys.make("session", name, Role.ADMIN, name=_browser(request), lasts_s=SESSION_S)
+    _set_cookie(request, response, farm, secret, SESSION_S)
+    access.audit.add(name, "login", kind=kind, address=visit.address, status=200)
+    return _session_out(Caller(name, role, "session", row.id), visit.needs_login)
+
+
+@router.post("/api/logout", status_code=204)
+def log_out(request: Request, response: Response, visit: VisitDependency, farm: FarmDependency) -> None:
+    """End the session that the cookie shows."""
+    if _end(request, farm) and visit.caller is not None:
+        farm.access.audit.add(visit.caller.name, "logout", kind="session", address=visit.address, status=204)
+    _set_cookie(request, response, farm, "", 0)
+
+
+@router.put("/api/session/password", status_code=204)
+def change_password(asked: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
+    """Change your own password. All else that you have open is logged out."""
+    access, caller = farm.access, visit.caller
+    assert caller is not None
+    if caller.kind != "session" or caller.name == OWNER:
+        raise Conflict("Only a user who is logged in on the page has a password to change. `rayfarm user` changes others'.")
+    if access.users.find(caller.name).password is not None:
+        _by_password(caller.name, asked.old, farm, visit.address)
+    access.users.set_password(caller.name, asked.new, stays=caller.key)
+
+
+def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
+    """Whose name and password these are. Raises Problem."""
+    access = farm.access
+    wait = access.attempts.begin(address, name)
+    if wait is not None:
+        minutes = math.ceil(wait / 60)
+        raise Problem(
+            429,
+            f"Too many logins have failed. Try again in {minutes} min, or ask who runs the farm for a link.",
+            {"Retry-After": str(math.ceil(wait))},
+        )
+    user = access.users.log_in(name, password)
+    if user is None:
+        access.audit.add(name, "login refused", kind="password", address=address, status=401)
+        raise Problem(401, "The name or the password is not right. Look at both, and try again.")
+    access.attempts.succeeded(address, name)
+    return user.name, Role.of(user.role)
+
+
+def _end(request: Request, farm: Farm) -> bool:
+    """Withdraw the session that is shown by a cookie; whether there was one."""
+    access = farm.access
+    shown = cookie_parser(request.headers.get("cookie", "")).get(cookie_name(access, request.scope), "")
+    caller = access.keys.find(shown) if shown else None
+    if caller is None or caller.key is None or caller.kind != "session":
+        return False
+    try:
+        access.keys.withdraw("session", caller.key)
+    except FarmError:
+        return False
+    return True
+
+
+def _set_cookie(request: Request, response: Response, farm: Farm, secret: str, lasts_s: float) -> None:
+    response.set_cookie(
+        cookie_name(farm.access, request.scope),
+        secret,
+        max_age=int(lasts_s),
+        path="/",
+        secure=request.scope["scheme"] == "https",
+        httponly=True,
+        samesite="strict",  # the page's files need no cookie: a link from elsewhere opens the page, which asks by itself
+    )
+
+
+def _browser(request: Request) -> str:
+    return request.headers.get("user-agent", "")[:255]
+
+
+def _session_out(caller: Caller | None, needs_login: bool) -> SessionOut:
+    if caller is None or caller.is_worker:
+        return SessionOut(login=needs_login, name=None, role=None, kind=None)
+    return SessionOut(login=needs_login, name=caller.name, role=caller.role.word, kind=caller.kind)

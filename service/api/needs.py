@@ -1,0 +1,140 @@
+"""What every route asks of whoever calls it: one table, which a test holds against all routes that there are.
+
+Nothing below /api/ is answered to who is not let in, whether it is in the table or not.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+
+from starlette.routing import compile_path
+
+from service.access.roles import Caller, Role
+
+__all__ = ["NEEDS", "Need", "need_of"]
+
+
+@dataclass(frozen=True)
+class Need:
+    """role: of a person or a program; None: none is enough. workers: whether a worker's token is. known: whether who calls must
+    have shown who it is, also where the service is open to this machine.
+    """
+
+    role: Role | None
+    workers: bool = False
+    known: bool = False
+
+    def is_met(self, caller: Caller | None) -> bool:
+        """Whether this caller may."""
+        if self.role is Role.NOBODY:
+            return True
+        if caller is None or (self.known and not caller.is_known):
+            return False
+        return self.workers if caller.is_worker else self.role is not None and caller.role >= self.role
+
+    @property
+    def weight(self) -> tuple[bool, int, bool]:
+        """The more, the fewer callers meet it."""
+        return self.role is None, self.role or 0, self.known
+
+
+ANYONE = Need(Role.NOBODY)
+WORKER = Need(None, workers=True)
+VIEW = Need(Role.VIEW)
+SUBMIT = Need(Role.SUBMIT)
+ADMIN = Need(Role.ADMIN)
+SELF = Need(Role.VIEW, known=True)
+KEEPER = Need(Role.ADMIN, known=True)  # of who else is let in
+UNKNOWN = Need(Role.VIEW, workers=True)  # is not there: whoever is let in is told so
+
+NEEDS: dict[tuple[str, str], Need] = {
+    ("GET", "/healthz"): ANYONE,
+    ("GET", "/readyz"): ANYONE,
+    ("GET", "/metrics"): Need(Role.VIEW, workers=True),
+    ("GET", "/openapi.json"): VIEW,
+    ("GET", "/docs"): ANYONE,
+    ("GET", "/"): ANYONE,
+    ("GET", "/api/session"): ANYONE,
+    ("POST", "/api/login"): ANYONE,
+    ("POST", "/api/logout"): ANYONE,
+    ("PUT", "/api/session/password"): SELF,
+    ("GET", "/api/tokens"): SELF,
+    ("POST", "/api/tokens"): SELF,
+    ("DELETE", "/api/tokens/{id}"): SELF,
+    ("GET", "/api/users"): KEEPER,
+    ("POST", "/api/users"): KEEPER,
+    ("PATCH", "/api/users/{name}"): KEEPER,
+    ("DELETE", "/api/users/{name}"): KEEPER,
+    ("POST", "/api/links"): KEEPER,
+    ("GET", "/api/audit"): KEEPER,
+    ("GET", "/api/scenes"): VIEW,
+    ("POST", "/api/scenes"): SUBMIT,
+    ("GET", "/api/scenes/{id}"): VIEW,
+    ("DELETE", "/api/scenes/{id}"): SUBMIT,
+    ("GET", "/api/scenes/{id}/thumbnail.png"): VIEW,
+    ("WS", "/api/scenes/{id}/viewport"): VIEW,
+    ("GET", "/api/environments"): VIEW,
+    ("POST", "/api/environments"): SUBMIT,
+    ("GET", "/api/environments/{id}/thumbnail.jpg"): VIEW,
+    ("DELETE", "/api/environments/{id}"): SUBMIT,
+    ("GET", "/api/examples"): VIEW,
+    ("POST", "/api/examples/{name}"): SUBMIT,
+    ("GET", "/api/jobs"): VIEW,
+    ("POST", "/api/jobs"): SUBMIT,
+    ("GET", "/api/jobs/ids"): VIEW,
+    ("GET", "/api/jobs/tallies"): VIEW,
+    ("POST", "/api/jobs/changes"): SUBMIT,
+    ("GET", "/api/jobs/{id}"): VIEW,
+    ("PATCH", "/api/jobs/{id}"): SUBMIT,
+    ("DELETE", "/api/jobs/{id}"): SUBMIT,
+    ("GET", "/api/jobs/{id}/history"): VIEW,
+    ("GET", "/api/jobs/{id}/explain"): VIEW,
+    ("GET", "/api/jobs/{id}/log"): VIEW,
+    ("WS", "/api/jobs/{id}/live"): VIEW,
+    ("GET", "/api/jobs/{id}/frames"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/image.{extension}"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/film"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/pixel"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/digest"): VIEW,
+    ("GET", "/api/jobs/{id}/frames.zip"): VIEW,
+    ("GET", "/api/jobs/{id}/movie.{extension}"): VIEW,
+    ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
+    ("PATCH", "/api/workers/{name}"): ADMIN,
+    ("GET", "/api/workers/{name}/log"): ADMIN,
+    ("GET", "/api/hooks"): ADMIN,
+    ("POST", "/api/hooks/{number}/test"): ADMIN,
+    ("GET", "/api/events"): VIEW,
+    ("GET", "/api/info"): VIEW,
+    ("GET", "/api/farm/join"): WORKER,
+    ("GET", "/api/farm/scenes/{id}/manifest"): WORKER,
+    ("GET", "/api/farm/blobs/{sha256}"): WORKER,
+    ("POST", "/api/farm/blobs/{sha256}/keep"): WORKER,
+    ("PUT", "/api/farm/blobs/{sha256}"): WORKER,
+    ("GET", "/api/farm/films/{job}/{frame}"): WORKER,
+    ("GET", "/api/farm/kernels/{name}"): WORKER,
+    ("PUT", "/api/farm/kernels/{name}"): WORKER,
+}
+
+
+def need_of(method: str, path: str) -> tuple[str, Need]:
+    """The pattern of a path that is asked for, and what it needs: of all patterns that it fits the one that needs most.
+
+    method: WS for a WebSocket. HEAD is as GET; a method that the path does not know needs what any other of it does.
+    """
+    method = "GET" if method == "HEAD" else method
+    fitting = [(known, pattern) for known, pattern, compiled in _compiled() if compiled.match(path)]
+    of_method = [pattern for known, pattern in fitting if known == method]
+    if of_method:
+        return max(((pattern, NEEDS[method, pattern]) for pattern in of_method), key=lambda found: found[1].weight)
+    if fitting:
+        known, pattern = min(fitting, key=lambda found: NEEDS[found].weight)
+        return pattern, NEEDS[known, pattern]
+    return "", UNKNOWN if path.startswith("/api") else ANYONE  # the page's files, which everybody may have
+
+
+@cache
+def _compiled() -> tuple[tuple[str, str, re.Pattern[str]], ...]:
+    return tuple((method, pattern, compile_path(pattern)[0]) for method, pattern in NEEDS)

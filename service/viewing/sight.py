@@ -1,0 +1,43 @@
+"""Which way a pixel of a view looks. The kernel's camera (renderer/kernel/camera.py) has the same in compiled code."""
+
+from __future__ import annotations
+
+import math
+
+from renderer.view import Vec3, View
+
+__all__ = ["sight"]
+
+
+def sight(view: View, width: int, height: int, x: float, y: float) -> Vec3:
+    """The unit direction in the world from the eye through the film's point (x, y), in pixels from the upper left corner."""
+    forward = _unit(_minus(view.target, view.eye))
+    right = _unit(_cross(forward, view.up))
+    up = _cross(right, forward)
+    if view.projection == "orthographic":
+        return forward
+    if view.projection == "panorama":
+        around = (x - width / 2) / width * 2 * math.pi
+        rise = (height / 2 - y) / height * math.pi
+        level = math.cos(rise)
+        return _sum((level * math.sin(around), right), (math.sin(rise), up), (level * math.cos(around), forward))
+    pixel = 2 * math.tan(math.radians(view.fov) / 2) / height
+    return _unit(_sum(((x - width / 2) * pixel, right), ((height / 2 - y) * pixel, up), (1.0, forward)))
+
+
+def _minus(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _cross(a: Vec3, b: Vec3) -> Vec3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _unit(a: Vec3) -> Vec3:
+    length = math.hypot(*a)
+    return a[0] / length, a[1] / length, a[2] / length
+
+
+def _sum(*parts: tuple[float, Vec3]) -> Vec3:
+    x, y, z = (sum(share * vector[axis] for share, vector in parts) for axis in range(3))
+    return x, y, z

@@ -1,0 +1,139 @@
+"""A pixel explained on its picture; the job's log; and the picture's tools, clicked."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import httpx
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import rendered
+from tests.e2e.site import call
+from tests.helpers import Farm
+
+pytestmark = [pytest.mark.browser, pytest.mark.farm]
+
+PIXEL = (96, 64)
+
+
+@pytest.fixture(scope="module")
+def finished(farm: Farm) -> str:
+    """A small picture of a box that light bounces in."""
+    scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
+    return rendered(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
+
+
+def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
+    page.goto(f"{farm.url}/#/jobs/{job}{query}")
+    expect(page.locator(".stage")).to_have_attribute("data-film", "here")
+
+
+def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watched: Watched) -> None:
+    """By the tool's click and by the pin's button; the table is the service's answer; Escape ends it."""
+    page = watched.page
+    x, y = PIXEL
+    told = httpx.get(f"{farm.url}/api/jobs/{finished}/explain?x={x}&y={y}", timeout=60).raise_for_status().json()
+    assert told["equals_film"] is True
+    open_job(page, farm, finished, f"?pins={x},{y}")
+    panel = page.get_by_role("region", name="Explained pixel")
+    page.get_by_role("button", name=f"Explain the pixel {x}, {y}").click()
+    expect(panel.get_by_role("heading")).to_have_text(f"Pixel {x}, {y} explained")
+    expect(panel).to_contain_text("Their sum is the film's to the bit.")
+    expect(panel.get_by_role("radio")).to_have_count(len(told["paths"]))
+    bright = next(path for path in told["paths"] if "brightest" in path["chosen"])
+    panel.get_by_role("radio", name="Brightest").check()
+    rows = panel.locator("tbody tr")
+    expect(rows).to_have_count(len(bright["vertices"]))
+    expect(rows.first).to_contain_text(bright["vertices"][0]["object_name"])
+    over = page.locator(".stage canvas").last
+    drawn = """(canvas) => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
+        .data.filter((value, i) => i % 4 === 3 && value).length"""
+    with_path = over.evaluate(drawn)
+    panel.get_by_role("button", name="Vertex 1").press("Enter")
+    expect(panel.get_by_role("button", name="Vertex 1")).to_have_attribute("aria-pressed", "true")
+    expect(panel.locator("dl")).to_contain_text("Throughput")
+    panel.get_by_role("spinbutton", name="Number of a sample").fill("5")
+    panel.get_by_role("button", name="Follow").click()
+    expect(panel.get_by_role("radio", name="Asked for")).to_be_checked()
+    page.keyboard.press("Escape")  # typing is none of it
+    page.locator("h1").click()
+    page.keyboard.press("Escape")
+    expect(panel).to_be_hidden()
+    assert over.evaluate(drawn) < with_path, "what was drawn is gone"
+    page.get_by_role("button", name="Explain a pixel", exact=True).click()
+    box = page.locator(".stage").bounding_box()
+    assert box
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    expect(panel).to_contain_text("followed again")
+    assert watched.errors == []
+
+
+def test_lines_end_at_the_edge_and_behind_the_eye(page: Page) -> None:
+    """A line to what lies behind is the line that is seen: cut where it would pass beside the eye."""
+    room = {"left": 0, "top": 0, "right": 100, "bottom": 100}
+
+    def line(a: list[float], b: list[float]) -> dict | None:
+        found: dict | None = call(
+            page, "film/path-lines", "return m.lineBetween(...a)", [a, b, {"x": 0, "y": 0, "scale": 1}, room]
+        )
+        return found
+
+    assert line([10, 10, 1], [180, 100, 2]) == {"from": {"x": 10, "y": 10}, "to": {"x": 90, "y": 50}, "isCut": False}
+    out = line([10, 50, 1], [400, 50, 1])
+    assert out and out["to"] == {"x": 100, "y": 50} and out["isCut"]
+    behind = line([50, 50, 1], [0, -50, -1])  # it passes beside the eye on the right, though what it goes to is seen nowhere
+    assert behind and behind["isCut"]
+    assert behind["to"]["x"] == pytest.approx(100)
+    assert behind["to"]["y"] == pytest.approx(50)
+    assert line([10, 10, -1], [20, 20, -1]) is None
+    assert line([-10, -10, 1], [-20, 50, 1]) is None
+
+
+def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watched: Watched) -> None:
+    page = watched.page
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
+    open_job(page, farm, finished)
+    panel = page.locator(".job-log")
+    panel.locator("summary").click()
+    lines = panel.get_by_role("log")
+    expect(lines).to_contain_text("finished: ")
+    panel.get_by_role("button", name="Copy the log").click()
+    expect(page.get_by_text("The log is copied")).to_have_count(1)
+    text = httpx.get(f"{farm.url}/api/jobs/{finished}/log").text
+    assert page.evaluate("navigator.clipboard.readText()") == text
+    with page.expect_download() as download:
+        panel.get_by_role("link", name="Download the log").click()
+    assert download.value.suggested_filename == "Cornell box.log"
+    assert download.value.path().read_text() == text
+
+
+def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched) -> None:
+    """Copied is the picture as it looks, and the address with all of its look; fullscreen is the stage's."""
+    page = watched.page
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
+    open_job(page, farm, finished, "?ev=1.5&tone=agx")
+    page.get_by_role("button", name="Copy the picture").click()
+    expect(page.get_by_text("Copy the picture: done")).to_have_count(1)
+    bytes_ = page.evaluate("""async () => {
+        const [item] = await navigator.clipboard.read();
+        return [...new Uint8Array(await (await item.getType('image/png')).arrayBuffer())];
+    }""")
+    copied = np.asarray(Image.open(io.BytesIO(bytes(bytes_))).convert("RGB")).astype(int)
+    query = {"exposure": 1.5, "tonemap": "agx"}
+    asked = httpx.get(f"{farm.url}/api/jobs/{finished}/frames/0/image.png", params=query).raise_for_status().content
+    np.testing.assert_array_equal(copied, np.asarray(Image.open(io.BytesIO(asked)).convert("RGB")))
+    page.get_by_role("button", name="Copy the link to this view").click()
+    expect(page.get_by_text("Copy the link to this view: done")).to_have_count(1)
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert link == page.url and "ev=1.5" in link and json.dumps(finished)[1:-1] in link
+    whole = page.get_by_role("button", name="Whole screen")
+    whole.click()
+    expect(page.locator(".stage:fullscreen")).to_have_count(1)
+    page.keyboard.press("w")
+    expect(page.locator(":fullscreen")).to_have_count(0)
+    assert watched.errors == []

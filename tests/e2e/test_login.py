@@ -1,0 +1,73 @@
+"""A farm that other machines reach, in the browser: in by a link, out, and in again by a password."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import Watched
+from tests.helpers import running_redis
+from tests.service.conftest import Service
+
+PASSWORD = "four quiet words here"
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Iterator[Service]:
+    server = running_redis(tmp_path)
+    with server:
+        service = Service(tmp_path / "data", server, host="0.0.0.0")
+        yield service
+        service.stop()
+
+
+def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    token = (tmp_path / "data" / "owner-token").read_text().strip()
+    with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, verify=False) as owner:
+        owner.post("/api/users", json={"name": "anna", "role": "submit"}).raise_for_status()
+        code = owner.post("/api/links", json={"user": "anna"}).raise_for_status().json()["code"]
+
+        page.goto(f"{service.url}/#/workers")
+        expect(page.get_by_role("heading", name="Log in to Rayfarm")).to_be_visible()
+        expect(page.get_by_role("navigation")).to_be_hidden()
+        assert watched.errors == []
+
+        page.goto("about:blank")
+        page.goto(f"{service.url}/#/login?code={code}")
+        expect(page.get_by_role("heading", name="anna")).to_be_visible()
+        assert code not in page.url
+        assert page.evaluate("[document.cookie, document.referrer]") == ["", ""]
+        page.go_back()
+        page.go_forward()
+        assert code not in page.url
+        page.get_by_label("New password").fill(PASSWORD)
+        page.get_by_role("button", name="Change the password").click()
+        expect(page.get_by_text("All other browsers are logged out.")).to_be_visible()
+
+        page.goto(f"{service.url}/#/workers")
+        expect(page.get_by_role("heading", name="Workers", exact=True)).to_be_visible()
+        page.get_by_role("link", name="Logged in as anna").click()
+        page.get_by_role("button", name="Log out").click()
+        page.get_by_label("Name").fill("Anna ")
+        page.get_by_label("Password").fill("not it")
+        page.get_by_role("button", name="Log in").click()
+        expect(page.get_by_role("alert")).to_contain_text("not right")
+        page.get_by_label("Password").fill(PASSWORD)
+        page.get_by_role("button", name="Log in").click()
+        expect(page.get_by_role("heading", name="anna")).to_be_visible()
+
+        owner.delete("/api/users/anna").raise_for_status()
+        expect(page.get_by_role("heading", name="Log in to Rayfarm")).to_be_visible()
+
+
+def test_a_link_that_was_used_says_so(service: Service, watched: Watched) -> None:
+    watched.page.goto(f"{service.url}/#/login?code=used")
+    expect(watched.page.get_by_role("alert")).to_contain_text("used already")
+    assert "used" not in watched.page.url.partition("#")[2]

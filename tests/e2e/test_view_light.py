@@ -1,0 +1,140 @@
+"""Light by hand in the view of a scene: turned and made stronger by a drag, and the sun put where a click wants it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.site import call
+from tests.helpers import Farm, wait_until
+
+pytestmark = pytest.mark.browser
+
+FOV = 40
+# Sky above, floor below, and a wall in the middle that looks at the camera.
+SCENE = f"""
+shapes:
+  - {{type: quad, transform: [{{scale: 50}}, {{rotate: {{axis: x, degrees: -90}}}}]}}
+  - {{type: quad, transform: [{{scale: [0.5, 0.1, 1]}}, {{translate: [0, 1, 0]}}]}}
+environment: {{preset: overcast}}
+cameras:
+  - {{eye: [0, 1, 6], target: [0, 1, 0], fov: {FOV}}}
+settings: {{width: 320, height: 320}}
+"""
+
+
+def test_a_drag_turns_the_light_and_changes_its_strength(page: Page) -> None:
+    def dragged(across: float, up: float, rotation: float = 0, strength: float = 1) -> dict[str, float]:
+        before = {"rotation": rotation, "strength": strength}
+        body = "return m.dragged(a.before, a.moved, { width: 720, height: 400 });"
+        return dict(call(page, "scene/light-math", body, {"before": before, "moved": {"across": across, "up": up}}))
+
+    assert dragged(183, 10) == {"rotation": -90, "strength": 1}, "what lies behind follows; a hand that goes sideways trembles"
+    assert dragged(-363, 0, rotation=90) == {"rotation": -90, "strength": 1}, "around and around"
+    assert dragged(2, 116) == {"rotation": 0, "strength": 2}
+    assert dragged(0, -116, strength=0.5) == {"rotation": 0, "strength": 0.25}
+    assert dragged(0, 116, strength=0)["strength"] > 0, "out of darkness too"
+
+
+def test_the_sun_is_where_its_highlight_meets_the_eye(page: Page) -> None:
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        sight, normal = (v / np.linalg.norm(v) for v in random.normal(size=(2, 3)))
+        scaled = [list(sight), list(float(random.uniform(-2, 2)) * normal)]
+        sun = call(page, "scene/light-math", "return m.sunFor({ direction: a[0], normal: a[1] });", scaled)
+        elevation, azimuth = math.radians(sun["elevation"]), math.radians(sun["azimuth"])
+        level = math.cos(elevation)
+        found = np.array([level * math.sin(azimuth), math.sin(elevation), -level * math.cos(azimuth)])
+        half = found - sight  # between the sun and the eye
+        mirrored = sight - 2 * (sight @ normal) * normal
+        assert sun["isRaised"] == (mirrored[1] < math.sin(math.radians(2)))
+        if not sun["isRaised"]:
+            assert abs(half @ normal) == pytest.approx(np.linalg.norm(half), abs=1e-6)
+        else:
+            assert sun["elevation"] == 2
+            assert found[0] * mirrored[2] == pytest.approx(found[2] * mirrored[0], abs=1e-6), "on that side"
+    sky = call(page, "scene/light-math", "return m.sunFor({ direction: [0.6, 0.8, 0], normal: null });")
+    assert (sky["azimuth"], sky["elevation"]) == pytest.approx((90, 53.13), abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def scene(farm: Farm) -> str:
+    sent = {"files": ("wall.yaml", SCENE.encode())}
+    found: dict[str, Any] = httpx.post(f"{farm.url}/api/scenes", files=sent, timeout=60).raise_for_status().json()
+    with farm.client() as client:
+        client.wait_for_scene(found["id"])
+    return str(found["id"])
+
+
+@pytest.mark.farm
+def test_light_is_turned_in_the_view_and_the_sun_put_into_it(farm: Farm, watched: Watched, scene: str) -> None:
+    page = watched.page
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    surface, readout, hint = (page.locator(name) for name in (".live-view", ".view-readout", ".view-hint"))
+    page.wait_for_selector(".live-view[data-view]", timeout=120_000)
+    rotation, strength = page.get_by_label("Rotation, °"), page.get_by_label("Strength", exact=True)
+    box = surface.bounding_box()
+    assert box
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+    def seen() -> int:
+        return int(surface.get_attribute("data-view") or 0)
+
+    before = seen()
+    page.mouse.move(*at(0.5, 0.5))
+    page.keyboard.down("l")
+    page.mouse.down()
+    page.mouse.move(*at(0.25, 0.5), steps=4)
+    turn = round(360 * (0.25 - 3 / box["width"]))
+    expect(readout).to_have_text(f"Rotation {turn}°, strength 1")
+    wait_until(lambda: seen() > before, 60, "the turned light is seen while it is held")
+    assert rotation.input_value() == str(turn)
+    page.keyboard.press("Escape")
+    expect(readout).to_contain_text("Taken back: Rotation 0°")
+    assert rotation.input_value() == "0"
+    page.mouse.up()
+    page.keyboard.up("l")
+    expect(surface).to_have_attribute("data-tool", "")
+    assert "view=" not in page.evaluate("location.href"), "the view stands still"
+
+    page.keyboard.down("Shift")
+    page.mouse.move(*at(0.5, 0.75))
+    page.mouse.down(button="right")
+    page.mouse.move(*at(0.5, 0.25), steps=4)
+    page.mouse.up(button="right")
+    page.keyboard.up("Shift")
+    assert 2 < float(strength.input_value()) < 4, "half the height is two stops, less what trembles"
+
+    page.keyboard.press("l")
+    expect(page.get_by_role("button", name="Turn the light")).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowLeft")
+    assert rotation.input_value() == "10"
+
+    page.get_by_role("button", name="Place it in the view").or_(page.get_by_role("button", name="Place the sun")).first.click()
+    height, direction = page.get_by_label("Sun's height"), page.get_by_label("Sun's direction")
+    rise = math.degrees(math.atan(0.5 * math.tan(math.radians(FOV / 2))))
+    page.mouse.click(*at(0.5, 0.25))
+    expect(hint).to_have_text(f"The sun stands at {rise:.0f}° height, 0°.")
+    expect(page.get_by_role("radio", name="Clear sky")).to_be_checked()
+    assert float(height.input_value()) == pytest.approx(rise, abs=0.3)
+    assert float(direction.input_value()) == pytest.approx(10, abs=0.3), "seen straight ahead, in a sky that is turned"
+    page.mouse.click(*at(0.5, 0.5))
+    expect(hint).to_have_text(
+        "The sun stands at 2° height, 180°. Its highlight there would need it below the horizon: it stands just above."
+    )
+    page.mouse.click(*at(0.5, 0.75))
+    expect(hint).to_have_text(f"The sun stands at {rise:.0f}° height, 0°.")
+    before = seen()
+    wait_until(lambda: seen() > before or int(surface.get_attribute("data-samples") or 0) > 0, 60, "it is seen")
+    page.keyboard.press("Escape")
+    expect(surface).to_have_attribute("data-tool", "")
+    assert not watched.errors

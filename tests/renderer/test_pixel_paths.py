@@ -1,0 +1,63 @@
+"""A pixel explained: its samples are the film's to the bit, and its places are where the camera sees them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.errors import SettingsError
+from renderer.film import COLOR, SAMPLES
+from renderer.kernel.camera import camera_frame, camera_ray
+from renderer.pixel_paths import pixel_paths, spot_of
+from renderer.render import render_batch
+from renderer.scene.description import Material
+from renderer.settings import RenderSettings, Tile, View
+from tests.renderer.builders import box, emitter, gray, scene, settings, square
+
+VIEW = ((0, 2, 6), (0, 0.5, 0), 40)
+RANDOM = np.random.default_rng(3)
+
+
+@pytest.fixture(scope="module")
+def made():
+    materials = [Material(base_color=gray(0.7)), Material(kind="mirror", base_color=gray(0.9)), emitter(9.0)]
+    ground, lamp = square((0, 0, 0), (9, 0, 0), (0, 0, -9), 0), square((0, 3, 0), (1, 0, 0), (0, 0, 1), 2)
+    return scene(materials, (ground, box(2, 0.4, (0, 0.4, -1)), lamp), environment=0.3)
+
+
+def test_the_samples_add_up_to_the_film_and_three_are_shown(made):
+    asked = replace(settings(*VIEW, size=40, max_depth=6), view=View((0, 2, 6), (0, 0.5, 0), fov=40, aperture=0.2))
+    film = render_batch(made, asked, Tile(16, 16, 8, 8), 0, 24).sums
+    for x, y in ((16, 16), (20, 22), (23, 23)):
+        found = pixel_paths(made, asked, x, y, 24, asked=5)
+        assert list(found.sums) == film[COLOR, y - 16, x - 16].tolist()
+        assert found.finite == film[SAMPLES, y - 16, x - 16] == found.samples == 24
+        assert {role for path in found.paths for role in path.chosen} == {"asked", "first", "median", "brightest"}
+        light = {role: sum(path.replay.value) for path in found.paths for role in path.chosen}
+        assert light["brightest"] >= light["median"]
+        assert next(path.sample for path in found.paths if "asked" in path.chosen) == 5
+
+
+def test_a_pixel_without_samples_shows_its_first(made):
+    found = pixel_paths(made, settings(*VIEW, size=40), 3, 3, 0)
+    assert (found.samples, found.sums, [path.sample for path in found.paths]) == (0, (0, 0, 0), [0])
+    with pytest.raises(SettingsError, match=r"^pixel"):
+        pixel_paths(made, settings(*VIEW, size=40), 40, 3, 1)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
+def test_what_a_ray_meets_is_seen_where_the_ray_began(projection):
+    view = View((1, 2, 6), (0.3, 0.5, 0), up=(0.1, 1, 0), fov=50, projection=projection, height=3)
+    camera = camera_frame(RenderSettings(80, 40, view))
+    for x, y in RANDOM.uniform(1, 39, (20, 2)).astype(np.float32):
+        origin, direction = camera_ray(camera, x, y, (np.float32(0.5), np.float32(0.5)))
+        point = tuple(float(o) + 3.7 * float(d) for o, d in zip(origin, direction, strict=True))
+        spot = spot_of(view, 80, 40, point)
+        assert (spot.x / spot.w, spot.y / spot.w) == pytest.approx((x, y), abs=1e-3)
+
+
+def test_what_lies_behind_and_what_is_far_have_a_side():
+    view = View((0, 0, 0), (0, 0, -1), fov=90)
+    assert spot_of(view, 20, 20, (1, 0, 5)).w < 0
+    middle = spot_of(view, 20, 20, (0, 0, -1), is_far=True)
+    assert (middle.x / middle.w, middle.y / middle.w) == (10, 10)

@@ -1,0 +1,124 @@
+"""GET /api/jobs/{id}/explain: what is asked of a worker, what of its answer is told, and what is said where nobody can."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+
+from renderer.film import COLOR, SAMPLES
+from renderer.settings import RenderSettings, Tile
+from service.viewing import explaining
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_sums
+from worker.explained import ExplainPixel
+
+VERTEX = {
+    "kind": "surface",
+    "object": 0,
+    "material": 0,
+    "model": "diffuse",
+    "bounce": None,
+    "pdf": None,
+    "survival": None,
+    "distance": 1.0,
+    "point": [0, 0, 0],
+    "normal": [0, 0, 1],
+    "direction": [0, 0, -1],
+    "throughput": [1, 1, 1],
+    "emitted": [0, 0, 0],
+    "emitted_weight": None,
+    "direct": [0, 0, 0],
+    "light": None,
+    "spot": [1, 2, 1],
+}
+PATH = {"chosen": ["first"], "sample": 0, "value": [1, 1, 1], "end": "depth", "time": 0.0, "vertices": [VERTEX]}
+
+
+def explained(work: ExplainPixel) -> list[dict[str, Any]]:
+    """What a worker says whose samples are those of the film."""
+    sums = expected_sums(Tile(work.x, work.y, 1, 1), 0, work.count, work.settings.seed)[:, 0, 0]
+    told = {"samples": work.count, "sums": [int(v) for v in sums[COLOR]], "finite": int(sums[SAMPLES]), "paths": [PATH]}
+    return [{"type": "begun"}, {"type": "done", "explained": told}]
+
+
+def ask(service: Service, job: str, **query: Any) -> httpx.Response:
+    return service.http.get(f"/api/jobs/{job}/explain", params={"x": 5, "y": 7, **query})
+
+
+@pytest.fixture
+def job(service: Service, worker: PeerWorker) -> str:
+    id = service.submit(service.ready_scene())
+    service.wait_for(id, "finished")
+    return id
+
+
+def test_a_worker_is_asked_with_the_jobs_own_settings_and_its_sum_held_against_the_film(
+    service: Service, worker: PeerWorker, job: str
+) -> None:
+    worker.on_explain = explained
+    found = ask(service, job, sample=3).raise_for_status().json()
+    (work,) = worker.explained
+    assert (work.x, work.y, work.count, work.sample, work.moment) == (5, 7, 8, 3, None)
+    assert work.settings == RenderSettings.from_json(service.farm.records.job(job).settings or {})
+    assert found["equals_film"] is True
+    assert (found["samples"], found["worker"]) == (8, "peer")
+    pixel = service.http.get(f"/api/jobs/{job}/frames/0/pixel", params={"x": 5, "y": 7}).json()
+    assert found["mean"] == pytest.approx(pixel["color"], rel=1e-6)
+    worker.on_explain = lambda work: [*explained(work)[:1], {**explained(work)[1], "explained": _other(work)}]
+    assert ask(service, job).json()["equals_film"] is False
+
+
+def _other(work: ExplainPixel) -> dict[str, Any]:
+    told = explained(work)[1]["explained"]
+    return {**told, "sums": [told["sums"][0] + 1, *told["sums"][1:]]}
+
+
+def test_what_cannot_be_is_said_in_a_sentence(
+    service: Service, worker: PeerWorker, job: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def said(status: int, words: str, **query: Any) -> None:
+        answer = ask(service, job, **query)
+        assert answer.status_code == status, answer.text
+        assert words in answer.json()["detail"]
+
+    said(422, "There is no pixel 64, 7", x=64)
+    said(404, "no frame 3", frame=3)
+    assert ask(service, "none").status_code == 404
+    monkeypatch.setattr(explaining, "COMPILE_S", 0.1)
+    for answers, status, words in (
+        ([{"type": "failed", "error": "pixel 1,2 lies elsewhere"}], 502, "lies elsewhere"),
+        ([{"type": "begun"}, {"type": "compiling"}], 503, "makes the kernel for it ready"),
+        ([{"type": "returned", "error": "the disk is full"}], 503, "the disk is full"),
+        ([{"type": "done", "explained": None}], 502, "makes no sense"),
+    ):
+        worker.on_explain = lambda work, answers=answers: answers
+        said(status, words)
+    worker.on_explain = lambda work: []
+    monkeypatch.setattr(explaining, "BEGIN_S", 0.1)
+    said(504, "No worker had time")
+    monkeypatch.undo()
+    worker.stop()
+    until(lambda: not service.farm.engine.snapshot.roster.reports, "the service sees that the worker is gone")
+    said(503, "none is connected")
+
+
+def test_workers_of_an_older_release_are_not_asked(service: Service) -> None:
+    with service.worker(explains=False):
+        job = service.submit(service.ready_scene())
+        service.wait_for(job, "finished")
+        answer = ask(service, job)
+        assert (answer.status_code, "older release" in answer.json()["detail"]) == (503, True)
+
+
+def test_a_frame_that_moves_is_prepared_for_it_again(service: Service, worker: PeerWorker) -> None:
+    worker.on_frame = lambda frame: b"frame" + str(frame).encode()
+    worker.on_explain = explained
+    job = service.submit(service.ready_scene(), frames="0-2")
+    service.wait_for(job, "finished")
+    ask(service, job, frame=2)
+    (work,) = worker.explained
+    assert work.moment is not None
+    assert work.moment.frames == [4]
+    assert work.moment.base == work.compiled

@@ -1,0 +1,96 @@
+/** A WebSocket that lasts: when it breaks, falls silent or the service starts anew, another takes its place. */
+
+import { Backoff } from "./backoff.js";
+
+/** A silent connection is dead: the service speaks at least every few seconds, and laptops wake up with dead sockets. */
+const SILENCE_MS = 20_000;
+
+/**
+ * @typedef {object} SocketHandlers
+ * @property {(up: boolean) => void} link
+ * @property {(sentence: string) => void} refused the service closed the connection for good
+ */
+
+export class LastingSocket {
+  /**
+   * @param {SocketHandlers} handlers
+   * @param {string} refusal said where the service closes it for good and does not say why
+   */
+  constructor(handlers, refusal) {
+    this.link = handlers.link;
+    this.refused = handlers.refused;
+    this.refusal = refusal;
+    this.backoff = new Backoff();
+    /** @type {WebSocket | null} */
+    this.socket = null;
+    this.lastHeard = 0;
+    this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
+  }
+
+  /** Where to; of a path below the page, as https: or http:. @returns {string} */
+  address() {
+    throw new Error("nowhere");
+  }
+
+  /** It is open: what the service has to know. */
+  opened() {}
+
+  /** @param {any} _message JSON */
+  told(_message) {}
+
+  /** @param {ArrayBuffer} _packet */
+  sent(_packet) {}
+
+  connect() {
+    const url = new URL(this.address(), location.href);
+    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    url.hash = "";
+    const socket = new WebSocket(url);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.lastHeard = performance.now();
+    socket.onopen = () => {
+      this.backoff.succeeded();
+      this.link(true);
+      this.opened();
+    };
+    socket.onmessage = ({ data }) => {
+      if (this.socket !== socket) return; // closed while this was on its way
+      this.lastHeard = performance.now();
+      if (typeof data === "string") this.told(JSON.parse(data));
+      else this.sent(data);
+    };
+    socket.onclose = ({ code, reason }) => {
+      if (this.socket !== socket) return;
+      if (code === 1008 || (code >= 4000 && code < 5000)) {
+        this.ended(code, reason);
+        return;
+      }
+      this.link(false);
+      this.backoff.schedule(() => this.connect());
+    };
+  }
+
+  /** The service closed it for good. @param {number} _code @param {string} reason */
+  ended(_code, reason) {
+    this.refused(reason || this.refusal);
+  }
+
+  /** @param {object} message lost where it is not open */
+  say(message) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+
+  checkSilence() {
+    if (this.socket?.readyState === WebSocket.OPEN && performance.now() - this.lastHeard > SILENCE_MS)
+      this.socket.close();
+  }
+
+  close() {
+    clearInterval(this.watchdog);
+    this.backoff.cancel();
+    const socket = this.socket;
+    this.socket = null;
+    socket?.close(1000);
+  }
+}

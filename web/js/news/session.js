@@ -1,0 +1,46 @@
+/** Who the service takes this browser for, and the ways in and out. On loopback nobody is asked. */
+
+import { ApiError, call } from "./api.js";
+import { Store } from "../base/store.js";
+
+/**
+ * @typedef {object} Session
+ * @property {boolean} login whether one is needed here
+ * @property {string | null} name null: nobody is logged in
+ * @property {"view" | "submit" | "admin" | null} role
+ * @property {"open" | "session" | "token" | "owner" | null} kind
+ */
+
+/** Whoever runs a service without logins, or reads a page whose service does not answer. @type {Session} */
+const OPEN = { login: false, name: null, role: "admin", kind: "open" };
+
+/** @type {Store<Session>} */
+export const session = new Store(OPEN);
+
+/** What comes before any list of roles that contains it may do all of that too. */
+const ROLES = ["view", "submit", "admin"];
+
+/** @param {"view" | "submit" | "admin"} role */
+export const may = (role) => ROLES.indexOf(session.value.role ?? "") >= ROLES.indexOf(role);
+
+/** Asks who we are. @returns {Promise<boolean>} whether somebody has to log in first */
+export async function mustLogIn() {
+  try {
+    session.set(await call("GET", "/session"));
+  } catch (error) {
+    if (!(error instanceof ApiError)) throw error;
+    return false; // it does not answer: the page says so by itself
+  }
+  return session.value.login && session.value.name === null;
+}
+
+/** @param {{name: string, password: string} | {link: string}} shown @returns {Promise<Session>} */
+export const logIn = (shown) => call("POST", "/login", { json: shown });
+
+export async function logOut() {
+  await call("POST", "/logout");
+  location.reload();
+}
+
+/** @param {string} old empty: there is none @param {string} next @returns {Promise<void>} */
+export const changePassword = (old, next) => call("PUT", "/session/password", { json: { old, new: next } });

@@ -1,0 +1,59 @@
+/** Who is logged in, and what is theirs: the password and the way out. */
+
+import { h } from "../base/dom.js";
+import { t } from "../base/words.js";
+import { changePassword, logOut, session } from "../news/session.js";
+import { setTitle } from "../shell/router.js";
+import { announce, showError } from "../shell/tray.js";
+
+/** What a role lets do. */
+const ROLES = /** @type {Record<string, string>} */ ({
+  view: t("You may look at everything."),
+  submit: t("You may look at everything, upload scenes and render."),
+  admin: t("You may do everything, and say who else may."),
+});
+
+/** @returns {{element: HTMLElement, dispose: () => void}} */
+export function accountView() {
+  setTitle(t("Account"));
+  const { name, role, kind } = session.value;
+  const leave = h("button", { class: "button", type: "button", onclick: () => void logOut().catch((error) => showError(t("Not logged out"), error)) }, t("Log out"));
+  const element = h(
+    "div",
+    { class: "page account" },
+    h("header", { class: "account-head" }, h("div", null, h("h1", { class: "page-title" }, name ?? t("This machine")), h("p", { class: "quiet" }, ROLES[role ?? ""] ?? "")), kind === "session" && leave),
+    kind === "session" && name !== "owner" && passwordSection(),
+  );
+  return { element, dispose: () => {} };
+}
+
+function passwordSection() {
+  const old = h("input", { id: "password-old", type: "password", autocomplete: "current-password" });
+  const next = h("input", { id: "password-new", type: "password", autocomplete: "new-password", required: true, minLength: 10 });
+  const problem = h("p", { class: "problem", role: "alert" });
+  const form = h(
+    "form",
+    {
+      class: "account-form",
+      onsubmit: async (/** @type {Event} */ event) => {
+        event.preventDefault();
+        problem.textContent = "";
+        try {
+          await changePassword(old.value, next.value);
+          form.reset();
+          announce(t("The password is changed"));
+          problem.textContent = "";
+          done.hidden = false;
+        } catch (error) {
+          done.hidden = true;
+          problem.textContent = /** @type {Error} */ (error).message;
+        }
+      },
+    },
+    h("div", { class: "field" }, h("label", { for: "password-old" }, t("Password until now")), old, h("span", { class: "hint" }, t("Empty where you have none yet."))),
+    h("div", { class: "field" }, h("label", { for: "password-new" }, t("New password")), next, h("span", { class: "hint" }, t("At least 10 characters; a few words are best."))),
+    h("button", { class: "button", type: "submit" }, t("Change the password")),
+  );
+  const done = h("p", { class: "quiet", hidden: true }, t("The password is changed. All other browsers are logged out."));
+  return h("section", { class: "section" }, h("header", null, h("h2", null, t("Password"))), form, problem, done);
+}

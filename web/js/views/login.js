@@ -1,0 +1,70 @@
+/** The way in: a name and a password, or the code of a link that works once. */
+
+import { h } from "../base/dom.js";
+import { t } from "../base/words.js";
+import { logIn } from "../news/session.js";
+import { languageMenu } from "../shell/language-menu.js";
+import { here, setTitle } from "../shell/router.js";
+
+/** Beside the modules, and so of their version. */
+const ICON = new URL("../../icon.svg", import.meta.url).href;
+
+/**
+ * The code in the address, which is taken out of it at once: it must not stay in the history, nor in what is copied from the bar.
+ *
+ * @returns {string | null}
+ */
+export function takeCode() {
+  const { path, params } = here();
+  if (path[0] !== "login") return null;
+  history.replaceState(null, "", location.pathname);
+  return params.get("code");
+}
+
+/**
+ * @param {string | null} code
+ * @returns {{element: HTMLElement, dispose: () => void}}
+ */
+export function loginView(code) {
+  setTitle(t("Log in"));
+  const name = h("input", { id: "login-name", type: "text", autocomplete: "username", autocapitalize: "none", spellcheck: "false", required: true });
+  const password = h("input", { id: "login-password", type: "password", autocomplete: "current-password", required: true });
+  const button = h("button", { class: "button primary large", type: "submit" }, t("Log in"));
+  const problem = h("p", { class: "problem", role: "alert" });
+
+  /** @param {Parameters<typeof logIn>[0]} shown */
+  const enter = async (shown) => {
+    button.disabled = true;
+    problem.textContent = "";
+    try {
+      const session = await logIn(shown);
+      // Where nobody has a password yet one is chosen now; else the address still says where this visit was going.
+      if ("link" in shown && session.name !== "owner") history.replaceState(null, "", "#/account");
+      location.reload();
+    } catch (error) {
+      button.disabled = false;
+      problem.textContent = /** @type {Error} */ (error).message;
+      password.value = "";
+      (name.value ? password : name).focus();
+    }
+  };
+  const form = h(
+    "form",
+    {
+      class: "login-card",
+      onsubmit: (/** @type {Event} */ event) => {
+        event.preventDefault();
+        void enter({ name: name.value.trim().toLowerCase(), password: password.value });
+      },
+    },
+    h("header", null, h("img", { src: ICON, alt: "" }), h("h1", null, t("Log in to Rayfarm")), languageMenu()),
+    h("div", { class: "field" }, h("label", { for: "login-name" }, t("Name")), name),
+    h("div", { class: "field" }, h("label", { for: "login-password" }, t("Password")), password),
+    problem,
+    button,
+    h("p", { class: "quiet" }, t("No password yet? Ask whoever runs this farm for a link.")),
+  );
+  if (code) void enter({ link: code });
+  else queueMicrotask(() => name.focus());
+  return { element: h("div", { class: "login" }, form), dispose: () => {} };
+}
