@@ -83,6 +83,8 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("POST", "/api/references"): SUBMIT,
     ("GET", "/api/references/{id}"): VIEW,
     ("GET", "/api/references/{id}/film"): VIEW,
+    ("GET", "/api/references/{id}/file"): VIEW,
+    ("GET", "/api/references/{id}/image.{extension}"): VIEW,
     ("DELETE", "/api/references/{id}"): SUBMIT,
     ("GET", "/api/examples"): VIEW,
     ("POST", "/api/examples/{name}"): SUBMIT,
