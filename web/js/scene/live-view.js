@@ -35,11 +35,11 @@ const LEAST_SIDE = 16;
 /** What a request says of more than one picture of a few samples. */
 const NOT_OF_A_VIEW = ["spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
-/** Told in the help; the view itself takes them, while it has the focus. @type {import("../shell/shortcuts.js").Shortcut[]} */
+/** Told in the help; the view itself takes them, while it has the focus. */
 const HAND_KEYS = [
-  { keys: "View: fly", shown: "W A S D Q E", does: t("In the view: fly; with Shift faster"), run: () => {} },
-  { keys: "View: turn", shown: t("Arrows"), does: t("In the view: turn it; with Shift move it"), run: () => {} },
-  { keys: "View: dolly", shown: "− +", does: t("In the view: nearer and farther"), run: () => {} },
+  { keys: "W A S D Q E", does: t("In the view: fly; with Shift faster") },
+  { keys: t("Arrows"), does: t("In the view: turn it; with Shift move it") },
+  { keys: "− +", does: t("In the view: nearer and farther") },
 ];
 
 /**
@@ -237,7 +237,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       does: t("Take back what is dragged; lay the tool down; back to the live view"),
       run: () => void (tools.escape() || sides.set({ a: LIVE, b: "" })),
     },
-    ...HAND_KEYS,
+    ...HAND_KEYS.map(({ keys, does }) => ({
+      ...{ keys: `View: ${keys}`, does, run: () => {} },
+      get shown() {
+        return instead.isOpen ? null : keys;
+      },
+    })),
   ]);
   const placeSun = () => (tools.choose("sun"), surface.scrollIntoView({ block: "nearest" }), surface.focus({ preventScroll: true }));
   form.element.addEventListener(PLACE_SUN, placeSun);
