@@ -30,6 +30,7 @@ from service.scheduling.records import Records
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.database import connect
+from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmFolder
 from service.store.films import Film
 from service.store.garbage import Garbage
@@ -68,7 +69,8 @@ class Farm:
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
-        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
+        self.snapshots = FilmSnapshots(settings.data / "snapshots", settings.snapshot_bytes, settings.min_free_bytes)
+        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes, self.snapshots)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
         self.shared = Shared(self.broadcast, settings.live_bytes)
@@ -80,7 +82,8 @@ class Farm:
         self.outbox = Outbox(settings, self.sessions)
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
-            *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
+            *(settings, self.records, self.films, self.snapshots, self.blobs),
+            *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
         )
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})

@@ -75,6 +75,7 @@ class Settings(BaseSettings):
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0
     frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
+    snapshot_bytes: int = 4 * GIB  # of disk, for what jobs looked like on their way; 0: nothing of it is kept
     live_interval: float = 0.12
     live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 

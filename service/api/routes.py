@@ -17,9 +17,11 @@ from service.api import (
     live,
     login,
     people,
+    references,
     retention,
     scenes,
     shot_files,
+    snapshots,
     tokens,
     viewport,
     workers,
@@ -29,12 +31,14 @@ __all__ = ["router"]
 
 router = APIRouter()
 for module in (
+    references,
     scenes,
     environments,
     jobs,
     frames,
     explain,
     shot_files,
+    snapshots,
     live,
     viewport,
     workers,

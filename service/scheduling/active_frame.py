@@ -14,7 +14,7 @@ from service.store.coverage import Coverage
 from service.store.films import Film
 from service.store.models import Frame
 
-__all__ = ["ActiveFrame", "FrameNumbers"]
+__all__ = ["FIRST_LOOK", "ActiveFrame", "FrameNumbers"]
 
 FIRST_LOOK = 8  # samples: with fewer the noise says little
 LOOK_AGAIN = 4  # times as many
