@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from renderer import film as film_math
 from renderer.settings import RenderSettings, Tile
@@ -20,9 +19,8 @@ FIRST_LOOK = 8  # samples: with fewer the noise says little
 LOOK_AGAIN = 4  # times as many
 
 
-@dataclass(frozen=True)
-class FrameNumbers:
-    """How far a frame is."""
+class FrameNumbers(NamedTuple):
+    """How far a frame is. A tuple, as a list of jobs makes thousands of them."""
 
     state: str
     samples: int
