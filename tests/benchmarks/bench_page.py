@@ -142,7 +142,7 @@ def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
     for name, pid in farm.pids().items():
         if name not in ("service", "redis"):
             for process in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
-                process.nice(19)
+                process.nice(10)
     job = submitted(farm, width=1920, height=1080, spp=1 << 16)
     wait_until(lambda: described(farm, job)["samples"] > 4 * 1920 * 1080, 600, "the job renders")
     service = psutil.Process(farm.pids()["service"])
