@@ -227,6 +227,18 @@ class Client:
         """The farm's workers, by name."""
         return self._list(Worker, "/api/workers")
 
+    def let_go(self, dry_run: bool = True, **rules: Any) -> dict[str, Any]:
+        """What the farm lets go by rules: films_days, films_bytes, compiled_days, uploads_days; by its own where none is given.
+
+        farm.let_go(films_days=30)["bytes"]  # only told; dry_run=False does it
+        """
+        timeout = httpx.Timeout(3600.0, connect=5.0)
+        answer = self._send("POST", "/api/retention", json={"dry_run": dry_run, **rules}, timeout=timeout)
+        data = self._data(answer)
+        if not isinstance(data, dict) or not isinstance(data.get("items"), list):
+            raise self._other(answer)
+        return data
+
     def _poll(self, ask: Callable[[], T], timeout_s: float | None) -> Iterator[T]:
         """Answers, a moment apart, until the time is over. A service that is away is asked again for a minute."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s

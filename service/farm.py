@@ -9,6 +9,7 @@ import os
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 from typing import IO, Annotated
 
@@ -23,11 +24,13 @@ from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.keeping.patrol import Patrol
+from service.keeping.retention import Retention, Rules
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.database import connect
+from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmFolder
 from service.store.films import Film
 from service.store.garbage import Garbage
@@ -66,7 +69,8 @@ class Farm:
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
-        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes)
+        self.snapshots = FilmSnapshots(settings.data / "snapshots", settings.snapshot_bytes, settings.min_free_bytes)
+        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes, self.snapshots)
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
         self.shared = Shared(self.broadcast, settings.live_bytes)
@@ -78,9 +82,13 @@ class Farm:
         self.outbox = Outbox(settings, self.sessions)
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
-            *(settings, self.records, self.films, self.blobs, self.broadcast.tell, self.broadcast.tell_tiles, self._let_go)
+            *(settings, self.records, self.films, self.snapshots, self.blobs),
+            *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
         )
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
+        kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
+        self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
+        self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.changed, self.rules)
         self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
         self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
 
@@ -96,12 +104,14 @@ class Farm:
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
+        self.retention.start()
 
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
         self.outbox.stop()
         self.patrol.stop()
+        self.retention.stop()
         self.desk.stop()
         self.explaining.stop()
         self.engine.stop()

@@ -60,6 +60,10 @@ class Settings(BaseSettings):
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
+    keep_films_days: float | None = Field(default=None, ge=0)  # of jobs that are over and not pinned; empty: for ever
+    keep_films_bytes: int | None = Field(default=None, ge=0)  # of disk, for all films together: the oldest go; empty: no limit
+    keep_compiled_days: float | None = Field(default=None, ge=0)  # of scenes that nobody used since; they are made again
+    keep_uploads_days: float | None = Field(default=None, ge=0)  # that nobody used since
     film_check_days: float = Field(
         default=7.0, ge=0
     )  # films that rest are read so often, and what is missing is rendered; 0: never
@@ -71,6 +75,7 @@ class Settings(BaseSettings):
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0
     frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
+    snapshot_bytes: int = 4 * GIB  # of disk, for what jobs looked like on their way; 0: nothing of it is kept
     live_interval: float = 0.12
     live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 

@@ -30,7 +30,7 @@ __all__ = ["look_at_folder"]
 
 LITTLE_ROOM = 5 << 30
 NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
-SECRETS = ("token", "secrets.json", "farm.json", "redis.conf", "rayfarm.sqlite")
+SECRETS = ("token", "owner-token", "secrets.json", "farm.json", "redis.conf", "rayfarm.sqlite")
 NAMED = 3  # of many that are wrong
 
 Progress = Callable[[int, int], None]
@@ -187,7 +187,7 @@ def _is_film_there(films: FilmFolder, job: Job, recorded: dict[int, int], deep: 
     if not any(recorded.values()) or job.settings is None or job.tile_size is None:
         return True
     if not deep:
-        return films.is_there(job.id)
+        return films.size(job.id) > 0
     try:
         check_film(films, job.id, RenderSettings.from_json(job.settings), job.tile_size, recorded)
     except SettingsError:

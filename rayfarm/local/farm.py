@@ -91,11 +91,12 @@ class LocalFarm:
         }
         if self.names:
             env["RAYFARM_ALLOWED_HOSTS"] = json.dumps(self.names)
-        uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
+        uvicorn = [sys.executable, "-m", "service.standby", "service.main:create_app", "--factory", "--no-access-log"]
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for.
         uvicorn += ["--ws-per-message-deflate", "false"]
         service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
+        service.has_spare = True
         self._start(service)
         if self.slots:
             # The token goes by the environment: a command line is seen by everyone on the machine.

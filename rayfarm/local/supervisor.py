@@ -27,6 +27,8 @@ PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
 SERVED_PAUSE_S = 0.2  # for what had come to serve: it can live, whatever ended it
 LOOK_EVERY_S = 0.05  # whether a part that was just started serves
+SPARE_AFTER_S = 3.0  # of serving, where it is the first: while a farm starts, its processor has other things to do
+SPARE_AGAIN_S = 0.3  # of serving, after a restart: what killed one may kill the next
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -53,6 +55,9 @@ class Part:
     restart_at: float | None = None
     has_served: bool = False
     looked: float = 0.0
+    has_spare: bool = False
+    spare: subprocess.Popen[bytes] | None = None
+    spare_started: float = 0.0
 
     @property
     def running(self) -> bool:
@@ -82,23 +87,43 @@ class Supervisor:
         """Start a part and watch it from now on. Raises OSError where its program cannot be started."""
         if part not in self.parts:
             self.parts.append(part)
+        spare, part.spare = part.spare, None
+        part.process = spare if spare is not None and spare.poll() is None else self._spawn(part)
+        if part.has_spare:
+            self._let_begin(part.process)
+        part.started = time.monotonic()
+        part.restart_at = None
+        part.has_served = False
+
+    def _spawn(self, part: Part, is_spare: bool = False) -> subprocess.Popen[bytes]:
         part.log.parent.mkdir(parents=True, exist_ok=True)
-        if part.log.exists() and part.log.stat().st_size > LOG_KEPT:
+        if not is_spare and part.log.exists() and part.log.stat().st_size > LOG_KEPT:
             part.log.replace(part.log.with_suffix(".old.log"))
         with part.log.open("ab") as log:
-            part.process = subprocess.Popen(
+            return subprocess.Popen(
                 part.command,
                 cwd=self.folder,
                 env={**os.environ, **part.env},
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE if part.has_spare else subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 preexec_fn=spawn_guard(),
             )
-        part.started = time.monotonic()
-        part.restart_at = None
-        part.has_served = False
+
+    def _let_begin(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # it has died in this moment, which is seen at the next look
+            process.stdin.write(b"begin\n")
+            process.stdin.close()
+
+    def _keep_spare(self, part: Part, now: float) -> None:
+        """See to it that there is a spare, where the part has been serving for a while."""
+        is_there = part.spare is not None and part.spare.poll() is None
+        pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
+        is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
+        if part.has_spare and part.has_served and not is_there and is_time:
+            part.spare, part.spare_started = self._spawn(part, is_spare=True), now
 
     def tend(self) -> Part | None:
         """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""
@@ -110,6 +135,7 @@ class Supervisor:
                     part.has_served = part.serves()
                 if part.has_served or now - part.started > part.steady_s:
                     part.failures = 0
+                self._keep_spare(part, now)
             elif part.restart_at is None:
                 code = part.process.returncode if part.process else None
                 self._end_group(part)
@@ -125,6 +151,9 @@ class Supervisor:
     def stop(self, hurry: Callable[[], bool] = lambda: False) -> None:
         """Stop all parts, the last started first. Where `hurry` turns true, at once and by force."""
         for part in reversed(self.parts):
+            if part.spare is not None:
+                part.spare.kill()
+                part.spare.communicate()
             process = part.process
             if process is None:
                 continue

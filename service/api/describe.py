@@ -161,6 +161,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
         height=size.get("height"),
         environment=_light_of(job),
         variant=job.request.get("variant"),
+        pinned=bool(job.pinned),
         frames=frames,
         shot=about,
     )

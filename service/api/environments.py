@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Request, Response
@@ -17,15 +17,11 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from renderer.presets import PRESETS
-from service.api.problem import Problem
-from service.api.security import is_beyond
-from service.errors import Conflict, Invalid, NotFound
+from service.api.one_file import UPLOAD_FORM, only_file, read_one
+from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
-from service.intake.multipart import Form, read_form
-from service.intake.names import safe_name
-from service.intake.uploads import gathered
 from service.store.models import ACTIVE, Environment, Job
-from service.store.room import disk_checker, full_disk
+from service.store.room import full_disk
 from worker.contract import BlobRef, ShowEnvironment
 
 __all__ = ["router"]
@@ -49,22 +45,6 @@ class EnvironmentOut(BaseModel):
     created: float | None = Field(description="null: a preset")
     bytes: int | None
     thumbnail: str
-
-
-UPLOAD_FORM = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["file"],
-                    "properties": {"file": {"type": "string", "format": "binary"}},
-                }
-            }
-        },
-    }
-}
 
 
 @router.get("", response_model=list[EnvironmentOut])
@@ -93,21 +73,15 @@ def list_environments(farm: FarmDependency) -> list[EnvironmentOut]:
 @router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
 async def add_environment(request: Request, farm: FarmDependency, response: Response) -> EnvironmentOut:
     """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
-    limit = farm.settings.max_upload_bytes
-    if is_beyond(request.headers.get("content-length", ""), limit):
-        sentence = f"The image is larger than the {limit} bytes that are taken. Make it smaller, or ask who runs the farm."
-        raise Problem(413, sentence, headers={"Connection": "close"})
-    check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
-    with full_disk():
-        chunks = gathered(request.stream())
-        form = await read_form(request.headers.get("content-type", ""), chunks, farm.blobs, 1, limit, check_disk)
+    form = await read_one(request, farm, "image")
     try:
-        name, sha256, size = _only_file(form)
+        name, file = only_file(form, SUFFIXES, "/api/environments", "no image that lights a scene")
+        sha256, size = file.sha256, file.size
         id = sha256[:20]
         if (known := await run_in_threadpool(_known, id, farm)) is None:
             with farm.garbage.pinned([sha256]):
                 with full_disk():
-                    await run_in_threadpool(form.files[0][1].commit)
+                    await run_in_threadpool(file.commit)
                 known = await _recorded(id, name, BlobRef(name, sha256, size), farm)
     finally:
         form.discard()
@@ -147,17 +121,6 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         return found.blobs
 
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
-
-
-def _only_file(form: Form) -> tuple[str, str, int]:
-    """The name, hash and size of the image in a form. Raises Invalid."""
-    if len(form.files) != 1 or form.files[0][1].size == 0:
-        raise Invalid("The upload is empty. Send one image as `file`: curl URL/api/environments -F file=@studio.exr.")
-    name, writer = form.files[0]
-    plain = PurePosixPath(safe_name(name)).name
-    if PurePosixPath(plain).suffix.lower() not in SUFFIXES:
-        raise Invalid(f"{plain} is no image that lights a scene; give one of {', '.join(SUFFIXES)}, best an .exr or .hdr.")
-    return plain[:200], writer.sha256, writer.size
 
 
 async def _recorded(id: str, name: str, file: BlobRef, farm: Farm) -> EnvironmentOut:

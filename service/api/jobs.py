@@ -29,6 +29,7 @@ from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
+from service.store.room import need_room
 
 __all__ = ["router"]
 
@@ -66,10 +67,11 @@ Key = Annotated[
 
 @router.post("", status_code=201, response_model=JobOut)
 def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
-    """Ask for a picture of a scene. A scene that is still being prepared is waited for."""
+    """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
+    need_room(farm.settings.data, farm.settings.min_free_bytes)
     rendered = _rendered(request, asked, farm)
     job = Job(
         id=uuid.uuid4().hex[:20],
@@ -193,7 +195,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
     set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
-    rendered first, which changes no bit of how the picture ends.
+    rendered first, which changes no bit of how the picture ends. pinned: what a farm lets go by its rules, it keeps of this job.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
     farm.lit_again(id)
@@ -203,6 +205,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             raise no_job(id)
         if change.priority is not None:
             job.priority = change.priority
+        if change.pinned is not None:
+            job.pinned = change.pinned
         shot = Shot.of(job.shot)
         if shot is not None:
             frames = {frame.number: frame for frame in session.scalars(select(Frame).where(Frame.job == id))}

@@ -11,9 +11,8 @@ from sqlalchemy.orm import Session
 
 from service.api.describe import scene_out
 from service.api.lookup import find_scene, no_scene
-from service.api.problem import Problem
+from service.api.one_file import check_length
 from service.api.schemas import SceneOut
-from service.api.security import is_beyond
 from service.errors import Conflict, NotFound
 from service.farm import FarmDependency
 from service.intake.record import record
@@ -55,10 +54,7 @@ UPLOAD_FORM = {
 @router.post("", status_code=201, response_model=SceneOut, openapi_extra=UPLOAD_FORM)
 async def upload(request: Request, farm: FarmDependency, response: Response) -> SceneOut:
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
-    limit = farm.settings.max_upload_bytes
-    if is_beyond(request.headers.get("content-length", ""), limit):
-        sentence = f"The upload is larger than the {limit} bytes that are taken. Leave files out, or ask who runs the farm."
-        raise Problem(413, sentence, headers={"Connection": "close"})
+    check_length(request, farm, "upload", "Leave files out")
     content_type = request.headers.get("content-type", "")
     scene = await receive(
         content_type,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
@@ -61,8 +61,10 @@ class Strict(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _no_truth(cls, value: Any) -> Any:
+    def _no_truth(cls, value: Any, field: ValidationInfo) -> Any:
         """true and false are no numbers, though Python counts with them."""
+        if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
+            return value
         if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):
             raise ValueError("true and false mean nothing here; give a value of the kind that the API's description names")
         return value
@@ -215,6 +217,7 @@ class JobPatch(Strict):
     first: float | None = Field(None, ge=-1.0, description="of a shot: this frame before all others; -1: none")
     order: str | None = Field(None, json_schema_extra={"enum": [*ORDERS, None]}, description="of a shot")
     focus: Focus | None = Field(None, description="x, y, w, h in pixels: rendered first, of a shot in every frame; null: no more")
+    pinned: bool | None = Field(None, description="whether it is kept, whatever its age: its picture, and its scene's files")
 
     @property
     def is_of_frames(self) -> bool:
@@ -349,6 +352,7 @@ class JobOut(BaseModel):
     settings: dict[str, Any] | None
     environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
     variant: str | None = Field(description="as it was asked for")
+    pinned: bool = Field(description="kept, whatever its age")
     frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
     shot: ShotOut | None = Field(description="null: a still")
 

@@ -39,7 +39,7 @@ FOREIGN = "The request comes from a page of another origin. Use the service's ow
 OWN_SITE = ("same-origin", "none")  # none: the browser's user did it, by the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
-STREAMED = ("/api/scenes", "/api/farm/blobs/", "/api/farm/kernels/")
+STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
 class Door:

@@ -33,6 +33,7 @@ __all__ = ["Patrol", "check_film"]
 RESTS = 19  # times as long as it looked
 REST_AT_MOST_S = 60.0
 LOOK_ROUND_S = 600.0  # where all films were looked at
+LATER_S = 3600.0  # when one that could not be looked at has its turn again
 TRIES = 3  # of one job, in one life of the service: a disk that damages again and again is no matter of rendering
 DAY_S = 86400.0
 
@@ -43,7 +44,7 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
     """Read all of a film; recorded: the samples that the database says of each frame. Raises FilmDamaged, FilmLost, FilmWaits."""
     if not any(recorded.values()):
         return
-    if not films.is_there(job):
+    if not films.size(job):
         raise FilmDamaged(f"{FILM} is missing or was emptied.")
     has = films.verify(job, settings, tile_size)
     if lacking := [number for number, samples in recorded.items() if has.get(number, 0) < samples]:
@@ -68,6 +69,7 @@ class Patrol:
         self._changed = changed
         self._every_s = every_days * DAY_S
         self._suspects: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._waiting: set[str] = set()  # in it
         self._tries: Counter[str] = Counter()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="patrol", daemon=True)
@@ -86,7 +88,8 @@ class Patrol:
 
     def suspect(self, job: str) -> None:
         """Somebody could not read a film: look at it now."""
-        if self._every_s > 0:
+        if self._every_s > 0 and job not in self._waiting:
+            self._waiting.add(job)
             self._suspects.put(job)
 
     def _run(self) -> None:
@@ -106,9 +109,11 @@ class Patrol:
 
     def _next_suspect(self, patience_s: float) -> str | None:
         try:
-            return self._suspects.get(timeout=patience_s) if patience_s > 0 else self._suspects.get_nowait()
+            job = self._suspects.get(timeout=patience_s) if patience_s > 0 else self._suspects.get_nowait()
         except queue.Empty:
             return None
+        self._waiting.discard(job or "")
+        return job
 
     def _guarded(self, action: Callable[[], str | None]) -> str | None:
         try:
@@ -130,8 +135,8 @@ class Patrol:
         for job in jobs:
             if self._stopping.is_set():
                 return
-            if not self._films.is_there(job):
-                self._suspects.put(job)
+            if not self._films.size(job):
+                self.suspect(job)
 
     def _oldest(self) -> str | None:
         """The finished job whose film was not looked at for longest, where that is long enough."""
@@ -146,17 +151,27 @@ class Patrol:
         with self._sessions() as session:
             job = session.get(Job, id)
             frames = session.scalars(select(Frame).where(Frame.job == id)).all() if job is not None else ()
-        if job is None or not _rests(job):
+        if job is None:
             return
+        again_s = self._every_s
         try:
-            settings = RenderSettings.from_json(job.settings or {})
-            assert job.tile_size is not None
-            check_film(self._films, id, settings, job.tile_size, {frame.number: frame.samples for frame in frames})
-        except FilmDamaged as error:
-            self._mend(job, settings, str(error))
+            if _rests(job):
+                self._see_to(job, {frame.number: frame.samples for frame in frames})
         except SettingsError:
             pass  # of another release: nobody can say what its film should have
-        self._seen(id)
+        except FarmError as error:  # the film is held, the disk full, the database away
+            log.warning("the film of %s is looked at later: %s", id, error)
+            again_s = min(again_s, LATER_S)
+        with self._sessions.begin() as session:
+            session.execute(update(Job).where(Job.id == id).values(checked=time.time() - self._every_s + again_s))
+
+    def _see_to(self, job: Job, recorded: dict[int, int]) -> None:
+        settings = RenderSettings.from_json(job.settings or {})
+        assert job.tile_size is not None
+        try:
+            check_film(self._films, job.id, settings, job.tile_size, recorded)
+        except FilmDamaged as error:
+            self._mend(job, settings, str(error))
 
     def _mend(self, job: Job, settings: RenderSettings, why: str) -> None:
         self._tries[job.id] += 1
@@ -180,10 +195,6 @@ class Patrol:
                 row.history = history.to_json()
                 log.warning("%s is rendered again, as far as it is missing: %s", row.id, why)
         self._changed("job", job.id)
-
-    def _seen(self, id: str) -> None:
-        with self._sessions.begin() as session:
-            session.execute(update(Job).where(Job.id == id).values(checked=time.time()))
 
 
 def _rests(job: Job) -> bool:

@@ -7,16 +7,18 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from renderer import film as film_math
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.settings import RenderSettings, Tile
 from service.scheduling.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
 from service.store.models import Frame
 
-__all__ = ["ActiveFrame", "FrameNumbers"]
+__all__ = ["FIRST_LOOK", "ActiveFrame", "FrameNumbers"]
 
 FIRST_LOOK = 8  # samples: with fewer the noise says little
 LOOK_AGAIN = 4  # times as many
+OF_NOISE = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMPLES_HALF)  # planes that film_math.noise reads
 
 
 class FrameNumbers(NamedTuple):
@@ -232,5 +234,5 @@ class ActiveFrame:
         return self.film.coverage(self.key, tile)
 
     def _tile_noise(self, tile: int) -> float:
-        sums = self.film.tile_sums(self.key, tile)
+        sums = self.film.tile_planes(self.key, tile, OF_NOISE)
         return math.inf if sums is None else film_math.noise(sums, self.film.film_exponent)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from service.scheduling.active_job import ActiveJob
 from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.denoising import Denoising
@@ -83,7 +84,9 @@ class Answers:
         tell: Tell,
         tell_tiles: TellTiles,
         pace: Pace,
+        settled: Callable[[ActiveJob], None],
     ) -> None:
+        """settled: told of a job whose plan knows of all that the film has."""
         self._results = results
         self._bulkheads = bulkheads
         self._scheduler = scheduler
@@ -96,6 +99,7 @@ class Answers:
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._pace = pace
+        self._settled = settled
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
@@ -197,6 +201,7 @@ class Answers:
                 self._tell_tiles(id, frame, changed)
             self._tell("job", id)
         job.settle()
+        self._settled(job)
         if job.agenda.new_goals:
             self._lifecycle.record(job)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
 import redis
 from celery import Celery
-from kombu.exceptions import OperationalError
+from kombu.exceptions import BatchPublishError, OperationalError
 
 from worker.broker import celery_config
 from worker.contract import (
@@ -34,6 +35,8 @@ from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, 
 
 __all__ = ["Dispatcher", "QueueError"]
 
+_AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
+
 
 class QueueError(Exception):
     """Redis cannot be reached; nothing was sent."""
@@ -44,6 +47,7 @@ class Dispatcher:
 
     def __init__(self, redis_url: str, connection: redis.Redis) -> None:
         self._redis = connection
+        self._producer: Any = None  # while more than one message is sent at once
         self._celery = Celery("rayfarm-service", set_as_current=False)
         self._celery.conf.update(celery_config(redis_url))
         self._celery.conf.broker_connection_timeout = 2
@@ -52,6 +56,20 @@ class Dispatcher:
             "socket_connect_timeout": 2,
             "socket_timeout": 5,
         }
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """What is sent within goes on its way at its end: the broker is waited for once. Raises QueueError; then some of it may
+        have been sent, and what was not is lost, as is what waits in a broker that ends."""
+        try:
+            with self._celery.producer_or_acquire() as producer, producer.batch():
+                self._producer = producer
+                try:
+                    yield
+                finally:
+                    self._producer = None
+        except _AWAY as error:
+            raise QueueError(str(error)) from error
 
     def send_batch(self, batch: RenderBatch, kind: str) -> None:
         """Hand out a batch. Raises QueueError."""
@@ -123,6 +141,6 @@ class Dispatcher:
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str) -> None:
         try:
             options = {"ignore_result": True, "retry": False, "argsrepr": "", "kwargsrepr": ""}  # nobody reads the reprs
-            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, **options)
-        except (OperationalError, redis.RedisError, OSError) as error:
+            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, producer=self._producer, **options)
+        except _AWAY as error:
             raise QueueError(str(error)) from error

@@ -25,6 +25,7 @@ from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
+from service.scheduling.film_snapshots import SnapshotKeeper
 from service.scheduling.job_log import JobLogs
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
@@ -38,6 +39,7 @@ from service.scheduling.vectors import Vectors
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from service.store.blobs import BlobStore
+from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmStore
 from service.store.films import Film
 from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
@@ -59,6 +61,7 @@ class Engine:
         settings: Settings,
         records: Records,
         films: FilmStore,
+        snapshots: FilmSnapshots,
         blobs: BlobStore,
         tell: Tell,
         tell_tiles: TellTiles,
@@ -92,9 +95,11 @@ class Engine:
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
             *(self._vectors, self.logs, self._bulkheads, self._changes, change, let_go),
         )
+        self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
             *(self._denoising, self._vectors, self._environments, change, tell_tiles, self._pace),
+            settled=self._keeper.look,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
         self._has_begun = False
@@ -115,6 +120,7 @@ class Engine:
         self._denoising.close()
         self._vectors.close()
         self._environments.close()
+        self._keeper.close()
         self._dispatcher.close()
         self._redis.close()
 
@@ -235,6 +241,8 @@ class Engine:
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
                 continue
             self._changes.close((what, id))
+            if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
+                self._keeper.look(job)  # a picture that goes on was the job's own until now
 
     def _each_second(self) -> None:
         self.logs.flush()

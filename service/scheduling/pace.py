@@ -21,6 +21,7 @@ RENEWED_EVERY_S = 1.0
 BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
 MOST_STRETCH = 20.0
 FEW = 8  # results: less say nothing
+AHEAD_S = 1.0
 SLOTS_ALONE = 32  # so many take batches of as many tiles
 MOST_OF_A_TILE = 8
 GATHERED_FROM = 40.0  # results a second: fewer are taken in one by one, as they come
@@ -70,6 +71,11 @@ class Pace:
     def batch_s(self, slots: int) -> float:
         """How long a batch is to take where so many slots work."""
         return min(max(self._shortest_s, slots * self.result_s / SHARE) * self._stretch, self._longest_s)
+
+    def window(self, slots: int, per_slot: int) -> int:
+        """How many messages may be out for so many slots: what waits behind those in hand is what they take within a second, so
+        that longer batches do not make who comes later wait longer."""
+        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self.batch_s(slots)))
 
     def of_a_tile(self, slots: int) -> int:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row."""

@@ -102,6 +102,10 @@ class FramePlan:
         """Whether every tile has so many samples, or is complete with fewer."""
         return all(self.covered[tile] >= samples for tile in self._open)
 
+    def lacks(self, tile: int, samples: int) -> bool:
+        """Whether a tile has fewer samples and is not complete."""
+        return tile in self._open and self.covered[tile] < samples
+
     @property
     def target_samples(self) -> int:
         """What the frame is expected to come to, all pixels together; exact where no noise level ends it."""

@@ -14,7 +14,7 @@ from service.intake.resolve import resolve
 from service.scheduling.active_job import ActiveJob
 from service.shot import Shot
 from service.store.database import Sessions
-from service.store.models import ACTIVE, Environment, Frame, Job, Scene
+from service.store.models import ACTIVE, Environment, Frame, Job, Reference, Scene
 from worker.contract import SceneInfo
 
 __all__ = ["Records"]
@@ -56,10 +56,11 @@ class Records:
             return list(session.scalars(select(Scene.id).where(Scene.status == "preparing")))
 
     def blobs(self) -> set[str]:
-        """The hashes of all blobs that scenes and frames refer to."""
+        """The hashes of all blobs that rows refer to."""
         with self._sessions() as session:
             frames = session.scalars(select(Frame).where(Frame.compiled.is_not(None)))
             owners = [*session.scalars(select(Scene)), *session.scalars(select(Environment)), *frames]
+            owners += session.scalars(select(Reference))
             return {sha256 for owner in owners for sha256 in owner.blobs}
 
     def job(self, id: str) -> Job | None:

@@ -17,7 +17,7 @@ import redis
 from renderer.frames import frame_number, frame_text
 from service.scheduling.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, ActiveJob, Trouble
 from service.scheduling.bulkhead import Bulkheads, Step
-from service.scheduling.dispatch import Dispatcher
+from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.held import Held
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.pace import Pace
@@ -53,6 +53,7 @@ class Scheduler:
         self.leases = Leases()
         self.jobs: dict[str, ActiveJob] = {}
         self.suspicion = Suspicion()
+        self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
 
@@ -63,11 +64,27 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(slots * self._settings.window_per_slot - self.leases.messages(kind))
-            for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
-                room -= self._share(list(equals), kind, slots, room, start)
-                if room <= 0:
-                    break
+            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
+            turns = [list(equals) for _, equals in groupby(self._in_turn(kind), lambda job: job.priority)]
+            if room <= 0 or not turns:
+                continue
+            self._sent.clear()
+            try:
+                with self._dispatcher.at_once():
+                    for equals in turns:
+                        room -= self._share(equals, kind, slots, room, start)
+                        if room <= 0:
+                            break
+            except QueueError:
+                self._take_as_not_sent()
+                raise
+
+    def _take_as_not_sent(self) -> None:
+        """What was to be sent at once may not have been: it is handed out again. Its film takes each once, if it was."""
+        for lease in self._sent:
+            job = self.jobs.get(lease.owner)
+            if self.leases.end(lease.id) is not None and job is not None and lease.batch is not None:
+                job.lose(lease.batch)
 
     def _share(self, jobs: list[ActiveJob], kind: str, slots: int, room: int, start: Start) -> int:
         """Hand out up to `room` batches of jobs of one priority; returns how many.
@@ -122,6 +139,7 @@ class Scheduler:
             for lease in leases:
                 lease.message = leases[0].id
             self._dispatcher.send_batches(works, kind, leases[0].id)
+        self._sent += leases
         for lease in leases:
             self.leases.add(lease)
         job.history.log.given(len(batches))

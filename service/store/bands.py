@@ -16,6 +16,7 @@ from renderer import film as film_math
 from renderer.film import CHANNELS, Sums
 from renderer.settings import Tile
 from service.store.film_faults import film_faults
+from service.store.film_moment import Readable
 from service.store.films import Film
 
 __all__ = ["bands", "digest", "digest_memory"]
@@ -24,7 +25,7 @@ F32 = npt.NDArray[np.float32]
 IN_MEMORY_BYTES = 32 << 20
 
 
-def bands(film: Film, frame: int, names: Sequence[str]) -> Iterator[F32]:
+def bands(film: Readable, frame: int, names: Sequence[str]) -> Iterator[F32]:
     """The frame's values of `color` and AOVs side by side, (h, width, channels) float32; 0 where no sample is.
 
     Raises what a Film raises when it is read.
@@ -66,7 +67,7 @@ def digest_memory(film: Film) -> int:
     return IN_MEMORY_BYTES + 2 * CHANNELS * film.tiles[0].h * film.width * 8
 
 
-def _rows(film: Film, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
+def _rows(film: Readable, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
     """For every row of tiles: its tiles, and those of them that have samples, with these planes of their sums."""
     for _, group in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
         row = list(group)

@@ -15,6 +15,7 @@ from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmLost
 from service.store.film_check import film_samples, rows_left
 from service.store.film_faults import film_faults
+from service.store.film_snapshots import FilmSnapshots
 from service.store.film_version import FilmShape
 from service.store.films import Film
 from service.store.tile_cache import TileCache
@@ -55,8 +56,8 @@ class FilmStore(Protocol):
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
 
-    def is_there(self, job: str) -> bool:
-        """Whether a job has a film with something in it; a look at its file's size."""
+    def size(self, job: str) -> int:
+        """The bytes of disk that a job's film takes; 0 where it has none."""
 
     def delete(self, job: str) -> None:
         """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
@@ -71,8 +72,10 @@ class FilmStore(Protocol):
 class FilmFolder:
     """Films as `<folder>/<job>.sqlite`."""
 
-    def __init__(self, folder: Path, cache_bytes: int) -> None:
+    def __init__(self, folder: Path, cache_bytes: int, snapshots: FilmSnapshots | None = None) -> None:
+        """snapshots: of these films, which go with them; None: of those nothing is touched."""
         self._folder = folder
+        self._snapshots = snapshots
         self._cache = TileCache(cache_bytes)
         # Whoever holds a film keeps it in `_films`; the store itself holds on to those that were used latest. So a job never
         # has two films at a time, each of which would remember what the other has changed.
@@ -122,6 +125,7 @@ class FilmFolder:
                     with contextlib.suppress(FileNotFoundError):
                         path.with_name(path.name + suffix).replace(path.with_name(path.name + LOST + suffix))
             self._remove(path)
+            self._drop_snapshots(job)
 
     def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
         """See FilmStore."""
@@ -139,12 +143,10 @@ class FilmFolder:
         """See FilmStore."""
         return film_samples(self._path(job), self._shape(settings, tile_size))
 
-    def is_there(self, job: str) -> bool:
+    def size(self, job: str) -> int:
         """See FilmStore."""
-        try:
-            return self._path(job).stat().st_size > 0
-        except FileNotFoundError:
-            return False
+        with film_faults():
+            return sum(path.stat().st_size for suffix in FILES if (path := self._path(job, suffix)).exists())
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
@@ -152,6 +154,7 @@ class FilmFolder:
             self._close(job)
             self._remove(self._lost(job))
             self._remove(self._path(job))
+            self._drop_snapshots(job)
 
     def sweep(self, keep: set[str]) -> None:
         """See FilmStore."""
@@ -161,6 +164,8 @@ class FilmFolder:
                 self.delete(job)
             except FarmError as error:
                 log.warning("the film of the deleted job %s stays: %s", job, error)
+        if self._snapshots is not None:
+            self._snapshots.sweep(keep)
 
     def close(self) -> None:
         """See FilmStore."""
@@ -168,8 +173,12 @@ class FilmFolder:
             for job in list(self._films):
                 self._close(job)
 
-    def _path(self, job: str) -> Path:
-        return self._folder / f"{job}.sqlite"
+    def _drop_snapshots(self, job: str) -> None:
+        if self._snapshots is not None:
+            self._snapshots.drop(job)
+
+    def _path(self, job: str, suffix: str = "") -> Path:
+        return self._folder / f"{job}.sqlite{suffix}"
 
     def _lost(self, job: str) -> Path:
         return self._folder / f"{job}.sqlite{LOST}"

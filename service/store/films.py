@@ -14,12 +14,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from renderer.film import CHANNELS, BadSample, Sums
+from renderer.film import BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
+from service.store.added import added_up
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
 from service.store.film_file import FilmFile
+from service.store.film_moment import FilmMoment
 from service.store.film_version import FilmShape, Row
 from service.store.tile_cache import TileCache
 from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
@@ -238,6 +240,14 @@ class Film:
             packed = [] if sums is not None else list(self._file.sums(frame, tile))
         return self._total(packed, tile, planes) if sums is None else sums
 
+    def moment(self) -> FilmMoment:
+        """The film as it is now, to be read while it grows on. Raises also FilmWaits where it has no file yet."""
+        with self._lock:
+            self.load()
+            if self._file is None:
+                raise FilmWaits("The film of this job has no samples yet.")
+            return FilmMoment(self._path, self.width, self.height, self.film_exponent, self.tiles)
+
     def _cover(self, frame: int, tile: int) -> Coverage:
         return self._coverage.get((frame, tile)) or Coverage()
 
@@ -310,20 +320,7 @@ class Film:
             self._cache.put(key, old + (unpack_sums(part.sums, self.tiles[part.tile]) if sums is None else sums))
 
     def _total(self, rows: Iterable[bytes], tile: int, planes: Sequence[int] | None = None) -> Sums:
-        total: Sums | None = None
-        for packed in rows:
-            try:
-                sums = unpack_sums(packed, self.tiles[tile], stored=True, planes=planes)
-            except (ValueError, TypeError) as error:
-                raise damaged(str(error)) from error
-            if total is None:
-                total = sums
-            else:
-                for plane in range(CHANNELS) if planes is None else planes:
-                    total[plane] += sums[plane]
-        if total is None:
-            raise damaged("rows are missing")
-        return total
+        return added_up(rows, self.tiles[tile], planes)
 
     def _fold(self, frame: int, tile: int) -> None:
         """Make one row of a tile's rows where they are many and one run: a row is one range. What was merged is in the film

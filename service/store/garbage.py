@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 from service.errors import FarmError
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
-from service.store.models import Environment, Frame, Scene
+from service.store.models import Environment, Frame, Reference, Scene
 
 __all__ = ["Garbage"]
 
@@ -90,6 +90,8 @@ class Garbage:
                     gone -= scene.blobs
                 for environment in session.scalars(select(Environment)) if gone else ():
                     gone -= environment.blobs
+                for reference in session.scalars(select(Reference)) if gone else ():
+                    gone -= reference.blobs
                 for frame in session.scalars(select(Frame).where(Frame.compiled.is_not(None))) if gone else ():
                     gone -= frame.blobs
             self._forget_promises()

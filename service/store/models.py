@@ -8,7 +8,20 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["ACTIVE", "FINAL", "Base", "Delivery", "Environment", "Frame", "Job", "Key", "Scene", "User", "blobs_of"]
+__all__ = [
+    "ACTIVE",
+    "FINAL",
+    "Base",
+    "Delivery",
+    "Environment",
+    "Frame",
+    "Job",
+    "Key",
+    "Reference",
+    "Scene",
+    "User",
+    "blobs_of",
+]
 
 ACTIVE = ("queued", "running", "paused")
 FINAL = ("finished", "failed", "cancelled")
@@ -126,6 +139,27 @@ class Environment(Base):
     def blobs(self) -> set[str]:
         """The hashes of the blobs that it refers to."""
         return {self.thumbnail, *blobs_of([self.file] if isinstance(self.file, dict) else [])}
+
+
+class Reference(Base):
+    """An uploaded picture to compare with. Its id is a hash of its content."""
+
+    __tablename__ = "reference_pictures"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    name: Mapped[str] = mapped_column(String(255))
+    created: Mapped[float] = mapped_column(Float, index=True)
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef: as it was uploaded
+    film: Mapped[dict[str, Any]] = mapped_column(JSON)  # likewise: as the page reads it (watching/film_packet.py), by gzip
+    width: Mapped[int] = mapped_column(Integer)
+    height: Mapped[int] = mapped_column(Integer)
+    is_display: Mapped[bool] = mapped_column(Boolean)  # it had 8 bits a channel, as a screen shows them
+    clipped: Mapped[int] = mapped_column(Integer)  # pixels that the film cannot have as they were
+
+    @property
+    def blobs(self) -> set[str]:
+        """The hashes of the blobs that it refers to."""
+        return blobs_of([ref for ref in (self.file, self.film) if isinstance(ref, dict)])
 
 
 class Frame(Base):

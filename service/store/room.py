@@ -10,7 +10,7 @@ from pathlib import Path
 
 from service.errors import NoRoom
 
-__all__ = ["disk_checker", "full_disk", "no_room"]
+__all__ = ["disk_checker", "full_disk", "need_room", "no_room"]
 
 CHECK_EVERY = 16 << 20
 
@@ -31,6 +31,12 @@ def full_disk() -> Iterator[None]:
         raise
 
 
+def need_room(folder: Path, keep_free: int) -> None:
+    """Raise NoRoom where something new is not to be begun: with what is under way, the disk would soon be full."""
+    if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
+        raise no_room()
+
+
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
     """A function of the bytes about to be written; raises NoRoom where the disk would fall below `keep_free`."""
     since_check = CHECK_EVERY
@@ -40,7 +46,6 @@ def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
         since_check += size
         if since_check >= CHECK_EVERY:
             since_check = 0
-            if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
-                raise no_room()
+            need_room(folder, keep_free)
 
     return check

@@ -15,15 +15,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.film import CHANNELS
 from renderer.image import rgbe9995
 from service.store.bands import bands
-from service.store.films import Film
+from service.store.film_moment import Readable
 from service.watching.made import Made
 from service.watching.tile_packet import VERSION
 
-__all__ = ["KIND_FILM", "film_packet", "memory"]
+__all__ = ["GZIP", "HEADER", "KIND_FILM", "film_packet", "memory", "packed_picture", "unpacked"]
 
 KIND_FILM = 2
 HEADER = struct.Struct("<BBHHHI")
@@ -32,7 +33,7 @@ LEVEL = 1  # what a higher one takes longer, it does not make smaller: mantissas
 PIECE = 1 << 18
 
 
-def film_packet(film: Film, frame: int, folder: Path, gzip: bool) -> Made:
+def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
     """The whole answer. folder: for temporary files. Raises what a Film raises when it is read."""
     # Before the light is read: where samples come meanwhile, a tile says too little of itself, and is sent again.
     samples = np.array([film.coverage(frame, tile).total for tile in range(len(film.tiles))], "<u4")
@@ -54,6 +55,21 @@ def film_packet(film: Film, frame: int, folder: Path, gzip: bool) -> Made:
     return Made.written(write, folder, ".gz")
 
 
+def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
+    """A picture that no farm has rendered, RGB9E5 (h, w), in the same form by gzip: one tile of one sample."""
+    height, width = words.shape
+    planes = np.ascontiguousarray(np.moveaxis(words.astype("<u4").view(np.uint8).reshape(height, width, 4), 2, 0))
+    yield from _compressed(HEADER.pack(VERSION, KIND_FILM, 0, width, height, max(width, height)) + struct.pack("<I", 1), planes)
+
+
+def unpacked(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """What was packed by gzip, for readers that do not take it so."""
+    unpacker = zlib.decompressobj(GZIP)
+    for piece in pieces:
+        yield unpacker.decompress(piece)
+    yield unpacker.flush()
+
+
 def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
     packer = zlib.compressobj(LEVEL, zlib.DEFLATED, GZIP)
     yield packer.compress(head)
@@ -63,7 +79,7 @@ def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
     yield packer.flush()
 
 
-def memory(film: Film) -> int:
+def memory(film: Readable) -> int:
     """About the most bytes that `film_packet` takes."""
     tile = film.tiles[0]
     return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height

@@ -43,6 +43,7 @@ def main() -> None:
     parser.add_argument("--tile", default="128")
     parser.add_argument("--size", default="1920x1024", help="multiples of the tiles' side")
     parser.add_argument("--watchers", default="0")
+    parser.add_argument("--pictures", type=int, default=0, help="asked for at the same time")
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--warm", type=float, default=10.0, help="seconds before anything is measured")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
@@ -55,9 +56,13 @@ def main() -> None:
     for slots, tile, watchers, (width, height) in itertools.product(*numbers, sizes):
         if width % tile or height % tile:
             parser.error(f"{width}x{height} is no multiple of {tile}: all tiles have the same sums")
-        load = Load(slots, tile, width, height, seconds=options.seconds, warm_s=options.warm, watchers=watchers)
+        load = Load(
+            slots, tile, width, height, seconds=options.seconds, warm_s=options.warm, watchers=watchers, pictures=options.pictures
+        )
         with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
             taken = run(load, sums, Path(name))
+        if taken.pictures:
+            print(f"pictures by status: {dict(taken.pictures)}, health at worst {1e3 * max(taken.health_s):.0f} ms")
         print(line(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8))), flush=True)
         rows.append({"load": asdict(load), "taken": asdict(taken)})
         if options.json:

@@ -133,7 +133,7 @@ def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched)
     assert link == page.url and "ev=1.5" in link and json.dumps(finished)[1:-1] in link
     whole = page.get_by_role("button", name="Whole screen")
     whole.click()
-    expect(page.locator(".stage:fullscreen")).to_have_count(1)
+    expect(page.locator(":fullscreen").locator(".stage")).to_have_count(1)
     page.keyboard.press("w")
     expect(page.locator(":fullscreen")).to_have_count(0)
     assert watched.errors == []

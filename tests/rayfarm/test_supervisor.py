@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from rayfarm.local import supervisor as supervision
 from rayfarm.local.supervisor import Part, Supervisor
 from tests.helpers import ROOT, wait_until
 
@@ -129,6 +130,39 @@ def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Superviso
         assert f"again in {pause} s" in said[-1], (number, served)
         part.restart_at = 0.0
         supervisor.tend()
+
+
+WAITS = [
+    sys.executable,
+    "-c",
+    "import sys; print(sys.stdin.readline(), flush=True); sys.stdin = None; import time; time.sleep(100)",
+]
+
+
+def test_one_that_waits_takes_the_place_of_one_that_died(
+    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervision, "SPARE_AFTER_S", 0.0)
+    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True)
+    supervisor.start(part)
+    wait_until(lambda: supervisor.tend() is None and part.spare is not None, 20, "one waits")
+    first, waiting = part.process, part.spare
+    assert first is not None
+    assert waiting is not None
+    wait_until(lambda: part.last_words().count("begin") == 1, 20, "the first has begun, and the other has not")
+    first.kill()
+    first.wait()
+    wait_until(lambda: supervisor.tend() is None and part.running, 20, "there is a part again")
+    assert part.process is waiting
+    wait_until(lambda: part.last_words().count("begin") == 2, 20, "it begins")
+    wait_until(lambda: supervisor.tend() is None and part.spare is not None, 20, "and another waits")
+    assert part.spare is not None
+    part.spare.kill()
+    part.spare.communicate()
+    wait_until(lambda: supervisor.tend() is None and part.spare is not None and part.spare.poll() is None, 20, "which is kept up")
+    pids = [part.process.pid, part.spare.pid]
+    supervisor.stop()
+    assert not any(map(_runs, pids))
 
 
 def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:

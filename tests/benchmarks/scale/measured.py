@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import os
@@ -9,7 +10,9 @@ import re
 import secrets
 import subprocess
 import sys
+import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,6 +51,7 @@ class Load:
     seconds: float = 30.0
     warm_s: float = 8.0
     watchers: int = 0
+    pictures: int = 0  # asked for at the same time, again and again
 
 
 @dataclass
@@ -70,6 +74,7 @@ class Taken:
     repeated: int = 0  # samples of tiles that were rendered more than once, or are in no film
     rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
     packets: int = 0  # that all watchers got
+    pictures: Counter[int] = field(default_factory=Counter)  # answers by their status
 
 
 class Served:
@@ -170,14 +175,15 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
     taken = Taken()
     with Served(folder, **environment) as served, slots_of(served, load, kept) as slots:
         job = served.job(served.scene(), load)
-        wait_until(lambda: served.counts().get("merged", 0) > 0, 60, "a batch is merged")
+        wait_until(lambda: served.counts().get("merged", 0) > 0, 180, "a batch is merged")
         watching = _watching(served, job, load)
         time.sleep(load.warm_s)
         at_first = served.samples(job)
         before, begun, (service_s, redis_s) = served.counts(), time.monotonic(), served.processor_s()
-        while time.monotonic() - begun < load.seconds:
-            _look(served, taken)
-            time.sleep(0.5)
+        with _pictures(served, job, load.pictures, taken.pictures):
+            while time.monotonic() - begun < load.seconds:
+                _look(served, taken)
+                time.sleep(0.5)
         after, ended = served.counts(), served.processor_s()
         taken.seconds = time.monotonic() - begun
         taken.service_s, taken.redis_s = ended[0] - service_s, ended[1] - redis_s
@@ -217,6 +223,34 @@ def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | N
     command += [f"--url=ws://127.0.0.1:{served.port}/api/jobs/{job}/live", f"--watchers={load.watchers}"]
     command += [f"--seconds={load.seconds}"]
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
+
+
+@contextlib.contextmanager
+def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Iterator[None]:
+    """Readers who ask for a picture of the job, each another exposure, and again when it is there."""
+    is_over = threading.Event()
+
+    async def read(client: httpx.AsyncClient, number: int) -> None:
+        while not is_over.is_set():
+            url = f"/api/jobs/{job}/frames/0/image.png"
+            async with client.stream("GET", url, params={"exposure": number / 1000}) as response:
+                async for _ in response.aiter_raw():
+                    pass
+            answers[response.status_code] += 1
+            await asyncio.sleep(0.5)
+
+    async def read_all() -> None:
+        limits = httpx.Limits(max_connections=None)
+        async with httpx.AsyncClient(base_url=served.url, timeout=None, limits=limits) as client:
+            await asyncio.gather(*(read(client, number) for number in range(many)))
+
+    thread = threading.Thread(target=asyncio.run, args=(read_all(),)) if many else None
+    if thread is not None:
+        thread.start()
+    yield
+    is_over.set()
+    if thread is not None:
+        thread.join()
 
 
 def _settled(served: Served, slots: subprocess.Popen[str]) -> dict[str, int]:

@@ -78,6 +78,16 @@ class Slots(PeerWorker):
             if idle:
                 time.sleep(LOOK_EVERY_S)
 
+    def stop_running(self) -> None:
+        """Let `run` return."""
+        self._stop.set()
+
+    def stop(self) -> None:
+        """Vanish, once `run` has returned."""
+        self.redis.delete(*(worker_key(f"{self.name}-{first // PER_WORKER}") for first in range(0, self.slots, PER_WORKER)))
+        self.redis.close()
+        self.http.close()
+
     def report(self) -> None:
         """Every worker's report."""
         with self.redis.pipeline(transaction=False) as all_at_once:
@@ -170,7 +180,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=600.0)
     o = parser.parse_args()
     slots = Slots(o.redis, o.service, o.token, o.slots, np.load(Path(o.sums)), o.tile_sample_s)
-    signal.signal(signal.SIGTERM, lambda *_: slots._stop.set())
+    signal.signal(signal.SIGTERM, lambda *_: slots.stop_running())
     print("ready", flush=True)
     slots.run(o.seconds)
     print(json.dumps({"rendered": slots.rendered, "samples": slots.samples, "waited": slots.waited}), flush=True)

@@ -42,6 +42,7 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) 
     assert of.batch_s(10) == of.batch_s(100) == 0.5
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE)
     assert of.batch_s(100_000) == 10.0
+    assert (of.window(100, 2), of.window(1000, 2), of.window(100_000, 2)) == (200, 1250, 110_000), "what is taken in a second"
     take_in(of, clock, 2, 0.4)
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
 

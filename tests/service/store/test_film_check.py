@@ -104,7 +104,7 @@ def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> No
 def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "job.sqlite").write_bytes(content)
     films = FilmFolder(tmp_path, 1 << 20)
-    assert films.is_there("job") == bool(content)
+    assert films.size("job") == len(content)
     films.heal("job", SETTINGS, TILE)
     assert films.open("job", SETTINGS, TILE).is_empty
 

@@ -11,6 +11,7 @@ import pytest
 from renderer.settings import RenderSettings, View
 from service.errors import FilmLost
 from service.store.film_faults import FilmClosed
+from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import MAX_OPEN, FilmFolder
 from service.store.films import FOLD_AT, Film
 from tests.service.peer_worker import expected_sums
@@ -19,9 +20,13 @@ from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part, rows_of
 SETTINGS = RenderSettings(view=View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), width=WIDTH, height=HEIGHT)
 
 
+def snapshots(folder: Path) -> FilmSnapshots:
+    return FilmSnapshots(folder / "snapshots", 1 << 20, 0)
+
+
 @pytest.fixture
 def films(tmp_path: Path) -> FilmFolder:
-    return FilmFolder(tmp_path / "films", 1 << 20)
+    return FilmFolder(tmp_path / "films", 1 << 20, snapshots(tmp_path))
 
 
 def pinned(films: FilmFolder, job: str = "job") -> Film:
@@ -83,10 +88,10 @@ def test_a_film_with_less_than_was_recorded_says_so(films: FilmFolder, tmp_path:
     films.close()
     (tmp_path / "films" / "job.sqlite").write_bytes(b"")
     with pytest.raises(FilmLost, match="missing or was emptied"):
-        FilmFolder(tmp_path / "films", 0).open("job", SETTINGS, TILE, recorded=has)
+        FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).open("job", SETTINGS, TILE, recorded=has)
     (tmp_path / "films" / "job.sqlite").unlink()
     with pytest.raises(FilmLost, match="missing or was emptied"):
-        FilmFolder(tmp_path / "films", 0).open("job", SETTINGS, TILE, recorded=has)
+        FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).open("job", SETTINGS, TILE, recorded=has)
 
 
 def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, tmp_path: Path) -> None:
@@ -110,5 +115,5 @@ def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) 
         pinned(films, job)
     films.set_aside("lost")
     films.close()
-    FilmFolder(tmp_path / "films", 0).sweep({"kept"})
+    FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).sweep({"kept"})
     assert {path.name.partition(".")[0] for path in (tmp_path / "films").iterdir()} == {"kept"}

@@ -94,6 +94,9 @@ def test_deleting_works_with_no_byte_free(
             refused = service.http.post("/api/scenes", files={"files": ("large.obj", OBJ * 100_000)})
             assert refused.status_code == 507, refused.text
             assert "Delete scenes or jobs" in refused.json()["detail"]
+            if small_disk is not None:
+                refused = service.http.post("/api/jobs", json={"scene": scenes[0], "width": 64, "height": 48, "spp": 8})
+                assert refused.status_code == 507, refused.text
             for path in [*(f"/api/scenes/{id}" for id in scenes[:6]), *(f"/api/jobs/{id}" for id in jobs)]:
                 answer = service.http.delete(path)
                 assert answer.status_code == 204, f"{path}: {answer.text}"

@@ -117,13 +117,10 @@ def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None
     service.restart()
     one_bit(film_of(service, job))
     assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 409
+    until(lambda: service.job(job)["state"] == "queued", "the damage is looked into")
     with service.worker():
-        until(lambda: service.job(job)["state"] == "finished" and reads(service, job), "it is mended", 30)
+        service.wait_for(job, "finished")
     assert service.digest(job) == digest
-
-
-def reads(service: Service, job: str) -> bool:
-    return service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
 
 
 def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:

@@ -75,6 +75,7 @@
  * @property {Record<string, any> | null} settings
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
+ * @property {boolean} [pinned] kept, whatever its age
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *
@@ -118,6 +119,24 @@
  * @property {"preset" | "image"} kind
  * @property {EnvironmentRequest} environment what to ask for it by
  * @property {string} thumbnail its address
+ *
+ * @typedef {object} Reference a picture that was uploaded to compare with
+ * @property {string} id
+ * @property {string} name
+ * @property {number} created unix seconds
+ * @property {number} bytes
+ * @property {number} width
+ * @property {number} height
+ * @property {boolean} display_referred 8 bits a channel, as a screen shows it
+ * @property {number} clipped pixels whose values were cut off
+ *
+ * @typedef {object} Snapshot what a job looked like on its way
+ * @property {number} spp that every tile had, or was complete with fewer
+ * @property {number} least samples a pixel of the tile that had fewest then
+ * @property {number} most
+ * @property {number} samples of all pixels together
+ * @property {number} seconds of rendering until then
+ * @property {number | null} noise relative
  *
  * @typedef {Record<string, any> & Asked} JobRequest and whichever of the settings: the scene file's own where one is left out
  *

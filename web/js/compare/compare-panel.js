@@ -1,8 +1,10 @@
 /** What is about the wipe of a comparison: the choice of each side, how far it is, and in what the two differ. */
 
 import { CHANNELS, DENOISED_CHANNEL } from "../film/channels.js";
-import { h, keyedList, setText } from "../base/dom.js";
+import { fill, h, keyedList, setText } from "../base/dom.js";
+import { addressOf, momentName, referenceId } from "./pictures.js";
 import { jobs } from "../news/farm.js";
+import { references } from "../news/references.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { t } from "../base/words.js";
@@ -11,20 +13,30 @@ import { t } from "../base/words.js";
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
 
 /**
- * What one side shows: a job, and a channel of it.
+ * What one side shows: a job, a channel of it and a moment on its way; or an uploaded picture.
  *
  * @param {"A" | "B"} letter
  * @param {import("../base/store.js").Store<Comparison>} state
- * @param {"a" | "b"} job
- * @param {"left" | "right"} channel
+ * @param {{picture: "a" | "b", channel: "left" | "right", at: "atA" | "atB"}} names in the state
+ * @param {ReturnType<typeof import("./snapshots.js").snapshotsOf>} moments
  * @param {import("../base/store.js").Disposer} life
  */
-export function sideChoice(letter, state, job, channel, life) {
+export function sideChoice(letter, state, { picture: job, channel, at }, moments, life) {
   const pictures = h("select", {
     "aria-label": t("Picture {letter}", { letter }),
-    onchange: () => state.update((now) => ({ ...now, [job]: pictures.value })),
+    onchange: () => state.update((now) => ({ ...now, [job]: pictures.value, [at]: null })),
   });
-  const showPicture = keyedList(pictures, ({ id }) => id, pictureOption);
+  const rendered = h("optgroup", { label: t("Pictures") });
+  const uploaded = h("optgroup", { label: t("Reference pictures") });
+  pictures.append(rendered, uploaded);
+  const showPicture = keyedList(rendered, ({ id }) => id, pictureOption);
+  const showReference = keyedList(uploaded, ({ id }) => id, referenceOption);
+  const steps = h("select", {
+    "aria-label": t("Moment of {letter}", { letter }),
+    title: t("As it is now, or as it was at so many samples a pixel"),
+    onchange: () => state.update((now) => ({ ...now, [at]: steps.value ? Number(steps.value) : null })),
+  });
+  let shownSteps = "";
   const channels = h(
     "select",
     {
@@ -38,9 +50,25 @@ export function sideChoice(letter, state, job, channel, life) {
   const show = () => {
     const now = state.value;
     showPicture((jobs.value ?? []).filter(({ width, samples, id }) => (width && samples > 0) || id === now[job]));
+    showReference(references.value ?? []);
+    uploaded.hidden = !references.value?.length;
     pictures.value = now[job];
-    channels.value = now[channel];
+    const isUploaded = referenceId(now[job]) !== null;
+    const known = isUploaded ? [] : (moments.of.value[now[job]] ?? []).map(({ spp }) => spp);
+    const asked = now[at];
+    if (!isUploaded && asked !== null && !known.includes(asked)) known.push(asked);
+    if (known.join() !== shownSteps || !steps.length) {
+      shownSteps = known.join();
+      fill(steps, ...[null, ...known.sort((x, y) => y - x)].map((spp) => h("option", { value: spp ?? "" }, momentName(spp))));
+    }
+    steps.value = asked === null || isUploaded ? "" : String(asked);
+    steps.hidden = steps.length < 2;
+    channels.disabled = isUploaded || asked !== null;
+    channels.title = channels.disabled ? t("Of this there is the colour alone") : "";
+    channels.value = channels.disabled ? "" : now[channel];
   };
+  life.add(moments.of.subscribe(show));
+  life.add(references.subscribe(show));
   life.add(state.subscribe(show));
   life.add(jobs.subscribe(show));
   return h(
@@ -49,6 +77,7 @@ export function sideChoice(letter, state, job, channel, life) {
     h("span", { class: "letter", "aria-hidden": "true" }, letter),
     pictures,
     channels,
+    steps,
   );
 }
 
@@ -64,6 +93,12 @@ function pictureOption(/** @type {Job} */ { id }) {
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };
+}
+
+/** @returns {import("../base/dom.js").Row<import("../base/types.js").Reference>} */
+function referenceOption(/** @type {import("../base/types.js").Reference} */ reference) {
+  const element = h("option", { value: addressOf(reference) });
+  return { element, update: ({ name, width, height }) => setText(element, `${name} · ${width}×${height}`) };
 }
 
 /** @param {string} letter @param {Job} job */

@@ -36,10 +36,10 @@ const figure = (value) => (value === 0 ? "0" : value.toPrecision(4));
  * @param {object} parts
  * @param {import("../film/picture-stage.js").PictureStage} parts.stage
  * @param {import("../base/store.js").Store<Comparison>} parts.state
- * @param {import("../film/live-film.js").LiveFilm[]} parts.films
+ * @param {() => boolean} parts.differInSize
  * @param {import("../base/store.js").Disposer} parts.life
  */
-export function compareWays({ stage, state, films, life }) {
+export function compareWays({ stage, state, differInSize, life }) {
   const { view } = stage;
   const choice = segments(
     t("Compare by"),
@@ -96,23 +96,27 @@ export function compareWays({ stage, state, films, life }) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let waiting;
   life.add(() => clearTimeout(waiting));
+  const ofDifferentSizes = () => {
+    view?.setCover(null);
+    bar.hidden = values.hidden = true;
+    said.hidden = false;
+    setText(said, t("The two are of different sizes: what differs cannot be measured."));
+  };
   const measure = () => {
     waiting = undefined;
     const kind = mapOf(state.value.way);
     if (!view || !kind || isMeasuring) return;
     const [a, b] = view.layers;
+    if (differInSize()) return ofDifferentSizes();
     if ([a, b].some((layer) => !layer.image && layer.film?.isBlank !== false)) {
       said.hidden = false;
       setText(said, t("Waits for both pictures."));
       return;
     }
     const [shownA, shownB] = [view.canvas.pixelsOf(a), view.canvas.pixelsOf(b)];
-    const same = a.size && b.size && a.size.width === b.size.width && a.size.height === b.size.height;
-    if (!shownA || !shownB || !same || !a.size) {
-      view.setCover(null);
-      bar.hidden = values.hidden = true;
+    if (!shownA || !shownB || !a.size) {
       said.hidden = false;
-      setText(said, shownA && shownB ? t("The two are of different sizes: what differs cannot be measured.") : t("Waits for both pictures."));
+      setText(said, t("Waits for both pictures."));
       return;
     }
     isMeasuring = true;
@@ -164,14 +168,14 @@ export function compareWays({ stage, state, films, life }) {
     measuredAt = -Infinity;
     soon();
   };
-  for (const live of new Set(films)) {
-    life.add(live.onTile(soon));
-    life.add(live.onFill(now));
-    life.add(live.onTurn(now));
-  }
+  /** @param {import("../film/picture-side.js").FilmSource} live @returns {() => void} ends it */
+  const listen = (live) => {
+    const ends = [live.onTile(soon), live.onFill(now), live.onTurn(now)];
+    return () => ends.forEach((end) => end());
+  };
   let asked = "";
   life.add(
-    state.subscribe(({ way, left, right, exposure, curve }) => {
+    state.subscribe(({ way, left, right, atA, atB, exposure, curve }) => {
       choice.select(way);
       setText(hint, WAYS.find(({ name }) => name === way)?.hint ?? "");
       view?.setSideBySide(way === "side");
@@ -182,7 +186,7 @@ export function compareWays({ stage, state, films, life }) {
         bar.hidden = values.hidden = said.hidden = true;
       }
       turn();
-      const key = JSON.stringify([map, left, right, exposure, curve]);
+      const key = JSON.stringify([map, left, right, atA, atB, exposure, curve]);
       if (key !== asked) now();
       asked = key;
     }),
@@ -191,6 +195,8 @@ export function compareWays({ stage, state, films, life }) {
     element: h("section", { class: "side-section stack tight", "aria-label": t("Ways to compare") }, choice.element, hint, bar, values, said),
     /** A side's picture has come. */
     changed: now,
+    /** What is measured changes with this film. */
+    listen,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
       ...WAYS.map(({ name, hint: does }, i) => ({ keys: `Shift+${i + 1}`, does, run: () => state.update((was) => ({ ...was, way: name })) })),

@@ -11,8 +11,9 @@ import { Store } from "../base/store.js";
 
 /**
  * Where the pictures of a side come from: a job's film as it grows, or another that is like it. `job` is "" where it is of none.
+ * `hasSamples` is false of a picture that no farm has rendered.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn">} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean}} FilmSource
  */
 
 /** What is stale is renewed at most this often. */
@@ -66,7 +67,7 @@ export class PictureSide {
   /** The film whose values are seen; null where a plane is. */
   get film() {
     const { channel } = this.state.value;
-    if (this.played) return null; // its pixels are others
+    if (this.played) return this.played.total ? this.played : null; // a frame that is played has no samples of its own
     return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
   }
 

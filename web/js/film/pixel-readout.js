@@ -6,6 +6,7 @@
 import { getPixel } from "../news/api.js";
 import { DENOISED, channelOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
+import { LiveFilm } from "./live-film.js";
 import { count, radiance } from "../base/format.js";
 import { t } from "../base/words.js";
 
@@ -77,14 +78,15 @@ export class PixelReadout {
     clearTimeout(this.timer);
     this.asking.abort();
     const { side } = this;
-    const at = side.played ? null : this.at;
+    const at = side.played && !side.film ? null : this.at;
     this.hint.hidden = at !== null;
     this.line.hidden = at === null;
     if (!at) return;
-    const { samples } = side.live.film.at(at.x, at.y);
+    const { samples } = (side.played ?? side.live.film).at(at.x, at.y);
     this.show(side.film?.at(at.x, at.y).rgb.map(radiance) ?? [], samples, false);
     const { channel } = side.state.value;
-    if (samples && side.live.job && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
+    const isNow = side.live instanceof LiveFilm && !side.played;
+    if (isNow && samples && channel !== DENOISED) this.timer = setTimeout(() => this.ask(at, channel), REST_MS);
   }
 
   /** @param {{x: number, y: number}} at @param {string} channel */
@@ -110,7 +112,8 @@ export class PixelReadout {
       setText(name, texts[i] === undefined ? "" : (names[i] ?? ""));
       setText(value, texts[i] ?? "");
     });
-    setText(this.samples, t("{n} spp", { n: samples }));
+    const { live } = this.side;
+    setText(this.samples, live.hasSamples !== false ? t("{n} spp", { n: samples }) : "");
     this.line.classList.toggle("exact", exact);
     this.line.title = exact ? t("Exact values of the film, linear Rec.709") : t("Values of the live picture, true to 0.2 %");
   }

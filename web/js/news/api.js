@@ -24,6 +24,7 @@ import { t } from "../base/words.js";
  * @property {number} [first] -1: none
  * @property {string} [order]
  * @property {[number, number, number, number] | null} [focus] x, y, w, h that is rendered first
+ * @property {boolean} [pinned] kept, whatever its age
  */
 
 export class ApiError extends Error {
@@ -140,6 +141,21 @@ export const getEnvironments = () => call("GET", "/environments");
 
 /** @param {string} id @returns {Promise<void>} */
 export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
+
+/** @returns {Promise<import("../base/types.js").Reference[]>} newest first */
+export const getReferences = () => call("GET", "/references");
+
+/** @param {string} id @returns {Promise<void>} */
+export const removeReference = (id) => call("DELETE", `/references/${id}`);
+
+/** @param {string} id @param {string} file film, file or image.exr and the like */
+export const referenceUrl = (id, file) => `api/references/${id}/${file}`;
+
+/** @param {string} job @param {AbortSignal} [signal] @returns {Promise<import("../base/types.js").Snapshot[]>} in order */
+export const getSnapshots = (job, signal) => call("GET", `/jobs/${job}/snapshots`, { signal });
+
+/** @param {string} job @param {number} spp @param {string} file film, or image.exr and the like */
+export const snapshotUrl = (job, spp, file) => `api/jobs/${job}/snapshots/${spp}/${file}`;
 
 /** @returns {Promise<Worker[]>} */
 export const getWorkers = () => call("GET", "/workers");
@@ -279,8 +295,17 @@ export async function fetchWords(place, query, signal) {
  * @param {AbortSignal} signal
  * @returns {Promise<import("./tile-packet.js").FilmPacket>}
  */
-export async function fetchFilm({ job, frame }, signal) {
-  const response = await fetch(`api/jobs/${job}/frames/${frame}/film`, { signal });
+export const fetchFilm = ({ job, frame }, signal) => fetchPacket(`api/jobs/${job}/frames/${frame}/film`, signal);
+
+/**
+ * A film from wherever it is kept.
+ *
+ * @param {string} url
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("./tile-packet.js").FilmPacket>}
+ */
+export async function fetchPacket(url, signal) {
+  const response = await fetch(url, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeFilm(await response.arrayBuffer());
 }

@@ -1,6 +1,7 @@
 /** Which frame a comparison shows, where a side of it is a shot: both sides show the same one, or the nearest that they have. */
 
 import { h, setText } from "../base/dom.js";
+import { LiveFilm } from "../film/live-film.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { isShot } from "../base/shot-words.js";
 import { t } from "../base/words.js";
@@ -11,9 +12,9 @@ import { t } from "../base/words.js";
 /** Whoever drags the slider is not followed by every frame between. */
 const REST_MS = 120;
 
-/** @param {Job} job @returns {number[]} in order; none where it is no shot */
+/** @param {Job | null} job null: an uploaded picture @returns {number[]} in order; none where it is no shot */
 function numbersOf(job) {
-  const numbers = isShot(job) ? parseFrames(job.shot?.frames ?? "") : [];
+  const numbers = job && isShot(job) ? parseFrames(job.shot?.frames ?? "") : [];
   return typeof numbers === "string" ? [] : numbers.sort((a, b) => a - b);
 }
 
@@ -23,7 +24,7 @@ const nearest = (numbers, wanted) => numbers.reduce((best, n) => (Math.abs(n - w
 /**
  * The frame of a job that comes nearest to the one that is asked for.
  *
- * @param {Job} job
+ * @param {Job | null} job
  * @param {number | null} wanted
  * @returns {number | undefined} undefined: the only one, or the first
  */
@@ -33,8 +34,8 @@ export function frameOf(job, wanted) {
 }
 
 /**
- * @param {import("../film/live-film.js").LiveFilm[]} films left and right, which may be one
- * @param {() => Job[]} jobs likewise
+ * @param {() => import("../film/picture-side.js").FilmSource[]} films left and right, which may be one
+ * @param {() => (Job | null)[]} jobs likewise
  * @param {import("../base/store.js").Store<Comparison>} state
  * @param {import("../base/store.js").Disposer} life
  * @returns {{element: HTMLElement, update: () => void}}
@@ -51,15 +52,15 @@ export function compareFrames(films, jobs, state, life) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let resting;
   const turn = () => {
-    for (const live of new Set(films)) {
-      const job = jobs()[films.indexOf(live)];
-      const frame = job && frameOf(job, state.value.frame);
-      if (frame !== undefined && frame !== live.frame) live.turnTo(frame, live.film);
+    const now = films();
+    for (const live of new Set(now)) {
+      const frame = frameOf(jobs()[now.indexOf(live)] ?? null, state.value.frame);
+      if (live instanceof LiveFilm && frame !== undefined && frame !== live.frame) live.turnTo(frame, live.film);
     }
   };
   const show = () => {
     const [a, b] = jobs();
-    const shots = [a, b].map((job) => job && frameOf(job, state.value.frame));
+    const shots = [a, b].map((job) => frameOf(job ?? null, state.value.frame));
     const shown = state.value.frame ?? numbers[0] ?? 0;
     const at = numbers.length ? numbers.indexOf(nearest(numbers, shown)) : 0;
     slider.valueAsNumber = at;
@@ -76,7 +77,7 @@ export function compareFrames(films, jobs, state, life) {
   };
   slider.addEventListener("input", () => state.update((now) => ({ ...now, frame: numbers[slider.valueAsNumber] ?? null })));
   const update = () => {
-    const texts = jobs().map((job) => (isShot(job) ? (job.shot?.frames ?? "") : ""));
+    const texts = jobs().map((job) => (job && isShot(job) ? (job.shot?.frames ?? "") : ""));
     if (texts.join() === told && numbers.length) return;
     told = texts.join();
     numbers = [...new Set(jobs().flatMap(numbersOf))].sort((a, b) => a - b);

@@ -1,4 +1,4 @@
-/** Two pictures beside each other at a wipe: two jobs, a job and its denoised copy, or planes of either. */
+/** Two pictures beside each other: jobs, as they are or as they were at some samples, planes of them, and uploaded pictures. */
 
 import { getJob } from "../news/api.js";
 import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
@@ -7,26 +7,34 @@ import { fill, h } from "../base/dom.js";
 import { adoptJob, jobs } from "../news/farm.js";
 import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
-import { differences, sideNames } from "../compare/job-differences.js";
-import { LiveFilm } from "../film/live-film.js";
+import { differencesOf, filmOf, namesOf, pictureOfJob, pictureOfReference, pictureUrl, referenceId } from "../compare/pictures.js";
+import { referencePanel } from "../compare/reference-panel.js";
+import { loadReferences, references } from "../news/references.js";
+import { snapshotsOf } from "../compare/snapshots.js";
 import { compareWays, wayFrom } from "../compare/ways.js";
+import { StillFilm } from "../film/still-film.js";
+import { pictureTools } from "../job/picture-tools.js";
 import { pictureStage } from "../film/picture-stage.js";
 import { stageKeys } from "../job/render-keys.js";
 import { followWithFrame, here, linkTo, setParams, setTitle } from "../shell/router.js";
-import { compareFrames, frameOf } from "../shot/compare-frames.js";
+import { compareFrames } from "../shot/compare-frames.js";
 import { isShot } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { Disposer, Store } from "../base/store.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../compare/pictures.js").Picture} Picture */
+/** @typedef {import("../film/picture-side.js").FilmSource} FilmSource */
 
 /**
  * @typedef {object} Comparison
- * @property {string} a a job
+ * @property {string} a as an address has it: see compare/pictures.js
  * @property {string} b
  * @property {string} left a channel of it
  * @property {string} right
+ * @property {number | null} atA what it looked like at so many samples a pixel; null: as it is now
+ * @property {number | null} atB
  * @property {number | null} frame of a side that is a shot; null: its first
  * @property {number} wipe
  * @property {import("../compare/ways.js").Way} way
@@ -35,8 +43,8 @@ import { t } from "../base/words.js";
  */
 
 /**
- * @param {string} a a job's id
- * @param {string} [b] another's, or the same; left out: the latest one that it can be compared with
+ * @param {string} a a picture, as an address has it
+ * @param {string} [b] another, or the same; left out: the latest one that it can be compared with
  * @returns {{element: HTMLElement, dispose: () => void}}
  */
 export function compareView(a, b) {
@@ -56,12 +64,13 @@ export function compareView(a, b) {
   /** @type {Store<Comparison>} */
   const state = new Store({
     ...{ a, b: b ?? "", left: params.get("a") ?? "", right: params.get("b") ?? "" },
+    ...{ atA: frameFrom(params.get("ta")), atB: frameFrom(params.get("tb")) },
     frame: frameFrom(params.get("frame")),
     wipe: wipeFrom(params.get("wipe")),
     way: wayFrom(params.get("way")),
     ...lookFromUrl(params),
   });
-  /** What is open, to be closed before the next. @type {{key: string, life: Disposer, update: (a: Job, b: Job) => void} | null} */
+  /** What is open, to be closed before the next. @type {{key: string, life: Disposer, update: (a: Picture, b: Picture) => void} | null} */
   let opened = null;
   life.add(() => opened?.life.dispose());
 
@@ -76,17 +85,22 @@ export function compareView(a, b) {
     }
     const ids = [state.value.a, state.value.b].filter(Boolean);
     for (const id of ids) {
-      if (asked.has(id) || all.some((job) => job.id === id)) continue;
+      if (asked.has(id) || referenceId(id) !== null || all.some((job) => job.id === id)) continue;
       asked.add(id);
       getJob(id).then(adoptJob, (error) => instead(t("This picture is not here"), error.message));
     }
-    const [first, second] = ids.map((id) => all.find((job) => job.id === id));
-    if (!first || !second) return;
-    if (!first.width || !second.width) {
-      const waits = first.width ? second : first;
+    const waits = all.find(({ id, width }) => ids.includes(id) && !width);
+    if (waits) {
       instead(waits.name, waits.error ?? waits.message ?? t("Waits for its scene."));
       return;
     }
+    const lost = ids.find((id) => references.value && referenceId(id) && !references.value.some((each) => each.id === referenceId(id)));
+    if (lost) {
+      instead(t("This picture is not here"), t("The reference picture was removed. Upload it again to compare with it."));
+      return;
+    }
+    const [first, second] = ids.map((id) => pictureOf(id, all));
+    if (!first || !second) return;
     const key = `${first.id} ${second.id}`;
     if (opened?.key !== key) {
       opened?.life.dispose();
@@ -95,6 +109,8 @@ export function compareView(a, b) {
     opened.update(first, second);
   };
   life.add(jobs.subscribe(show));
+  life.add(references.subscribe(show));
+  if (!references.value) loadReferences().catch((error) => instead(t("The reference pictures are not here"), error.message));
   life.add(
     state.subscribe(({ a, b }) => {
       if (b && opened && opened.key !== `${a} ${b}`) show();
@@ -102,6 +118,14 @@ export function compareView(a, b) {
   );
   life.add(rememberComparison(state));
   return { element, dispose: () => life.dispose() };
+}
+
+/** @param {string} id as the address has it @param {Job[]} all @returns {Picture | null} null: not known yet */
+function pictureOf(id, all) {
+  const reference = references.value?.find((each) => each.id === referenceId(id));
+  if (reference) return pictureOfReference(reference);
+  const job = all.find((each) => each.id === id);
+  return job ? pictureOfJob(job) : null;
 }
 
 /**
@@ -123,7 +147,7 @@ const frameFrom = (text) => (text && Number.isFinite(Number(text)) ? Number(text
 function rememberComparison(state) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  const end = state.subscribe(({ a, b, left, right, frame, wipe, way, exposure, curve }) => {
+  const end = state.subscribe(({ a, b, left, right, atA, atB, frame, wipe, way, exposure, curve }) => {
     clearTimeout(timer);
     if (!b) return;
     timer = setTimeout(() => {
@@ -131,6 +155,8 @@ function rememberComparison(state) {
         {
           a: left || null,
           b: right || null,
+          ta: atA === null ? null : String(atA),
+          tb: atB === null ? null : String(atB),
           frame: frame === null ? null : String(frame),
           wipe: wipe === 0.5 ? null : wipe.toFixed(3),
           way: way === "wipe" ? null : way,
@@ -145,30 +171,40 @@ function rememberComparison(state) {
 
 /**
  * @param {HTMLElement} page
- * @param {Job} a of known size
- * @param {Job} b likewise
+ * @param {Picture} a
+ * @param {Picture} b
  * @param {Store<Comparison>} state
- * @returns {{life: Disposer, update: (a: Job, b: Job) => void}}
+ * @returns {{life: Disposer, update: (a: Picture, b: Picture) => void}}
  */
 function open(page, a, b, state) {
   const life = new Disposer();
-  const left = new LiveFilm(a, frameOf(a, state.value.frame));
-  const right = a.id === b.id ? left : new LiveFilm(b, frameOf(b, state.value.frame));
-  for (const live of new Set([left, right])) life.add(() => live.dispose());
+  const differ = a.width !== b.width || a.height !== b.height;
+  /** What was uploaded is never shown at another size than its own. */
+  const isRefused = differ && Boolean(a.reference || b.reference);
+  /** The films that are shown, by picture and moment. @type {Map<string, {live: FilmSource, end: () => void}>} */
+  const films = new Map();
+  life.add(() => films.forEach(({ end }) => end()));
   const problems = h("div", { class: "stage-notice", role: "status" });
   let waysChanged = () => {};
+  /** @type {unknown[]} */
+  let notThere = [];
+  const tell = () => {
+    const errors = [0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value.error).concat(notThere);
+    const sizes = { a: `${a.width}×${a.height}`, b: `${b.width}×${b.height}` };
+    fill(
+      problems,
+      isRefused && h("p", { class: "notice warning" }, icon("warning"), t("A is {a}, B is {b}: choose two of the same size. Neither is stretched; A is shown alone.", sizes)),
+      ...errors.filter(Boolean).map((error) => h("p", { class: "notice error" }, icon("warning"), messageOf(error))),
+    );
+  };
   let hadPictures = "";
-  const stage = pictureStage(left.film, life, {
+  const stage = pictureStage(a, life, {
     wiped: (wipe) => state.update((now) => ({ ...now, wipe })),
     changed: () => {
       const pictures = JSON.stringify([0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value ?? null));
       if (pictures !== hadPictures) waysChanged();
       hadPictures = pictures;
-      const errors = [0, 1].map((which) => stage?.side(/** @type {0 | 1} */ (which))?.state.value.error);
-      fill(
-        problems,
-        errors.filter(Boolean).map((error) => h("p", { class: "notice error" }, icon("warning"), messageOf(error))),
-      );
+      tell();
     },
   });
   stage.element.append(problems);
@@ -176,30 +212,87 @@ function open(page, a, b, state) {
   const arrange = () => {
     const now = state.value;
     if (now.a !== a.id || now.b !== b.id) return; // others are being opened
-    const [nameA, nameB] = sideNames({ job: latest.a, channel: now.left }, { job: latest.b, channel: now.right });
+    const [sideA, sideB] = sides();
+    const [nameA, nameB] = namesOf(sideA, sideB);
     stage.view?.setLook(now);
-    stage.arrange({
-      left: { live: left, channel: now.left, name: nameA },
-      right: { live: right, channel: now.right, name: nameB },
-      wipe: now.wipe,
-    });
+    notThere = [];
+    const shown = [filmFor(sideA), filmFor(sideB)];
+    const [left, right] = [
+      { live: /** @type {FilmSource} */ (shown[0]), channel: sideA.channel, name: nameA },
+      { live: /** @type {FilmSource} */ (shown[1]), channel: sideB.channel, name: nameB },
+    ];
+    stage.arrange({ left, right: isRefused ? null : right, wipe: isRefused ? null : now.wipe });
+    if (isRefused) stage.view?.setWipe(1);
+    for (const [key, { live, end }] of films)
+      if (!shown.includes(live)) {
+        films.delete(key);
+        end();
+      }
+    showDifferences();
   };
-  life.add(state.subscribe(arrange));
+  /** Planes are of what a job has now. @returns {[import("../compare/pictures.js").Side, import("../compare/pictures.js").Side]} */
+  const sides = () => {
+    const { left, right, atA, atB } = state.value;
+    const side = (/** @type {Picture} */ picture, /** @type {string} */ channel, /** @type {number | null} */ at) => {
+      const moment = picture.job ? at : null;
+      return { picture, channel: picture.reference || moment !== null ? "" : channel, at: moment };
+    };
+    return [side(latest.a, left, atA), side(latest.b, right, atB)];
+  };
+  const filmFor = (/** @type {import("../compare/pictures.js").Side} */ { picture, at }) => {
+    const key = `${picture.id} ${at}`;
+    const known = films.get(key);
+    if (known) return known.live;
+    const live = filmOf(picture, at, state.value.frame);
+    const deaf = ways.listen(live);
+    films.set(key, { live, end: () => (deaf(), live.dispose()) });
+    if (live instanceof StillFilm)
+      live.ready.catch((error) => {
+        if (live.fetching.signal.aborted) return;
+        notThere = [...notThere, error];
+        tell();
+      });
+    return live;
+  };
+  const shownFilms = () => sides().map(filmFor);
   const normalise = () => {
-    const exposure = left.film.normalisingExposure();
+    const exposure = shownFilms()[0]?.film.normalisingExposure();
     if (exposure != null) state.update((now) => ({ ...now, exposure: clampExposure(exposure) }));
   };
-  const ways = compareWays({ stage, state, films: [left, right], life });
+  const ways = compareWays({ stage, state, differInSize: () => differ, life });
   waysChanged = ways.changed;
+  const table = h("div", { class: "differences" });
+  let shownRows = "";
+  const showDifferences = () => {
+    const rows = differencesOf(...sides());
+    const key = JSON.stringify(rows);
+    if (key === shownRows) return;
+    shownRows = key;
+    fill(table, rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, t("None: both have the same settings.")));
+  };
+  life.add(state.subscribe(arrange));
   const swap = () =>
-    state.update((now) => ({ ...now, a: now.b, b: now.a, left: now.right, right: now.left, wipe: 1 - now.wipe }));
+    state.update((now) => ({
+      ...{ ...now, a: now.b, b: now.a, left: now.right, right: now.left, atA: now.atB, atB: now.atA },
+      wipe: 1 - now.wipe,
+    }));
   life.add(addShortcuts(stageKeys({ view: stage.view, display: state, normalise })));
   life.add(addShortcuts(ways.keys));
   life.add(addShortcuts([{ keys: "X", does: t("Swap left and right"), run: swap }]));
 
-  const frames = compareFrames([left, right], () => [latest.a, latest.b], state, life);
-  const progress = [progressOf("A", a), progressOf("B", b)];
-  const table = h("div", { class: "differences" });
+  const frames = compareFrames(shownFilms, () => [latest.a.job, latest.b.job], state, life);
+  const progress = /** @type {const} */ (["A", "B"]).map((letter, i) => {
+    const { job } = i ? b : a;
+    return job && progressOf(letter, job);
+  });
+  const moments = snapshotsOf(() => [latest.a.job, latest.b.job], life);
+  const home = a.job ?? b.job;
+  const tools = pictureTools(stage.element, stage.view, () => {
+    const [{ picture, channel, at }] = sides();
+    return pictureUrl(picture, channel, at, state.value);
+  });
+  stage.tools.append(tools.element);
+  life.add(addShortcuts(tools.keys));
   fill(
     page,
     h(
@@ -208,19 +301,19 @@ function open(page, a, b, state) {
       h(
         "a",
         {
-          ...{ class: "icon-button", href: linkTo("jobs", a.id), "aria-label": t("Back to the picture") },
-          onclick: (/** @type {Event} */ event) => followWithFrame(event, isShot(a) ? left.frame : null),
+          ...{ class: "icon-button", href: home ? linkTo("jobs", home.id) : linkTo("jobs"), "aria-label": t("Back to the picture") },
+          onclick: (/** @type {Event} */ event) => followWithFrame(event, home && isShot(home) ? (shownFilms()[a.job ? 0 : 1]?.frame ?? null) : null),
         },
         icon("back"),
       ),
       h("h1", { class: "visually-hidden" }, t("Comparison of {a} and {b}", { a: a.name, b: b.name })),
-      sideChoice("A", state, "a", "left", life),
+      sideChoice("A", state, { picture: "a", channel: "left", at: "atA" }, moments, life),
       h(
         "button",
         { class: "icon-button", type: "button", "aria-label": t("Swap left and right"), title: t("Swap (X)"), onclick: swap },
         icon("swap"),
       ),
-      sideChoice("B", state, "b", "right", life),
+      sideChoice("B", state, { picture: "b", channel: "right", at: "atB" }, moments, life),
     ),
     stage.element,
     stage.statusBar,
@@ -230,7 +323,7 @@ function open(page, a, b, state) {
       h(
         "section",
         { class: "side-section stack", "aria-label": t("Progress") },
-        progress.map(({ element }) => element),
+        progress.map((part) => part?.element),
       ),
       ways.element,
       frames.element,
@@ -241,26 +334,21 @@ function open(page, a, b, state) {
         h("h2", null, t("Differences")),
         table,
       ),
+      referencePanel(state, life),
     ),
   );
-  let shownRows = "";
   return {
     life,
     update(nextA, nextB) {
       latest = { a: nextA, b: nextB };
       setTitle(t("{name}: A and B", { name: nextA.name }));
-      progress[0]?.update(nextA);
-      progress[1]?.update(nextB);
+      if (nextA.job) progress[0]?.update(nextA.job);
+      if (nextB.job) progress[1]?.update(nextB.job);
       frames.update();
-      const rows = differences(nextA, nextB);
-      const key = JSON.stringify(rows);
-      if (key === shownRows) return;
-      shownRows = key;
-      fill(
-        table,
-        rows.length ? differenceTable(rows) : h("p", { class: "quiet" }, t("None: both have the same settings.")),
-      );
-      arrange(); // the sides are called by their differences
+      moments.renew();
+      const before = shownRows;
+      showDifferences();
+      if (shownRows !== before) arrange(); // the sides are called by their differences
     },
   };
 }

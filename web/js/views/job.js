@@ -11,6 +11,7 @@ import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
+import { momentsPanel } from "../job/moments-panel.js";
 import { historyPanel } from "../job/history-panel.js";
 import { logPanel } from "../job/log-panel.js";
 import { histogramPanel } from "../job/histogram-panel.js";
@@ -95,6 +96,7 @@ function open(page, job, life) {
   const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
   picture.onHands(look.showHands);
   const history = historyPanel(() => latest, life);
+  const moments = isShot(job) ? null : momentsPanel(() => latest, picture, display, life);
   const log = logPanel(() => latest, life);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
@@ -159,7 +161,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, explained.element, pins.element, look.element, histogram, history.element, log, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, shot?.panel, explained.element, pins.element, look.element, moments?.element, histogram, history.element, log, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
@@ -168,7 +170,7 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress, focus, history, shot]) part?.update(next);
+    for (const part of [picture, actions, progress, focus, history, moments, shot]) part?.update(next);
   };
 }
 

@@ -1,0 +1,97 @@
+"""`rayfarm gc`: what a farm may let go, and letting it go."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from rayfarm import options
+from rayfarm.console import out
+from rayfarm.errors import CommandError
+from rayfarm.login import farm_client
+
+__all__ = ["register"]
+
+SHOWN = 40
+WORDS = {"film": "film", "compiled": "compiled scene", "upload": "upload"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("gc")(gc)
+
+
+def gc(
+    films_older_than: Annotated[
+        float | None, typer.Option(min=0, metavar="DAYS", help="Films of jobs that were over for longer.")
+    ] = None,
+    films_above: Annotated[
+        float | None, typer.Option(min=0, metavar="GB", help="Films beyond that size together, the oldest first.")
+    ] = None,
+    compiled_older_than: Annotated[
+        float | None, typer.Option(min=0, metavar="DAYS", help="What scenes were compiled to that nobody used for longer.")
+    ] = None,
+    uploads_older_than: Annotated[
+        float | None, typer.Option(min=0, metavar="DAYS", help="Scenes that nobody used for longer. These are gone then.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would go.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    server: options.Server = None,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Let go what a farm need not keep: old films, what unused scenes were compiled to, unused uploads.
+
+    Without rules it goes by the farm's own, RAYFARM_KEEP_FILMS_DAYS and the like, by which it looks each hour by itself; as it
+    comes it keeps everything. A film that went is rendered again, to the same bits, when its job is set to running; what a scene
+    was compiled to is made again by who uses it. What unfinished and pinned jobs need stays.
+
+    [bold]Examples[/bold]
+
+      rayfarm gc --films-older-than 30 --dry-run
+      rayfarm gc --films-above 500 --compiled-older-than 7 --yes
+    """
+    rules = {
+        "films_days": films_older_than,
+        "films_bytes": None if films_above is None else round(films_above * 1e9),
+        "compiled_days": compiled_older_than,
+        "uploads_days": uploads_older_than,
+    }
+    with farm_client(server) as farm:
+        found = farm.let_go(dry_run=True, **rules)
+        if not dry_run and found["items"]:
+            if not as_json:
+                _show(found)
+            if not yes and not (sys.stdin.isatty() and typer.confirm("Let these go?")):
+                raise CommandError("Nothing was let go. --yes does it without being asked.")
+            found = farm.let_go(dry_run=False, **rules)
+    if as_json:
+        print(json.dumps(found, indent=1))
+    elif dry_run or not found["items"]:
+        _show(found)
+    else:
+        out.print(f"{len(found['items'])} went, {_gigabytes(found['bytes'])}.")
+
+
+def _show(found: dict[str, Any]) -> None:
+    items = found["items"]
+    if not items:
+        out.print("Nothing may go by these rules.")
+        return
+    table = Table(box=None, pad_edge=False)
+    for title in ("WHAT", "ID", "SIZE", "DAYS", "WHY", "NAME"):
+        table.add_column(title, justify="right" if title in ("SIZE", "DAYS") else "left")
+    for item in items[:SHOWN]:
+        days = f"{item['age_s'] / 86400:.0f}"
+        table.add_row(WORDS[item["what"]], item["id"], _gigabytes(item["bytes"]), days, item["why"], escape(item["name"]))
+    out.print(table)
+    more = f" {len(items) - SHOWN} more are not shown." if len(items) > SHOWN else ""
+    out.print(f"{len(items)} may go, {_gigabytes(found['bytes'])}.{more}")
+
+
+def _gigabytes(size: int) -> str:
+    return f"{size / 1e9:.2f} GB" if size >= 1e8 else f"{size / 1e6:.1f} MB"

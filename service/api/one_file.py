@@ -1,0 +1,63 @@
+"""An upload of one file: how long it may be, before and while it comes."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from fastapi import Request
+
+from service.api.problem import Problem
+from service.api.security import is_beyond
+from service.errors import Invalid
+from service.farm import Farm
+from service.intake.multipart import Form, read_form
+from service.intake.names import safe_name
+from service.intake.uploads import gathered
+from service.store.room import disk_checker, full_disk
+from service.store.staging import BlobWriter
+
+__all__ = ["UPLOAD_FORM", "check_length", "only_file", "read_one"]
+
+UPLOAD_FORM = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            }
+        },
+    }
+}
+
+
+def check_length(request: Request, farm: Farm, what: str, way_out: str = "Make it smaller") -> None:
+    """Refuse, before anything of it is read, a body that says that it is longer than is taken. Raises Problem."""
+    limit = farm.settings.max_upload_bytes
+    if is_beyond(request.headers.get("content-length", ""), limit):
+        sentence = f"The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm."
+        raise Problem(413, sentence, headers={"Connection": "close"})
+
+
+async def read_one(request: Request, farm: Farm, what: str) -> Form:
+    """The form of an upload of one file, whose bytes are on the disk; to be discarded in the end. Raises FarmError."""
+    check_length(request, farm, what)
+    limit = farm.settings.max_upload_bytes
+    check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
+    with full_disk():
+        chunks = gathered(request.stream())
+        return await read_form(request.headers.get("content-type", ""), chunks, farm.blobs, 1, limit, check_disk)
+
+
+def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
+    """The plain name and the bytes of the file in a form. what: a clause on what was wanted. Raises Invalid."""
+    if len(form.files) != 1 or form.files[0][1].size == 0:
+        raise Invalid(f"The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.")
+    name, writer = form.files[0]
+    plain = PurePosixPath(safe_name(name)).name
+    if PurePosixPath(plain).suffix.lower() not in suffixes:
+        raise Invalid(f"{plain} is {what}; give one of {', '.join(suffixes)}, best an .exr or .hdr.")
+    return plain[:200], writer

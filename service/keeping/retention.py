@@ -1,0 +1,241 @@
+"""How long films, compiled scenes and uploads stay: by age and by size, and never what somebody pinned.
+
+Without rules, which is how a farm begins, everything stays. What may go, and what it takes to have it again:
+
+film      of a job that is over: the job and what it was asked for stay, and set to running it is rendered again, to the same bits
+compiled  of a scene that nobody used for long: made again by the next who uses it
+upload    a scene that no job needs any more and nobody used for long: gone; whoever wants it uploads it again
+
+A pinned job keeps its film, and the upload that it was rendered of.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from sqlalchemy import func, or_, select
+from sqlalchemy.orm import Session
+
+from service.errors import FarmError
+from service.store.database import Sessions
+from service.store.film_faults import FILM
+from service.store.film_store import FilmStore
+from service.store.garbage import Garbage
+from service.store.models import ACTIVE, FINAL, Job, Scene
+from service.store.reserve import Reserve
+
+__all__ = ["Item", "Retention", "Rules"]
+
+DAY_S = 86400.0
+EVERY_S = 3600.0
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Ages in days since the last use, sizes in bytes; None: for ever, and without limit."""
+
+    films_days: float | None = None
+    films_bytes: int | None = None
+    compiled_days: float | None = None
+    uploads_days: float | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether everything stays."""
+        return self == Rules()
+
+
+@dataclass(frozen=True)
+class Item:
+    """What may go. bytes: of disk; what scenes share is counted with each."""
+
+    what: Literal["film", "compiled", "upload"]
+    id: str
+    name: str
+    bytes: int
+    age_s: float
+    why: str
+
+
+class Retention:
+    """Looks each hour, where there are rules. `plan` and `carry_out` may be called from any thread."""
+
+    def __init__(
+        self,
+        sessions: Sessions,
+        films: FilmStore,
+        garbage: Garbage,
+        reserve: Reserve,
+        changed: Callable[[str, str], None],
+        rules: Rules,
+    ) -> None:
+        self._sessions = sessions
+        self._films = films
+        self._garbage = garbage
+        self._reserve = reserve
+        self._changed = changed
+        self._rules = rules
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="retention", daemon=True)
+
+    def start(self) -> None:
+        """Begin, where there are rules."""
+        if not self._rules.is_empty:
+            self._thread.start()
+
+    def stop(self) -> None:
+        """End after what is in hand."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(5)
+
+    def _run(self) -> None:
+        pause_s = 0.0
+        while not self._stopping.wait(pause_s):
+            pause_s = EVERY_S
+            try:
+                self.carry_out(self.plan(self._rules))
+            except FarmError as error:
+                log.warning("what may go stays for now: %s", error)
+            except Exception:
+                log.exception("a fault while it was looked what may go")
+
+    def plan(self, rules: Rules) -> list[Item]:
+        """What may go by these rules, oldest first; changes nothing."""
+        now = time.time()
+        with self._sessions() as session:
+            return [*self._old_films(session, rules, now), *self._unused(session, rules, now)]
+
+    def carry_out(self, items: Iterable[Item]) -> list[Item]:
+        """Let them go, each if it still may; returns those that went."""
+        act = {"film": self._drop_film, "compiled": self._drop_compiled, "upload": self._drop_upload}
+        gone = []
+        for item in items:
+            if self._stopping.is_set():
+                break
+            try:
+                if act[item.what](item):
+                    gone.append(item)
+                    log.info("%s %s (%s) was let go: %s", item.what, item.id, item.name, item.why)
+            except FarmError as error:
+                log.warning("%s %s stays for now: %s", item.what, item.id, error)
+        return gone
+
+    def _old_films(self, session: Session, rules: Rules, now: float) -> list[Item]:
+        if rules.films_days is None and rules.films_bytes is None:
+            return []
+        over = func.coalesce(Job.finished, Job.created)
+        rows = session.execute(select(Job.id, Job.name, over, Job.pinned, Job.state).order_by(over))
+        sizes = [(*row, self._films.size(row[0])) for row in rows]
+        too_much = sum(size for *_, size in sizes) - rules.films_bytes if rules.films_bytes is not None else 0
+        found = []
+        for id, name, since, pinned, state, size in sizes:
+            if pinned or state not in FINAL or not size:
+                continue
+            age = now - since
+            if rules.films_days is not None and age > rules.films_days * DAY_S:
+                found.append(Item("film", id, name, size, age, f"older than {rules.films_days:g} days"))
+            elif too_much > 0:
+                found.append(Item("film", id, name, size, age, f"films take more than {rules.films_bytes} bytes"))
+            else:
+                continue
+            too_much -= size
+        return found
+
+    def _unused(self, session: Session, rules: Rules, now: float) -> list[Item]:
+        if rules.compiled_days is None and rules.uploads_days is None:
+            return []
+        needed = _needed(session)
+        last = func.max(func.coalesce(Job.finished, Job.created))
+        used: dict[str, float] = {scene: at for scene, at in session.execute(select(Job.scene, last).group_by(Job.scene))}  # noqa: C416 - typed
+        found = []
+        for scene in session.scalars(select(Scene).order_by(Scene.created)):
+            if scene.status == "preparing" or scene.id in needed:
+                continue
+            age = now - max(scene.created, used.get(scene.of or scene.id, 0.0))
+            if rules.uploads_days is not None and scene.of is None and age > rules.uploads_days * DAY_S:
+                why = f"not used for {rules.uploads_days:g} days"
+                found.append(Item("upload", scene.id, scene.name, scene.bytes + _compiled_bytes(scene), age, why))
+            elif rules.compiled_days is not None and scene.compiled and age > rules.compiled_days * DAY_S:
+                why = f"not used for {rules.compiled_days:g} days"
+                found.append(Item("compiled", scene.id, scene.name, _compiled_bytes(scene), age, why))
+        return found
+
+    def _drop_film(self, item: Item) -> bool:
+        def forget() -> bool:
+            with self._sessions.begin() as session:
+                job = session.get(Job, item.id, with_for_update=True)
+                if job is None or job.state not in FINAL or job.pinned:
+                    return False
+                if job.state == "finished":
+                    job.state = "cancelled"
+                    job.error = f"{FILM} was let go ({item.why}). Set the job to running, and it is rendered again."
+                self._films.delete(item.id)  # within the transaction: whoever sets the job to running waits for it
+            return True
+
+        done = self._reserve.spend_on(forget)
+        self._changed("job", item.id)
+        return done
+
+    def _drop_compiled(self, item: Item) -> bool:
+        done = []
+
+        def forget(session: Session) -> set[str]:
+            scene = session.get(Scene, item.id, with_for_update=True)
+            if scene is None or scene.status != "ready" or scene.id in _needed(session):
+                return set()
+            before = scene.blobs
+            scene.compiled = {}
+            done.append(item)
+            return before - scene.blobs
+
+        self._reserve.spend_on(lambda: self._garbage.collect(forget))
+        self._changed("scene", item.id)
+        return bool(done)
+
+    def _drop_upload(self, item: Item) -> bool:
+        gone: list[str] = []
+
+        def forget(session: Session) -> set[str]:
+            gone.clear()
+            if item.id in _needed(session):
+                return set()
+            blobs: set[str] = set()
+            for scene in session.scalars(select(Scene).where(or_(Scene.id == item.id, Scene.of == item.id))):
+                blobs |= scene.blobs
+                gone.append(scene.id)
+                session.delete(scene)
+            return blobs
+
+        self._reserve.spend_on(lambda: self._garbage.collect(forget))
+        for scene in gone:
+            self._changed("scene", scene)
+        return bool(gone)
+
+
+def _needed(session: Session) -> set[str]:
+    """The scenes that unfinished and pinned jobs are of."""
+    rows = session.execute(select(Job.scene, Job.lit).where(or_(Job.state.in_(ACTIVE), Job.pinned)))
+    return {id for row in rows for id in row if id is not None}
+
+
+def _compiled_bytes(scene: Scene) -> int:
+    """Of all kinds together; a part that several have counts once."""
+    sizes: dict[str, int] = {}
+    for ref in (scene.compiled if isinstance(scene.compiled, dict) else {}).values():
+        sizes |= _sizes(ref)
+    return sum(sizes.values())
+
+
+def _sizes(ref: Any) -> dict[str, int]:
+    try:
+        return {str(ref["sha256"]): int(ref["size"]), **{str(part): int(size) for part, size in ref.get("parts") or ()}}
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {}

@@ -1,0 +1,30 @@
+"""The packed sums of a tile's rows, added up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from renderer.film import CHANNELS, Sums
+from renderer.settings import Tile
+from service.store.film_faults import damaged
+from worker.sums import unpack_sums
+
+__all__ = ["added_up"]
+
+
+def added_up(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
+    """(CHANNELS, h, w) int64; of some planes alone where they are named: what the others hold means nothing. Raises FilmLost."""
+    total: Sums | None = None
+    for packed in rows:
+        try:
+            sums = unpack_sums(packed, tile, stored=True, planes=planes)
+        except (ValueError, TypeError) as error:
+            raise damaged(str(error)) from error
+        if total is None:
+            total = sums
+        else:
+            for plane in range(CHANNELS) if planes is None else planes:
+                total[plane] += sums[plane]
+    if total is None:
+        raise damaged("rows are missing")
+    return total

@@ -1,0 +1,41 @@
+"""A film as the page reads it (film_packet.py), as a picture file: what was kept of it has no other form."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.image import rgbe9995
+from renderer.image.encode import encode
+from service.errors import Failed
+from service.watching.film_packet import GZIP, HEADER
+from service.watching.made import Made
+
+__all__ = ["light", "memory", "picture"]
+
+
+def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
+    """The light of a film packed by gzip, (h, w, 3). Raises Failed where it is damaged."""
+    try:
+        data = zlib.decompress(b"".join(packed), GZIP)
+        _, _, _, width, height, side = HEADER.unpack_from(data)
+        at = HEADER.size + 4 * -(-width // side) * -(-height // side)
+        planes = np.frombuffer(data, np.uint8, 4 * width * height, at).reshape(4, height, width)
+    except (zlib.error, struct.error, ValueError, ArithmeticError) as error:
+        raise Failed(f"What was kept of this picture is damaged ({error}).") from error
+    return rgbe9995.unpack(np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0])
+
+
+def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> Made:
+    """The file. folder: for temporary files."""
+    return Made.of(encode(light(packed), extension, exposure, curve), folder)
+
+
+def memory(width: int, height: int) -> int:
+    """About the most bytes that `picture` takes."""
+    return 48 * width * height

@@ -1,0 +1,50 @@
+"""backup, restore and gc as they are typed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.rayfarm.program import rayfarm
+from tests.service.conftest import Service
+
+
+@pytest.fixture
+def job(service: Service) -> str:
+    with service.worker():
+        job = service.submit(service.ready_scene())
+        service.wait_for(job, "finished")
+    return job
+
+
+def test_a_running_farm_is_copied_and_made_again(service: Service, job: str, tmp_path: Path) -> None:
+    data, copy, again = service.options["data"], tmp_path / "copy.tar", tmp_path / "again"
+    done = rayfarm("backup", copy, "--data", data, COLUMNS="200")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("1 film and ")
+    done = rayfarm("backup", copy, "--data", data, COLUMNS="200")
+    assert (done.returncode, "is there already" in done.stderr) == (1, True)
+    done = rayfarm("restore", copy, "--data", again, COLUMNS="200")
+    assert done.returncode == 0, done.stderr
+    assert f"up --data {again}" in done.stdout
+    assert (again / "films" / f"{job}.sqlite").stat().st_mode & 0o777 == 0o600
+    done = rayfarm("restore", copy, "--data", again, COLUMNS="200")
+    assert (done.returncode, "is not empty" in done.stderr) == (1, True)
+    done = rayfarm("backup", copy, "--data", again, RAYFARM_DATABASE_URL="postgresql://farm@db/farm", COLUMNS="200")
+    assert (done.returncode, "pg_dump" in done.stderr) == (1, True)
+
+
+def test_what_may_go_is_shown_and_goes_only_when_that_is_meant(service: Service, job: str) -> None:
+    asked = ("gc", "--films-older-than=0", "--server", service.url)
+    shown = rayfarm(*asked, "--dry-run", COLUMNS="200").stdout
+    assert job in shown
+    assert "1 may go" in shown
+    unsure = rayfarm(*asked, COLUMNS="200")
+    assert (unsure.returncode, "Nothing was let go" in unsure.stderr) == (1, True)
+    assert service.job(job)["state"] == "finished"
+    gone = json.loads(rayfarm(*asked, "--yes", "--json", COLUMNS="200").stdout)
+    assert [item["id"] for item in gone["items"]] == [job]
+    assert service.job(job)["state"] == "cancelled"
+    assert "Nothing may go" in rayfarm(*asked, COLUMNS="200").stdout

@@ -1,0 +1,106 @@
+"""A picture on its way, as the service gives it later: exactly what was there at that moment."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO
+
+from renderer import film as film_math
+from renderer.image import rgbe9995
+from renderer.settings import Tile
+from service.watching.film_packet import HEADER
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_sums
+from worker.contract import RenderBatch
+
+WIDTH, HEIGHT, SIDE = 40, 24, 16
+TILES = 6
+EXPONENT = 24
+
+
+def light(samples: int) -> np.ndarray:
+    """(h, w) RGB9E5 words of the picture after so many samples of every pixel."""
+    sums = expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, samples, 0)
+    return rgbe9995.pack(film_math.mean(sums, EXPONENT))
+
+
+def kept(service: Service, job: str) -> list[int]:
+    return [each["spp"] for each in service.http.get(f"/api/jobs/{job}/snapshots").raise_for_status().json()]
+
+
+def in_step(service: Service, worker: PeerWorker) -> list[str]:
+    """Let the worker go beyond a power of two only when what was there then is kept; ids of jobs are put into the list."""
+    jobs: list[str] = []
+
+    def wait(batch: RenderBatch) -> None:
+        if batch.first in (1, 8):
+            until(lambda: bool(jobs) and batch.first in service.farm.snapshots.kept(jobs[0]), f"{batch.first} is kept")
+
+    worker.on_batch = wait
+    return jobs
+
+
+def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, tmp_path: Path) -> None:
+    with service.worker(several=False) as worker:
+        jobs = in_step(service, worker)
+        job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=64)
+        jobs.append(job)
+        service.wait_for(job, "finished")
+        assert kept(service, job)[:2] == [1, 8], "batches have seven times what there is"
+        service.restart()
+    found = service.http.get(f"/api/jobs/{job}/snapshots").json()
+    assert [(each["spp"], each["least"], each["most"], each["samples"]) for each in found[:2]] == [
+        (1, 1, 1, WIDTH * HEIGHT),
+        (8, 8, 8, 8 * WIDTH * HEIGHT),
+    ]
+    assert 0 < found[0]["seconds"] <= found[1]["seconds"]
+    assert 64 not in kept(service, job), "that is the picture itself"
+
+    url = f"/api/jobs/{job}/snapshots/8"
+    for encoding in ("gzip", "identity"):
+        answer = service.http.get(f"{url}/film", headers={"Accept-Encoding": encoding}).raise_for_status()
+        assert answer.headers.get("content-encoding", "identity") == encoding
+        packet = answer.content
+        assert HEADER.unpack_from(packet) == (1, 2, 0, WIDTH, HEIGHT, SIDE)
+        assert struct.unpack_from(f"<{TILES}I", packet, HEADER.size) == (8,) * TILES
+        planes = np.frombuffer(packet, np.uint8, offset=HEADER.size + 4 * TILES).reshape(4, HEIGHT, WIDTH)
+        words = np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0]
+        np.testing.assert_array_equal(words, light(8))
+        etag = answer.headers["etag"]
+        same = service.http.get(f"{url}/film", headers={"Accept-Encoding": encoding, "If-None-Match": etag})
+        assert same.status_code == 304
+
+    exr = service.http.get(f"{url}/image.exr").raise_for_status()
+    assert "8spp.exr" in exr.headers["content-disposition"]
+    (tmp_path / "kept.exr").write_bytes(exr.content)
+    picture = OpenImageIO.ImageInput.open(str(tmp_path / "kept.exr"))
+    np.testing.assert_array_equal(picture.read_image(0, 0, 0, 3, OpenImageIO.FLOAT), rgbe9995.unpack(light(8)))
+    assert service.http.get(f"{url}/image.jpg?exposure=1&tonemap=hue").status_code == 200
+    assert service.http.get(f"{url}/image.jpg?tonemap=none-such").status_code == 422
+
+    missing = service.http.get(f"/api/jobs/{job}/snapshots/3/film")
+    assert missing.status_code == 404 and "at 3 samples" in missing.json()["detail"]
+    service.http.delete(f"/api/jobs/{job}").raise_for_status()
+    until(lambda: service.farm.snapshots.kept(job) == [], "they go with the job")
+    assert service.http.get(f"/api/jobs/{job}/snapshots").status_code == 404
+
+
+def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> None:
+    with service.worker(several=False) as worker:
+        jobs = in_step(service, worker)
+        job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=8)
+        jobs.append(job)
+        service.wait_for(job, "finished")
+        assert kept(service, job) == [1]
+        service.patch(job, spp=32)
+        until(lambda: service.job(job)["state"] == "finished" and service.job(job)["spp"] == 32, "it has 32")
+        assert kept(service, job)[1] == 8, "once it is no longer the picture itself"
+
+
+def test_of_shots_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
+    job = service.submit(service.ready_scene(), width=16, height=16, spp=4, frames="0-1")
+    service.wait_for(job, "finished")
+    assert kept(service, job) == []

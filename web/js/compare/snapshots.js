@@ -1,0 +1,39 @@
+/** What is kept of the jobs of a comparison on their way, asked for anew while they run. */
+
+import { getSnapshots } from "../news/api.js";
+import { Store } from "../base/store.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").Snapshot} Snapshot */
+
+const RENEW_MS = 5000;
+
+/**
+ * @param {() => (Job | null)[]} jobs
+ * @param {import("../base/store.js").Disposer} life
+ * @returns {{of: Store<Record<string, Snapshot[]>>, renew: () => void}} of: by job
+ */
+export function snapshotsOf(jobs, life) {
+  const of = new Store(/** @type {Record<string, Snapshot[]>} */ ({}));
+  const abort = new AbortController();
+  life.add(() => abort.abort());
+  /** By job: in which state it was when it was asked last. @type {Record<string, string>} */
+  const asked = {};
+  const ask = async (/** @type {Job} */ { id, state }) => {
+    asked[id] = state;
+    try {
+      const found = await getSnapshots(id, abort.signal);
+      if (JSON.stringify(found) !== JSON.stringify(of.value[id])) of.set({ ...of.value, [id]: found });
+    } catch {
+      // Cut off or gone, which the page says elsewhere.
+    }
+  };
+  const renew = () => {
+    for (const job of new Set(jobs())) if (job && asked[job.id] !== job.state) void ask(job);
+  };
+  life.every(RENEW_MS, () => {
+    for (const job of new Set(jobs())) if (job?.state === "running") void ask(job);
+  });
+  renew();
+  return { of, renew };
+}

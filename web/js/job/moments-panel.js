@@ -1,0 +1,132 @@
+/** What the picture looked like on its way: steps at 1, 2, 4, 8 ... samples a pixel, shown in its place on the stage. */
+
+import { fetchPacket, getSnapshots, snapshotUrl } from "../news/api.js";
+import { fill, h, setText } from "../base/dom.js";
+import { clock, count } from "../base/format.js";
+import { Film } from "../film/film.js";
+import { here, linkTo, setParams } from "../shell/router.js";
+import { t } from "../base/words.js";
+
+/** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {import("../base/types.js").Snapshot} Snapshot */
+
+const RENEW_MS = 3000;
+/** From so many on every second one is labelled. */
+const CROWDED = 7;
+
+/**
+ * @param {() => Job} job
+ * @param {import("../film/live-picture.js").LivePicture} picture
+ * @param {import("../base/store.js").Store<import("./display-panel.js").Display>} display
+ * @param {import("../base/store.js").Disposer} life
+ */
+export function momentsPanel(job, picture, display, life) {
+  const slider = h("input", { type: "range", min: "0", step: "1", "aria-label": t("Moment") });
+  const ticks = h("div", { class: "moment-ticks quiet small number", "aria-hidden": "true" });
+  const said = h("p", { class: "quiet small number", role: "status" });
+  const compare = h("a", null, t("Compare with now"));
+  const exr = h("a", { download: "" }, "EXR");
+  const links = h("p", { class: "row small", hidden: true }, compare, exr);
+  const tag = h("div", { class: "channel-tag alone", hidden: true });
+  picture.element.append(tag);
+  const element = h(
+    "section",
+    { class: "side-section stack tight moments", "aria-label": t("On its way"), hidden: true },
+    h("h2", null, t("On its way")),
+    slider,
+    ticks,
+    said,
+    links,
+  );
+  /** @type {Snapshot[]} */
+  let known = [];
+  /** Samples a pixel; null: as it is now. @type {number | null} */
+  let at = Number(here().params.get("then")) || null;
+  /** Those that were looked at. @type {Map<number, Promise<Film>>} */
+  const films = new Map();
+  const abort = new AbortController();
+  life.add(() => abort.abort());
+
+  const filmAt = (/** @type {number} */ spp) => {
+    const found = films.get(spp) ?? fetchFilm(spp);
+    films.set(spp, found);
+    found.catch(() => films.delete(spp));
+    return found;
+  };
+  const fetchFilm = async (/** @type {number} */ spp) => {
+    const packet = await fetchPacket(snapshotUrl(job().id, spp, "film"), abort.signal);
+    const film = new Film(packet.width, packet.height);
+    film.take(packet);
+    return film;
+  };
+  const show = async () => {
+    const snapshot = known.find(({ spp }) => spp === at);
+    slider.max = String(known.length);
+    slider.valueAsNumber = snapshot ? known.indexOf(snapshot) : known.length;
+    const name = snapshot ? wordsOf(snapshot) : t("As it is now");
+    slider.setAttribute("aria-valuetext", name);
+    setText(said, name);
+    links.hidden = !snapshot;
+    tag.hidden = !snapshot;
+    setText(tag, snapshot ? t("{n} spp", { n: count(snapshot.spp) }) : "");
+    if (!snapshot) {
+      picture.side()?.play(null);
+      return;
+    }
+    compare.href = `${linkTo("compare", job().id, job().id)}?ta=${snapshot.spp}`;
+    exr.href = snapshotUrl(job().id, snapshot.spp, "image.exr");
+    try {
+      const film = await filmAt(snapshot.spp);
+      if (at === snapshot.spp && !abort.signal.aborted) picture.side()?.play(film);
+    } catch (error) {
+      if (at === snapshot.spp && !abort.signal.aborted) setText(said, error instanceof Error ? error.message : String(error));
+    }
+  };
+  slider.addEventListener("input", () => {
+    at = known[slider.valueAsNumber]?.spp ?? null;
+    setParams({ then: at === null ? null : String(at) });
+    // Only colour is kept.
+    if (at !== null) display.update((look) => ({ ...look, channel: "", denoise: "off" }));
+    void show();
+  });
+  // A plane, or the denoised picture, is of the picture as it is now.
+  life.add(
+    display.subscribe(({ channel, denoise }) => {
+      if (at === null || (channel === "" && denoise === "off")) return;
+      at = null;
+      setParams({ then: null });
+      void show();
+    }),
+  );
+  const renew = async () => {
+    try {
+      const found = await getSnapshots(job().id, abort.signal);
+      if (JSON.stringify(found) === JSON.stringify(known)) return;
+      known = found;
+    } catch {
+      return; // cut off or gone, which the page says elsewhere
+    }
+    element.hidden = known.length === 0;
+    fill(ticks, ...[...known.map(({ spp }, i) => ((known.length - i) % 2 === 0 || known.length < CROWDED ? shortOf(spp) : "")), t("now")].map((text) => h("span", null, text)));
+    void show();
+  };
+  void renew();
+  life.every(RENEW_MS, () => job().state === "running" && void renew());
+  let state = job().state;
+  return {
+    element,
+    update: (/** @type {Job} */ next) => {
+      if (next.state !== state) void renew();
+      state = next.state;
+    },
+  };
+}
+
+/** @param {number} spp */
+const shortOf = (spp) => (spp < 1024 ? String(spp) : `${spp / 1024}k`);
+
+/** @param {Snapshot} snapshot */
+function wordsOf({ spp, least, most, seconds }) {
+  const from = t("{n} samples a pixel, after {time}", { n: count(spp), time: clock(seconds) });
+  return least === most && least === spp ? from : `${from}; ${t("tiles had {least} to {most}", { least: count(least), most: count(most) })}`;
+}
