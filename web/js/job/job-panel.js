@@ -171,7 +171,7 @@ export function actionsPanel() {
       resume.hidden = !STOPPED.includes(job.state);
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
-      if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "pin"), t("Keep"));
+      if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), t("Keep"));
       keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
       // The button that was pressed may be the one that goes: the focus must not go with it.
       if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();
