@@ -22,7 +22,7 @@ export function accountView() {
   const element = h(
     "div",
     { class: "page account" },
-    h("header", { class: "account-head" }, h("div", null, h("h1", { class: "page-title" }, name ?? t("This machine")), h("p", { class: "quiet" }, ROLES[role ?? ""] ?? "")), kind === "session" && leave),
+    h("header", { class: "account-head" }, h("div", null, h("h1", { class: "page-title" }, kind === "open" ? t("This machine") : (name ?? "")), h("p", { class: "quiet" }, ROLES[role ?? ""] ?? "")), kind === "session" && leave),
     kind === "session" && name !== "owner" && passwordSection(),
     kind === "session" && tokensSection(),
     kind === "session" && may("admin") && usersSection(),
