@@ -9,6 +9,7 @@ manifest.json   what is in it, with sizes and hashes; written last: a copy witho
 rayfarm.sqlite  scenes, jobs, frames
 films/  blobs/  as in the data folder
 token, owner-token, secrets.json   so that workers and programs are let in as before
+webhook-secret                      and those who are told of jobs still know who speaks
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ __all__ = ["MANIFEST", "Manifest", "Report", "back_up"]
 
 MANIFEST = "manifest.json"
 DATABASE = "rayfarm.sqlite"
-SECRETS = ("token", "owner-token", "secrets.json")
+SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret")
 ROUNDS = 3
 PATIENCE_S = 30.0
 
