@@ -27,6 +27,7 @@ from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_l
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
+from worker.trust import trust
 
 __all__ = ["TOKEN_VARIABLE", "Client", "ClientError"]
 
@@ -66,13 +67,21 @@ class _Answer:
 class Client:
     """A farm's service at `url`. Every method raises ClientError."""
 
-    def __init__(self, url: str, timeout_s: float = 60.0, token: str | None = None) -> None:
-        """token: what a farm that asks for a login is shown; $RAYFARM_API_TOKEN unless told."""
+    def __init__(self, url: str, timeout_s: float = 60.0, token: str | None = None, certificate: str | None = None) -> None:
+        """token: what a farm that asks for a login is shown; $RAYFARM_API_TOKEN unless told.
+
+        certificate: the one that the farm has, where the machine does not trust it by itself; $RAYFARM_TLS_CERT unless told.
+        """
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
         token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
         if not (token.isascii() and token.isprintable()):
             raise ClientError(f"The token has characters that no token has. Look at {TOKEN_VARIABLE}.")
+        try:
+            verify = trust(certificate)
+        except (OSError, ValueError) as error:
+            raise ClientError(f"The farm's certificate cannot be read: {error}.") from None
         self._http = httpx.Client(
+            verify=verify,
             base_url=self.url if is_address(self.url) else "",
             timeout=httpx.Timeout(timeout_s, connect=5.0),
             headers={"Authorization": f"Bearer {token}"} if token else {},

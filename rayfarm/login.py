@@ -32,10 +32,10 @@ def farm_client(server: str | None) -> Client:
     from service.places import default_data_folder
 
     url, told = server_url(server), os.environ.get(TOKEN_VARIABLE)
-    if not told:
-        here = running_farm(default_data_folder())
-        told = owner_token(default_data_folder()) if here is not None and here.url == url.rstrip("/") else ""
-    return Client(url, token=told)
+    here = running_farm(default_data_folder())
+    if here is None or here.url != url.rstrip("/"):
+        return Client(url)
+    return Client(url, token=told or owner_token(default_data_folder()), certificate=here.certificate or None)
 
 
 def owner_token(data: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import signal
 import socket
 from collections.abc import AsyncIterator
@@ -47,10 +48,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         if settings.print_link and farm.access.needs_login:
             where = f"http://{socket.gethostname()}:{settings.port}"
             print(f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}")
+        gc.freeze()  # modules and routes: each full collection looked through them for 100 ms, while every request waited
         with _streams_end_with_the_server(farm.broadcast):
             try:
                 yield
             finally:
+                gc.unfreeze()
                 await asyncio.to_thread(farm.stop)
 
     app = FastAPI(

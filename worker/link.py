@@ -19,6 +19,7 @@ from redis.connection import ConnectionPool
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from worker.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
 from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
+from worker.trust import trust
 
 __all__ = ["FarmAnswer", "Link", "check_redis_url"]
 
@@ -63,7 +64,11 @@ class Link:
         """The connection pool, opened on first use."""
         if self._client is None:
             headers = {"Authorization": f"Bearer {self.token}"}
-            self._client = httpx.Client(base_url=self.service, headers=headers, timeout=TIMEOUT)
+            try:
+                verify = trust()
+            except (OSError, ValueError) as error:
+                raise RefusedError(f"The farm's certificate cannot be read: {error}.") from None
+            self._client = httpx.Client(base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify)
         return self._client
 
     def forget_connections(self) -> None:

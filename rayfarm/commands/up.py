@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import ssl
 import time
 import webbrowser
 from pathlib import Path
@@ -12,10 +13,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rayfarm.console import PROGRAM, err, out
+from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores, has_screen
 
 if TYPE_CHECKING:
-    from rayfarm.local.farm import LocalFarm
+    from rayfarm.local.farm import LocalFarm, Tls
 
 __all__ = ["register"]
 
@@ -49,6 +51,11 @@ def up(
             metavar="NAME", help="A name that the page is opened by, beside addresses and this machine's own; repeatable."
         ),
     ] = None,
+    tls_cert: Annotated[
+        Path | None,
+        typer.Option(dir_okay=False, exists=True, help="Speak HTTPS: the certificate and those that sign it, as PEM."),
+    ] = None,
+    tls_key: Annotated[Path | None, typer.Option(dir_okay=False, exists=True, help="The certificate's key, as PEM.")] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
     """Start the farm on this machine: a Redis of its own, the service, one worker slot per core, and the page.
@@ -67,6 +74,7 @@ def up(
     from service.places import default_data_folder
 
     os.umask(0o077)  # what a farm keeps is its user's alone
+    tls = _tls(tls_cert, tls_key)
     signals = StopSignals()
     folder = data.expanduser().resolve() if data else default_data_folder()
     slots = cores() if workers is None else workers
@@ -77,7 +85,7 @@ def up(
             err.print(sentence, markup=False, soft_wrap=True)
 
     with locked(folder):
-        farm = LocalFarm(folder, host, port, slots, say, allow_host or ())
+        farm = LocalFarm(folder, host, port, slots, say, allow_host or (), tls)
         try:
             farm.start(signals.stop)
             if farm.wait(farm.service_answers, "service", signals.stop):
@@ -96,6 +104,24 @@ def up(
             say("Stopping (Ctrl-C again: at once) ...")
             farm.stop(signals.hurry)
     say("Stopped. Nothing is left running.")
+
+
+def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
+    """Raises CommandError where the service could not speak HTTPS with these."""
+    from rayfarm.local.farm import Tls
+
+    if certificate is None or key is None:
+        if certificate or key:
+            raise CommandError("HTTPS needs both: --tls-cert and --tls-key.")
+        return None
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, password="")
+    except (ssl.SSLError, OSError) as error:
+        why = getattr(error, "reason", None) or error
+        raise CommandError(
+            f"{certificate} and {key} are no certificate and its key without a password, as PEM ({why})."
+        ) from None
+    return Tls(certificate.resolve(), key.resolve())
 
 
 def _summary(farm: LocalFarm, folder: Path) -> None:

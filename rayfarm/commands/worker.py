@@ -25,7 +25,13 @@ def register(app: typer.Typer) -> None:
 
 def worker(
     join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, as http://host:8000.")],
-    token: Annotated[str, typer.Option(help="The farm's token; `rayfarm up` shows it. [dim]$RAYFARM_TOKEN[/dim]")] = "",
+    token: Annotated[
+        str, typer.Option(help="The farm's token, where everybody on this machine may see it; better by one of the next.")
+    ] = "",
+    token_file: Annotated[
+        Path | None,
+        typer.Option(dir_okay=False, help="A file with the farm's token, or one of this worker's. [dim]$RAYFARM_TOKEN[/dim]"),
+    ] = None,
     slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; one per core unless told.")] = None,
     name: Annotated[str | None, typer.Option(help="What the farm calls this machine; its host name unless told.")] = None,
 ) -> None:
@@ -36,7 +42,7 @@ def worker(
 
     [bold]Examples[/bold]
 
-      rayfarm worker --join http://studio.local:8000 --token T
+      rayfarm worker --join http://studio.local:8000 --token-file ~/farm.token
       RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
     """
     from rayfarm.local.state import ROOT
@@ -47,9 +53,16 @@ def worker(
         join = f"http://{join}"
     if not is_address(join):
         raise CommandError(f"{join!r} is no address of a farm; give one as http://host:8000")
+    if token:
+        err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
+    elif token_file is not None:
+        token = token_file.expanduser().read_text().strip()
     token = token or os.environ.get("RAYFARM_TOKEN", "")
     if not token:
-        raise CommandError(f"A worker shows the farm's token. Give it as --token; `{PROGRAM} up` prints the whole command.")
+        raise CommandError(
+            "A worker shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
+            f"`{PROGRAM} up` prints the whole command."
+        )
     signals = StopSignals()
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:

@@ -10,6 +10,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -24,8 +25,9 @@ from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from rayfarm.login import link_of, owner_token
 from service.access.roles import OWNER
 from worker.contract import WORKER_KEYS, WorkerReport
+from worker.trust import TRUST_VARIABLE
 
-__all__ = ["LocalFarm", "free_port"]
+__all__ = ["LocalFarm", "Tls", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
 PATIENCE_S = 60.0
@@ -33,19 +35,35 @@ SERVICE_STEADY_S = 15.0  # it may migrate a database first
 REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
 
 
+@dataclass(frozen=True)
+class Tls:
+    """Files in PEM: the certificate with those that sign it, and its key."""
+
+    certificate: Path
+    key: Path
+
+
 class LocalFarm:
     """A farm of this machine on one data folder; hold `state.locked(data)` around it.
 
     port 0 takes a free one. slots 0 starts no worker. say: gets sentences about what happens. names: more that the service
-    answers to.
+    answers to. tls: the service speaks HTTPS.
     """
 
     def __init__(
-        self, data: Path, host: str, port: int, slots: int, say: Callable[[str], None], names: Sequence[str] = ()
+        self,
+        data: Path,
+        host: str,
+        port: int,
+        slots: int,
+        say: Callable[[str], None],
+        names: Sequence[str] = (),
+        tls: Tls | None = None,
     ) -> None:
         self.data = data
         self.host = host
         self.names = list(names)
+        self.tls = tls
         self.slots = slots
         self.secrets = secrets_of(data)
         self.port = port or free_port(host)
@@ -61,12 +79,22 @@ class LocalFarm:
     def url(self) -> str:
         """The address for a browser on this machine."""
         host = "127.0.0.1" if self.host in ANYWHERE else self.host
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+        return f"{self._scheme}://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
     def public_url(self) -> str:
         """The address for other machines."""
-        return self.url if self.host not in ANYWHERE else f"http://{_own_address()}:{self.port}"
+        if self.names and self.tls:
+            return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a name
+        return self.url if self.host not in ANYWHERE else f"{self._scheme}://{_own_address()}:{self.port}"
+
+    @property
+    def _scheme(self) -> str:
+        return "https" if self.tls else "http"
+
+    @property
+    def _certificate(self) -> str:
+        return str(self.tls.certificate) if self.tls else ""
 
     @property
     def redis_url(self) -> str:
@@ -95,6 +123,9 @@ class LocalFarm:
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for.
         uvicorn += ["--ws-per-message-deflate", "false"]
+        if self.tls:
+            uvicorn += ["--ssl-certfile", str(self.tls.certificate), "--ssl-keyfile", str(self.tls.key)]
+            env[TRUST_VARIABLE] = str(self.tls.certificate)
         service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
         service.has_spare = True
         self._start(service)
@@ -139,7 +170,7 @@ class LocalFarm:
 
     def login_link(self, url: str) -> str | None:
         """A link that lets the owner in, once; None where the service asks for no login. Raises ClientError."""
-        with Client(self.url, token=owner_token(self.data)) as client:
+        with Client(self.url, token=owner_token(self.data), certificate=self._certificate) as client:
             if not client.call("GET", "/api/session")["login"]:
                 return None
             return link_of(url, client.call("POST", "/api/links", user=OWNER)["code"])
@@ -180,7 +211,12 @@ class LocalFarm:
         return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
 
     def _announce(self) -> None:
-        announce(self.data, FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids(), self.public_url))
+        announce(
+            self.data,
+            FarmAddress(
+                self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids(), self.public_url, self._certificate
+            ),
+        )
 
 
 def _is_ready(report: bytes, pid: int) -> bool:

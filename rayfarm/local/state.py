@@ -37,7 +37,8 @@ class Secrets:
 
 @dataclass(frozen=True)
 class FarmAddress:
-    """Where a running farm is. `pids`: its parts by name, for whoever wants to look at them. public_url: for other machines."""
+    """Where a running farm is. `pids`: its parts by name, for whoever wants to look at them. public_url: for other
+    machines. certificate: what it shows over HTTPS."""
 
     url: str
     token: str
@@ -45,6 +46,7 @@ class FarmAddress:
     pid: int
     pids: dict[str, int]
     public_url: str = ""
+    certificate: str = ""
 
 
 def secrets_of(data: Path) -> Secrets:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass
 from typing import Any, cast
 
 from sqlalchemy import select
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 BAD_SHOWN = 16
 MOST_NAMED = 500  # jobs in one query
 Recorded = list[tuple[int, FrameNumbers]]  # the frames of a job: their keys, and how far they are
-_RECORDED = [f.name for f in fields(FrameNumbers)]  # of a frame's row
+_RECORDED = FrameNumbers._fields  # of a frame's row
 UNREADABLE = (
     "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
     "Delete it, or go back to that release."
@@ -79,7 +79,7 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     for at in range(0, len(jobs), MOST_NAMED):
         query = select(*columns).where(Frame.job.in_(jobs[at : at + MOST_NAMED])).order_by(Frame.job, Frame.number)
         for job, number, *numbers in session.execute(query):
-            found.setdefault(job, []).append((number, FrameNumbers(*numbers)))
+            found.setdefault(job, []).append((number, FrameNumbers._make(numbers)))
     return found
 
 
@@ -190,7 +190,7 @@ def _still_frames(job: Job, recorded: Recorded, known: JobNumbers | None, is_liv
         # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
         # the database has of a job that is over may be less than what was told of it before.
         if known is not None and (is_live or known.samples > f.samples):
-            numbers = replace(numbers, samples=known.samples, bad_samples=known.bad_samples, progress=known.progress)
+            numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples, progress=known.progress)
         found.append(_frame_out(job, key, numbers))
     return found
 

@@ -8,6 +8,7 @@ again by whoever starts the copy (service/keeping/patrol.py).
 manifest.json   what is in it, with sizes and hashes; written last: a copy without it is not complete
 rayfarm.sqlite  scenes, jobs, frames
 films/  blobs/  as in the data folder
+snapshots/  logs-of-jobs/  likewise: what can be done without, and is as it was when it was copied
 token, owner-token, secrets.json   so that workers and programs are let in as before
 webhook-secret                      and those who are told of jobs still know who speaks
 """
@@ -16,10 +17,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -38,6 +40,7 @@ __all__ = ["MANIFEST", "Manifest", "Report", "back_up"]
 MANIFEST = "manifest.json"
 DATABASE = "rayfarm.sqlite"
 SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret")
+BESIDE = ("snapshots", "logs-of-jobs")
 ROUNDS = 3
 PATIENCE_S = 30.0
 
@@ -93,6 +96,7 @@ def back_up(data: Path, target: Target, progress: Progress = lambda done, total,
         if not missing or round == ROUNDS - 1:
             break
     run.report.lacking = missing
+    run.copy_beside()
     for name in SECRETS:
         if (data / name).is_file():
             run.keep(name, data / name)
@@ -148,6 +152,15 @@ class _Run:
                 missing.append(f"the film of job {job} {why}; a restored farm renders it again")
             self._advance(_size(path), total, "films")
         return missing
+
+    def copy_beside(self) -> None:
+        """Copy what lies beside the record: each file as it is now, where it is still there."""
+        for folder in BESIDE:
+            for path in sorted((self.data / folder).rglob("[!.]*")):
+                with suppress(FileNotFoundError), self.target.scratch() as scratch:
+                    if path.is_file():
+                        shutil.copyfile(path, scratch / "copy")  # what grows meanwhile has one size and one hash
+                        self.keep(path.relative_to(self.data).as_posix(), scratch / "copy")
 
     def keep(self, name: str, path: Path) -> None:
         """Put a file into the copy under a name."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from renderer import film as film_math
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
@@ -22,9 +21,8 @@ LOOK_AGAIN = 4  # times as many
 OF_NOISE = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMPLES_HALF)  # planes that film_math.noise reads
 
 
-@dataclass(frozen=True)
-class FrameNumbers:
-    """How far a frame is."""
+class FrameNumbers(NamedTuple):
+    """How far a frame is. A tuple, as a list of jobs makes thousands of them."""
 
     state: str
     samples: int

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from pydantic_core import from_json
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
@@ -75,7 +76,11 @@ def connect(url: str) -> tuple[Engine, Sessions]:
 def _json_or_nothing(text: str | bytes) -> Any:
     """A column's value; None for one that is damaged: it must not keep all other rows from being read."""
     try:
-        return json.loads(text)
+        return from_json(text)  # three times as fast as json.loads, and most of what reading many jobs takes
+    except ValueError:
+        pass
+    try:
+        return json.loads(text)  # half of a surrogate pair, from a file's name, is read by this alone
     except ValueError:
         return None
 

@@ -71,3 +71,34 @@ def test_a_link_that_was_used_says_so(service: Service, watched: Watched) -> Non
     watched.page.goto(f"{service.url}/#/login?code=used")
     expect(watched.page.get_by_role("alert")).to_contain_text("used already")
     assert "used" not in watched.page.url.partition("#")[2]
+
+
+def test_an_administrator_lets_others_in_and_out_again(service: Service, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    token = (tmp_path / "data" / "owner-token").read_text().strip()
+    with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, verify=False) as owner:
+        code = owner.post("/api/links", json={}).raise_for_status().json()["code"]
+        page.goto(f"{service.url}/#/login?code={code}")
+        page.get_by_role("link", name="Logged in as owner").click()
+        users = page.locator("section", has=page.get_by_role("heading", name="Users"))
+        users.get_by_label("Name").fill("Ben")
+        users.get_by_role("button", name="Add a user").click()
+        expect(users.get_by_role("status")).to_contain_text("#/login?code=rayfarm-link-")
+        users.get_by_label("Role of ben").select_option("view")
+        tokens = page.locator("section", has=page.get_by_role("heading", name="Tokens"))
+        tokens.get_by_label("What it is for").fill("nightly")
+        tokens.get_by_role("button", name="Make a token").click()
+        expect(tokens.get_by_role("status")).to_contain_text("rayfarm-token-")
+        secret = tokens.get_by_role("status").locator("code").inner_text()
+        with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {secret}"}, verify=False) as script:
+            assert script.get("/api/session").json()["role"] == "submit"
+            tokens.get_by_role("button", name="Withdraw nightly").click()
+            expect(tokens.get_by_role("listitem")).to_have_count(0)
+            assert script.get("/api/jobs").status_code == 401
+        page.get_by_text("What was done, by whom").click()
+        expect(page.get_by_role("cell", name="PATCH /api/users/{name}")).to_be_visible()
+        assert [user["role"] for user in owner.get("/api/users").json()] == ["view"]
+        users.get_by_role("button", name="Remove ben").click()
+        expect(users.get_by_role("listitem")).to_have_count(0)
+        assert owner.get("/api/users").json() == []
+    assert watched.errors == []

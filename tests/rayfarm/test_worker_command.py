@@ -6,7 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -65,3 +67,31 @@ def test_what_cannot_be_started_is_a_sentence(tmp_path: Path) -> None:
     _, err = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "no address" in err
+
+
+def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_path: Path) -> None:
+    shown: list[str | None] = []
+
+    class Refuses(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            shown.append(self.headers["Authorization"])
+            self.send_error(401)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    (tmp_path / "token").write_text("of-a-file\n")
+    command = [sys.executable, "-m", "rayfarm", "worker", "--slots=1"]
+    with ThreadingHTTPServer(("127.0.0.1", 0), Refuses) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        join = f"--join=127.0.0.1:{server.server_port}"
+        for how in (f"--token-file={tmp_path / 'token'}", "--token=seen"):
+            done = subprocess.run([*command, join, how], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+            assert done.returncode == 1
+            assert ("can read --token" in done.stderr) == how.startswith("--token=")
+        server.shutdown()
+    assert shown == ["Bearer of-a-file", "Bearer seen"]
+    lost = [*command, "--join=127.0.0.1:9", "--token-file=/not/there"]
+    done = subprocess.run(lost, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert "/not/there" in done.stderr

@@ -35,7 +35,8 @@ async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], re
                     rounds.append(now - last_round)
                 last_round = now
             last_packet = now
-            received.append(len(message))
+            if now > begun + warm_s:
+                received.append(len(message))
             await socket.send(json.dumps({"ack": SEQUENCE.unpack_from(message)[0]}))
 
 

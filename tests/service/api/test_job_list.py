@@ -27,7 +27,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
     farm = Farm(Settings(data=data, redis_url=redis_server.url, token="token"))
     many_jobs(farm.sessions, N)
     farm.stop()
-    service = Service(data, redis_server)
+    service = Service(data, redis_server, film_check_days=0)  # its jobs have no films
     yield service
     service.stop()
 

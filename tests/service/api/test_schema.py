@@ -38,7 +38,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
     service.stop()
 
 
-def _nobody(wish: Any) -> Any:
+def _nobody(*wish: Any) -> Any:
     raise Unavailable("The worker has other things to do. Try again.")
 
 
@@ -71,6 +71,8 @@ class Alive:
         # The one slot is busy with this scene from now on; so jobs stay as they are.
         worker.on_prepare = lambda scene: bool(self.done.wait(LONGEST_S)) and None
         service.farm.engine.show_environment = _nobody  # type: ignore[method-assign]
+        service.farm.explaining.explain = _nobody  # type: ignore[method-assign]
+        service.farm.retention.carry_out = lambda items: items  # type: ignore[method-assign]
         self.scenes["preparing"] = service.upload(OBJ + b"# another")
         until(lambda: worker.prepared[-1] == self.scenes["preparing"], "the worker prepares")
         self.jobs["queued"] = service.submit(self.scenes["ready"], width=32, height=32, spp=8, priority=-100)

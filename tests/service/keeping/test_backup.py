@@ -27,6 +27,16 @@ def files_of(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
+def beside(data: Path, job: str) -> dict[str, bytes]:
+    """A job's log and snapshots, as they lie on the disk."""
+    return {
+        path.relative_to(data).as_posix(): path.read_bytes()
+        for folder in ("logs-of-jobs", "snapshots")
+        for path in (data / folder).rglob("[!.]*")
+        if path.is_file() and job in path.relative_to(data).as_posix()
+    }
+
+
 @pytest.mark.parametrize("name", ["copy", "copy.tar.gz"])
 def test_a_half_done_job_is_finished_from_its_backup(
     service: Service, redis_server: running_redis, tmp_path: Path, name: str
@@ -40,6 +50,8 @@ def test_a_half_done_job_is_finished_from_its_backup(
     with service.worker() as worker:
         done = service.submit(service.ready_scene())
         service.wait_for(done, "finished")
+        until(lambda: beside(service.options["data"], done) != {}, "its log is written")
+        before = beside(service.options["data"], done)
         worker.on_batch = slow
         half = service.submit(service.ready_scene(), spp=40, seed=3)
         until(lambda: service.job(half)["progress"] > 0.1, "it is under way")
@@ -55,13 +67,14 @@ def test_a_half_done_job_is_finished_from_its_backup(
     assert seen[-1][0] == seen[-1][1] or name.endswith(".gz")
     again = Service(tmp_path / "again", redis_server)
     try:
-        before = again.job(half)["samples"]
-        assert 0 < before < 40 * 64 * 48
+        assert 0 < again.job(half)["samples"] < 40 * 64 * 48
         with again.worker() as worker:
             again.wait_for(half, "finished")
             assert {batch.job for batch in worker.batches} == {half}, "what was finished stays so"
         assert again.digest(half) == expected_digest(spp=40, seed=3)
         assert again.digest(done) == expected_digest()
+        after = beside(tmp_path / "again", done)
+        assert all(after[name].startswith(content) for name, content in before.items()), "logs and snapshots came along"
         assert {path.stat().st_mode & 0o077 for path in (tmp_path / "again").rglob("*")} == {0}
     finally:
         again.stop()

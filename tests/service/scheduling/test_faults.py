@@ -214,7 +214,7 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
     assert set(failed) == set(RECORDS)
 
 
-FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_sums", "index_of")
+FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_planes", "index_of")
 
 
 def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
@@ -239,7 +239,7 @@ def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
     assert service.wait_for(job, "finished", 60)["error"] is None
     service.wait_for(other, "finished", 60)
     assert service.digest(job) == service.digest(other)
-    assert failed["merge"] == failed["tile_sums"] == 2
+    assert failed["merge"] == failed["tile_planes"] == 2
 
 
 def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(

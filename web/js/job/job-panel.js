@@ -158,7 +158,7 @@ export function actionsPanel() {
   cancel.title = t("Stops rendering; the picture so far stays");
   const more = button("plus", t("{n} samples", { n: MORE_SAMPLES }), moreSamples);
   more.title = t("Goes on from here: the same picture as if they had been asked for at once");
-  const keep = button("pin", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
+  const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
   keep.title = t("Stays whatever its age: its picture, and its scene's files");
   const element = h("div", { class: "row actions" }, resume, pause, cancel, more, keep);
   return {
@@ -171,6 +171,7 @@ export function actionsPanel() {
       resume.hidden = !STOPPED.includes(job.state);
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
+      if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "pin"), t("Keep"));
       keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
       // The button that was pressed may be the one that goes: the focus must not go with it.
       if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();

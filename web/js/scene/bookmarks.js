@@ -20,9 +20,10 @@ export function bookmarks(scene, view, turn) {
   let kept = read(key);
   const keep = () => {
     const taken = new Set(kept.map(({ name }) => name));
+    const named = (/** @type {number} */ n) => t("View {n}", { n });
     let number = kept.length + 1;
-    while (taken.has(`View ${number}`)) number += 1;
-    kept = [...kept, { name: `View ${number}`, view: viewToText(view()) }].slice(-MOST);
+    while (taken.has(named(number))) number += 1;
+    kept = [...kept, { name: named(number), view: viewToText(view()) }].slice(-MOST);
     write();
   };
   const write = () => {
@@ -68,7 +69,7 @@ export function bookmarks(scene, view, turn) {
           ),
         ),
       ),
-      h("button", { class: "chip-button", type: "button", onclick: keep }, icon("plus"), t("Keep this view")),
+      h("button", { class: "chip-button", type: "button", "aria-label": t("Keep this view"), onclick: keep }, icon("plus"), h("span", { class: "long" }, t("Keep this view")), h("span", { class: "short" }, t("View"))),
     );
   show();
   return element;

@@ -93,6 +93,7 @@ export function lightHand(surface, seen, light) {
       name: "light",
       icon: "turn",
       label: t("Turn the light"),
+      short: t("Light"),
       title: t("Turn the light: hold L and drag, or Shift and the right button"),
       hint: t("Drag across turns the light, up and down changes its strength; the arrows too. Escape takes it back."),
       press,

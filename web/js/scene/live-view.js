@@ -35,6 +35,13 @@ const LEAST_SIDE = 16;
 /** What a request says of more than one picture of a few samples. */
 const NOT_OF_A_VIEW = ["spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
+/** Told in the help; the view itself takes them, while it has the focus. */
+const HAND_KEYS = [
+  { keys: "W A S D Q E", does: t("In the view: fly; with Shift faster") },
+  { keys: t("Arrows"), does: t("In the view: turn it; with Shift move it") },
+  { keys: "− +", does: t("In the view: nearer and farther") },
+];
+
 /**
  * @param {import("../base/types.js").Scene} scene
  * @param {import("./settings-form.js").SettingsForm} form
@@ -203,7 +210,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       light.tool,
       sunHand(surface, form.light, pick, tell),
       {
-        ...{ name: "focus", icon: /** @type {const} */ ("target"), label: t("Pick the focus"), title: t("Pick the focus") },
+        ...{ name: "focus", icon: /** @type {const} */ ("target"), label: t("Pick the focus"), short: t("Focus"), title: t("Pick the focus") },
         ...{ hint: t("Click what is to be sharp."), press: focusAt },
       },
     ],
@@ -230,18 +237,24 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       does: t("Take back what is dragged; lay the tool down; back to the live view"),
       run: () => void (tools.escape() || sides.set({ a: LIVE, b: "" })),
     },
+    ...HAND_KEYS.map(({ keys, does }) => ({
+      ...{ keys: `View: ${keys}`, does, run: () => {} },
+      get shown() {
+        return instead.isOpen ? null : keys;
+      },
+    })),
   ]);
   const placeSun = () => (tools.choose("sun"), surface.scrollIntoView({ block: "nearest" }), surface.focus({ preventScroll: true }));
   form.element.addEventListener(PLACE_SUN, placeSun);
 
   const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
-  const toolBar = h("div", { class: "view-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view)));
+  const toolBar = h("div", { class: "view-bar view-tool-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view)));
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look, names },
     changed(now) {
       instead = now;
       surface.hidden = now.isOpen;
-      state.hidden = toolBar.hidden = said.hidden = now.isOpen && !now.hasLive;
+      state.hidden = clear.element.hidden = toolBar.hidden = said.hidden = now.isOpen && !now.hasLive;
       link.rest(state.hidden);
       offer();
       tell();
@@ -263,7 +276,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { class: "live-view-box" },
     frame,
     stage.bar,
-    h("div", { class: "view-bar" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("sun"), exposure, shown), clear.element, curve),
+    h("div", { class: "view-bar view-looks" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, curve),
     toolBar,
     said,
   );
@@ -285,6 +298,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   });
   for (const each of [surface, stage.element]) resizing.observe(each);
   refresh();
+  if (!instead.isOpen) tell();
   return {
     element,
     refresh,

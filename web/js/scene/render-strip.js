@@ -27,7 +27,7 @@ const MOST = 60;
  */
 export function renderStrip(scene, sides, life) {
   const list = h("ul", { class: "strip" });
-  const hint = h("span", { class: "small quiet" }, t("A click shows one as A, Shift and a click as B"));
+  const hint = h("span", { class: "small quiet strip-hint" }, t("A click shows one as A, Shift and a click as B"));
   const title = h("h2", { class: "strip-title" }, t("Pictures of this scene"));
   const element = h(
     "section",

@@ -47,6 +47,7 @@ export function sunHand(surface, light, pick, tell) {
     name: "sun",
     icon: "sun",
     label: t("Place the sun"),
+    short: t("Sun"),
     title: t("Place the sun: click the sky, or what it is to light"),
     hint: t("Click or drag: in the sky the sun stands there, on a surface its highlight does. Escape ends."),
     press(event) {

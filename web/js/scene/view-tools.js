@@ -8,6 +8,7 @@ import { icon } from "../base/icons.js";
  * @property {string} name
  * @property {import("../base/icons.js").IconName} icon
  * @property {string} label
+ * @property {string} short the label where there is little room
  * @property {string} title
  * @property {string} hint what to do with it
  * @property {(event: PointerEvent) => void} press
@@ -35,13 +36,14 @@ export function viewTools(surface, tools, tell) {
   /** @type {Tool | undefined} */
   let current;
   const buttons = new Map(
-    tools.map(({ name, icon: face, label, title }) => [
+    tools.map(({ name, icon: face, label, short, title }) => [
       name,
       h(
         "button",
         { ...{ class: "button small", type: "button", title, "aria-pressed": "false" }, onclick: () => choose(current?.name === name ? "" : name) },
         icon(face),
-        label,
+        h("span", { class: "long" }, label),
+        h("span", { class: "short" }, short),
       ),
     ]),
   );

@@ -42,9 +42,19 @@ export function showHelp() {
             ),
           ),
       ),
-      h("p", { class: "quiet" }, t("On the picture: drag to pan, wheel or pinch to zoom, double-click to fit.")),
+      handsOn().map((sentence) => h("p", { class: "quiet" }, sentence)),
     ),
   );
   document.body.append(dialog);
   dialog.showModal();
+}
+
+/** What a hand does on what is open, a picture or the live view. */
+function handsOn() {
+  /** @type {[string, string][]} */
+  const sentences = [
+    [".live-view", t("On the view: drag to turn, Shift and drag to move, wheel or pinch to go nearer, double-click to turn about what lies there.")],
+    [".stage", t("On the picture: drag to pan, wheel or pinch to zoom, double-click to fit.")],
+  ];
+  return sentences.filter(([place]) => document.querySelector(place)?.checkVisibility()).map(([, sentence]) => sentence);
 }

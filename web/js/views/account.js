@@ -1,10 +1,11 @@
-/** Who is logged in, and what is theirs: the password and the way out. */
+/** Who is logged in, and what is theirs: the password, tokens, the way out; for administrators others' too. */
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
-import { changePassword, logOut, session } from "../news/session.js";
+import { changePassword, logOut, may, session } from "../news/session.js";
 import { setTitle } from "../shell/router.js";
 import { announce, showError } from "../shell/tray.js";
+import { auditSection, tokensSection, usersSection } from "./access-parts.js";
 
 /** What a role lets do. */
 const ROLES = /** @type {Record<string, string>} */ ({
@@ -21,8 +22,11 @@ export function accountView() {
   const element = h(
     "div",
     { class: "page account" },
-    h("header", { class: "account-head" }, h("div", null, h("h1", { class: "page-title" }, name ?? t("This machine")), h("p", { class: "quiet" }, ROLES[role ?? ""] ?? "")), kind === "session" && leave),
+    h("header", { class: "account-head" }, h("div", null, h("h1", { class: "page-title" }, kind === "open" ? t("This machine") : (name ?? "")), h("p", { class: "quiet" }, ROLES[role ?? ""] ?? "")), kind === "session" && leave),
     kind === "session" && name !== "owner" && passwordSection(),
+    kind === "session" && tokensSection(),
+    kind === "session" && may("admin") && usersSection(),
+    kind === "session" && may("admin") && auditSection(),
   );
   return { element, dispose: () => {} };
 }

@@ -164,8 +164,8 @@ function ready(page, scene, life) {
   life.add(jobs.subscribe(() => form.update()));
   life.add(
     addShortcuts([
-      { keys: "R", does: t("Render"), run: () => form.element.requestSubmit() },
-      { keys: "Enter", does: t("Render"), run: () => form.element.requestSubmit() },
+      { keys: "R", shown: "R, Enter", does: t("Render"), run: () => form.element.requestSubmit() },
+      { keys: "Enter", shown: null, does: t("Render"), run: () => form.element.requestSubmit() },
     ]),
   );
   const sides = sidesFromUrl(life);

@@ -1,0 +1,38 @@
+/** Who else is let in, and by what: users, tokens, and the record of what was done. */
+
+import { call } from "./api.js";
+
+/** @typedef {"view" | "submit" | "admin"} Role */
+/** @typedef {{name: string, role: Role, has_password: boolean, created: number, sessions: number}} User */
+/** @typedef {{id: string, name: string, role: Role | "worker", user: string, created: number, expires: number | null, seen: number | null}} Token */
+/** @typedef {{at: number, who: string, what: string, from?: string, about?: string, status?: number | null}} Deed */
+
+/** @returns {Promise<User[]>} by name */
+export const getUsers = () => call("GET", "/users");
+
+/** @param {string} name @param {Role} role @returns {Promise<User>} */
+export const addUser = (name, role) => call("POST", "/users", { json: { name, role } });
+
+/** @param {string} name @param {Role} role @returns {Promise<User>} */
+export const setRole = (name, role) => call("PATCH", `/users/${encodeURIComponent(name)}`, { json: { role } });
+
+/** @param {string} name @returns {Promise<void>} */
+export const removeUser = (name) => call("DELETE", `/users/${encodeURIComponent(name)}`);
+
+/** @param {string} user @returns {Promise<string>} an address that lets them in, once */
+export async function makeLink(user) {
+  const { code } = await call("POST", "/links", { json: { user } });
+  return `${location.origin}${location.pathname}#/login?code=${code}`;
+}
+
+/** @param {boolean} all everybody's: for administrators @returns {Promise<Token[]>} newest first */
+export const getTokens = (all) => call("GET", `/tokens${all ? "?all=true" : ""}`);
+
+/** @param {string} name @param {Role | "worker"} role @param {number | null} days @returns {Promise<Token & {secret: string}>} */
+export const makeToken = (name, role, days) => call("POST", "/tokens", { json: { name, role, days } });
+
+/** @param {string} id @returns {Promise<void>} */
+export const withdrawToken = (id) => call("DELETE", `/tokens/${id}`);
+
+/** @param {number} limit @returns {Promise<Deed[]>} newest first */
+export const getAudit = (limit) => call("GET", `/audit?limit=${limit}`);

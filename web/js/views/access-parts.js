@@ -1,0 +1,187 @@
+/** The parts of the account's page that say who else is let in: tokens, users, and the record. */
+
+import { fill, h } from "../base/dom.js";
+import { ago } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
+import { addUser, getAudit, getTokens, getUsers, makeLink, makeToken, removeUser, setRole, withdrawToken } from "../news/access.js";
+import { may, session } from "../news/session.js";
+import { command } from "../shell/hints.js";
+import { announce, showError } from "../shell/tray.js";
+
+/** @typedef {import("../news/access.js").Role} Role */
+
+const LINES = 50;
+/** @type {[Role, string][]} */
+const ROLES = [
+  ["view", t("May look")],
+  ["submit", t("May render")],
+  ["admin", t("May do everything")],
+];
+/** @type {[string, string][]} */
+const LASTING = [
+  ["30", t("30 days")],
+  ["90", t("90 days")],
+  ["365", t("A year")],
+  ["", t("Until withdrawn")],
+];
+
+/** @param {string} title @param {...(Node | false)} content */
+const section = (title, ...content) => h("section", { class: "section" }, h("header", null, h("h2", null, title)), ...content);
+
+/** @param {string} id @param {string} label @param {HTMLElement} input */
+const field = (id, label, input) => {
+  input.id = id;
+  return h("div", { class: "field" }, h("label", { for: id }, label), input);
+};
+
+/** @param {[string, string][]} choices @param {string} chosen @param {Record<string, any>} [props] */
+const choice = (choices, chosen, props = {}) =>
+  h("select", props, choices.map(([value, label]) => h("option", { value, selected: value === chosen }, label)));
+
+/** @param {string} label @param {() => void} run */
+const removing = (label, run) => h("button", { class: "icon-button danger", type: "button", "aria-label": label, title: label, onclick: run }, icon("trash"));
+
+/** What is told once. @param {string} sentence @param {string} text */
+const once = (sentence, text) => h("div", { class: "told-once", role: "status" }, h("p", null, sentence), command(text));
+
+/** @param {Event} event @param {() => Promise<void>} deed */
+const submitted = (event, deed) => {
+  event.preventDefault();
+  deed().catch((error) => showError(t("Not done"), error));
+};
+
+/** What programs show; an administrator sees everybody's, and those of workers. */
+export function tokensSection() {
+  const list = h("ul", { class: "rows" });
+  const told = h("div", null);
+  const show = async () => {
+    const tokens = await getTokens(may("admin"));
+    list.hidden = tokens.length === 0;
+    fill(list, tokens.map((token) => tokenRow(token, show)));
+  };
+  const roles = /** @type {[string, string][]} */ ([...ROLES.filter(([role]) => may(role)), ...(may("admin") ? [["worker", t("Worker")]] : [])]);
+  const name = h("input", { type: "text", required: true, maxLength: 100 });
+  const role = choice(roles, may("submit") ? "submit" : "view");
+  const days = choice(LASTING, "90");
+  const form = h(
+    "form",
+    {
+      class: "account-form",
+      onsubmit: (/** @type {Event} */ event) =>
+        submitted(event, async () => {
+          const made = await makeToken(name.value, /** @type {Role | "worker"} */ (role.value), days.value ? Number(days.value) : null);
+          form.reset();
+          fill(told, once(t("The token for {name}. It is shown this once.", { name: made.name }), made.secret));
+          await show();
+        }),
+    },
+    field("token-name", t("What it is for"), name),
+    field("token-role", t("Role"), role),
+    field("token-days", t("Lasts"), days),
+    h("button", { class: "button", type: "submit" }, t("Make a token")),
+  );
+  show().catch((error) => showError(t("The tokens cannot be shown"), error));
+  return section(t("Tokens"), h("p", { class: "quiet about" }, t("Programs show one to be let in, and so do workers.")), list, form, told);
+}
+
+/** @param {import("../news/access.js").Token} token @param {() => Promise<void>} show */
+function tokenRow(token, show) {
+  const label = [...ROLES, ["worker", t("Worker")]].find(([role]) => role === token.role)?.[1] ?? token.role;
+  const until = token.expires === null ? t("until withdrawn") : t("until {day}", { day: new Date(token.expires * 1000).toLocaleDateString() });
+  const seen = token.seen === null ? t("never shown") : t("last shown {ago}", { ago: ago(token.seen) });
+  return h(
+    "li",
+    { class: "access-row" },
+    h("div", null, h("strong", null, token.name), h("div", { class: "quiet small" }, `${token.user} · ${until} · ${seen}`)),
+    h("span", { class: "chip" }, label),
+    removing(t("Withdraw {name}", { name: token.name }), () =>
+      void withdrawToken(token.id).then(show).catch((error) => showError(t("Not withdrawn"), error)),
+    ),
+  );
+}
+
+/** For administrators: who may log in. */
+export function usersSection() {
+  const list = h("ul", { class: "rows" });
+  const told = h("div", null);
+  const show = async () => {
+    const users = await getUsers();
+    list.hidden = users.length === 0;
+    fill(list, users.map((user) => userRow(user, show, tell)));
+  };
+  /** @param {string} name */
+  const tell = async (name) => fill(told, once(t("This link lets {name} in, once, within a day.", { name }), await makeLink(name)));
+  const name = h("input", { type: "text", required: true, maxLength: 63, autocapitalize: "none", spellcheck: "false", autocomplete: "off" });
+  const role = choice(ROLES, "submit");
+  const form = h(
+    "form",
+    {
+      class: "account-form",
+      onsubmit: (/** @type {Event} */ event) =>
+        submitted(event, async () => {
+          const user = await addUser(name.value.trim().toLowerCase(), /** @type {Role} */ (role.value));
+          form.reset();
+          await Promise.all([tell(user.name), show()]);
+        }),
+    },
+    field("user-name", t("Name"), name),
+    field("user-role", t("Role"), role),
+    h("button", { class: "button", type: "submit" }, t("Add a user")),
+  );
+  show().catch((error) => showError(t("The users cannot be shown"), error));
+  return section(t("Users"), list, form, told);
+}
+
+/** @param {import("../news/access.js").User} user @param {() => Promise<void>} show @param {(name: string) => Promise<void>} tell */
+function userRow(user, show, tell) {
+  const { name } = user;
+  const role = choice(ROLES, user.role, { "aria-label": t("Role of {name}", { name }) });
+  role.addEventListener("change", () =>
+    void setRole(name, /** @type {Role} */ (role.value)).then(
+      () => announce(t("The role holds from now on")),
+      (error) => {
+        role.value = user.role;
+        showError(t("Not done"), error);
+      },
+    ),
+  );
+  const about = user.has_password ? t("has a password") : t("by link");
+  return h(
+    "li",
+    { class: "access-row user-row" },
+    h("div", null, h("strong", null, name), h("div", { class: "quiet small" }, user.sessions ? `${about} · ${t("logged in")}` : about)),
+    role,
+    h("button", { class: "button small", type: "button", onclick: () => void tell(name).catch((error) => showError(t("Not done"), error)) }, icon("link"), t("Link")),
+    name === session.value.name
+      ? h("span", null)
+      : removing(t("Remove {name}", { name }), () => void removeUser(name).then(show).catch((error) => showError(t("Not done"), error))),
+  );
+}
+
+/** For administrators: what was done, by whom. */
+export function auditSection() {
+  const body = h("tbody", null);
+  const show = async () =>
+    fill(
+      body,
+      (await getAudit(LINES)).map(({ at, who, what, about, from, status }) =>
+        h(
+          "tr",
+          { class: (status ?? 0) >= 400 && "refused" },
+          h("td", { class: "number" }, new Date(at * 1000).toLocaleString()),
+          h("td", null, who || "–"),
+          h("td", null, h("code", null, what), about && h("span", { class: "quiet small" }, ` ${about}`)),
+          h("td", { class: "number" }, status ?? ""),
+          h("td", { class: "quiet number" }, from ?? ""),
+        ),
+      ),
+    );
+  const details = h(
+    "details",
+    { class: "audit", ontoggle: () => details.open && void show().catch((error) => showError(t("The record cannot be shown"), error)) },
+    h("summary", null, t("What was done, by whom")),
+    h("div", { class: "scrolls", tabIndex: 0 }, h("table", null, h("thead", null, h("tr", null, [t("When"), t("Who"), t("What"), t("Status"), t("From")].map((head) => h("th", { scope: "col" }, head)))), body)),
+  );
+  return section(t("Record"), details);
+}
