@@ -76,6 +76,7 @@ class Farm:
         self.shared = Shared(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
         self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
+        self.reading = CapacityLimiter(2)  # threads that wait while an uploaded picture is read, which takes much memory
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))

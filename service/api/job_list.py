@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Query
-from sqlalchemy import ColumnElement, Select, case, func, or_, select
+from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
 from sqlalchemy.orm import Session
 
 from service.api.schemas import JobState
@@ -68,6 +68,8 @@ class Chosen:
 
 
 def _says(word: str) -> ColumnElement[bool]:
+    if "\0" in word:  # where a pattern ends for SQLite, and what PostgreSQL takes in none; no name has it
+        return false()
     scenes = select(Scene.id).where(func.lower(Scene.name).contains(word, autoescape=True))
     return or_(
         func.lower(Job.name).contains(word, autoescape=True),

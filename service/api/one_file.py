@@ -18,6 +18,7 @@ from service.store.staging import BlobWriter
 
 __all__ = ["UPLOAD_FORM", "check_length", "only_file", "read_one"]
 
+LONGEST = 200  # characters of a name
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -60,4 +61,5 @@ def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) ->
     plain = PurePosixPath(safe_name(name)).name
     if PurePosixPath(plain).suffix.lower() not in suffixes:
         raise Invalid(f"{plain} is {what}; give one of {', '.join(suffixes)}, best an .exr or .hdr.")
-    return plain[:200], writer
+    stem, suffix = PurePosixPath(plain).stem, PurePosixPath(plain).suffix
+    return stem[: LONGEST - len(suffix)] + suffix, writer

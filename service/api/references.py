@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Literal
 
+import anyio
 from fastapi import APIRouter, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import StreamingResponse
@@ -60,7 +62,8 @@ async def add_reference(request: Request, farm: FarmDependency, response: Respon
     try:
         name, file = only_file(form, SUFFIXES, "/api/references", "no image that can be compared with")
         temporary = farm.settings.data / "tmp"
-        row = await run_in_threadpool(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary)
+        kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary)
+        row = await anyio.to_thread.run_sync(kept, limiter=farm.reading)
     finally:
         form.discard()
     response.headers["Location"] = f"/api/references/{row.id}"

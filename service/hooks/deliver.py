@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import subprocess
+import tempfile
 import time
 from typing import Any
 
@@ -32,14 +34,22 @@ def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
     body = json.dumps(message, separators=(",", ":")).encode()
     signed = {"Content-Type": "application/json", "User-Agent": "rayfarm", **headers(secret, id, int(time.time()), body)}
     try:
-        with httpx.stream("POST", url, content=body, headers=signed, timeout=ANSWER_WITHIN_S, follow_redirects=False) as answer:
-            status = answer.status_code
+        status = asyncio.run(_status(url, body, signed))
+    except TimeoutError:
+        raise UndeliveredError(f"It did not answer within {ANSWER_WITHIN_S:.0f} s.") from None
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         raise UndeliveredError(f"It could not be reached ({type(error).__name__}: {error}).") from None
     if status == httpx.codes.GONE:
         raise RefusedError("It answered 410: it wants no more messages.")
     if not 200 <= status < 300:
         raise UndeliveredError(f"It answered {status}.")
+
+
+async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
+    # httpx's own limits are for each piece of an answer, of which there may be many.
+    client = httpx.AsyncClient(timeout=None, follow_redirects=False)
+    async with asyncio.timeout(ANSWER_WITHIN_S), client, client.stream("POST", url, content=body, headers=signed) as answer:
+        return answer.status_code
 
 
 def run(program: str, id: str, message: dict[str, Any]) -> None:
@@ -50,19 +60,21 @@ def run(program: str, id: str, message: dict[str, Any]) -> None:
     # The farm's own secrets are not the program's business.
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("RAYFARM_")}
     try:
-        done = subprocess.run(
-            [program],
-            input=json.dumps(message).encode(),
-            env=inherited | {key: value.replace("\0", "") for key, value in told.items()},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            timeout=RUN_WITHIN_S,
-            check=False,
-        )
+        with tempfile.TemporaryFile() as stderr:  # a pipe would stay open with what the program leaves running
+            done = subprocess.run(
+                [program],
+                input=json.dumps(message).encode(),
+                env=inherited | {key: value.replace("\0", "") for key, value in told.items()},
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                timeout=RUN_WITHIN_S,
+                check=False,
+            )
+            stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * SAID))
+            said = stderr.read(4 * SAID).decode(errors="replace").strip()[-SAID:]
     except subprocess.TimeoutExpired:
         raise UndeliveredError(f"The program took longer than {RUN_WITHIN_S:.0f} s and was ended.") from None
     except OSError as error:
         raise UndeliveredError(f"The program could not be started ({error.strerror}).") from None
     if done.returncode:
-        said = done.stderr.decode(errors="replace").strip()[-SAID:]
         raise UndeliveredError(f"The program ended with {done.returncode}." + (f" It said: {said}" if said else ""))

@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
 OVERLAP_S = 60.0  # rows may be committed in another order than their times
 AT_A_TIME = 100
+TURN_S = 5.0
 KEPT_S = 30 * 86400.0
 RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # after each attempt that failed
 
@@ -103,11 +104,17 @@ class Outbox:
         return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=job.finished, message=message, due=time.time())
 
     def _send_due(self) -> None:
+        for hook in self.hooks:
+            self._send_due_to(hook)
+
+    def _send_due_to(self, hook: str) -> None:
+        """One that does not answer, or slowly, is left for the next time: others wait behind it."""
         with self._sessions() as session:
-            due = select(Delivery).where(Delivery.due <= time.time(), Delivery.hook.in_(self.hooks))
+            due = select(Delivery).where(Delivery.due <= time.time(), Delivery.hook == hook)
             rows = list(session.scalars(due.order_by(Delivery.due).limit(AT_A_TIME)))
+        begun = time.monotonic()
         for row in rows:
-            if self._stop.is_set():
+            if self._stop.is_set() or time.monotonic() - begun > TURN_S:
                 return
             row.attempts += 1
             try:
@@ -120,3 +127,5 @@ class Outbox:
                 log.warning("%s was not told of job %s: %s", row.hook.split("?")[0], row.job, error)
             with self._sessions.begin() as session:
                 session.merge(row)
+            if row.done is None:
+                return

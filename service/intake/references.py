@@ -82,6 +82,7 @@ def _read(image: Path, name: str, film: Path) -> dict[str, object]:
     command = [sys.executable, "-m", read_reference.__name__, str(image), name, str(film)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     environment.pop("RAYFARM_TOKEN", None)
+    environment["TMPDIR"] = str(film.parent)  # removed also where the child is ended and cannot
     try:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=SECONDS, env=environment)
     except subprocess.TimeoutExpired:

@@ -10,6 +10,7 @@ rayfarm.sqlite  scenes, jobs, frames
 films/  blobs/  as in the data folder
 snapshots/  logs-of-jobs/  likewise: what can be done without, and is as it was when it was copied
 token, owner-token, secrets.json   so that workers and programs are let in as before
+webhook-secret                      and those who are told of jobs still know who speaks
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ __all__ = ["MANIFEST", "Manifest", "Report", "back_up"]
 
 MANIFEST = "manifest.json"
 DATABASE = "rayfarm.sqlite"
-SECRETS = ("token", "owner-token", "secrets.json")
+SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret")
 BESIDE = ("snapshots", "logs-of-jobs")
 ROUNDS = 3
 PATIENCE_S = 30.0

@@ -21,7 +21,8 @@ __all__ = ["restore"]
 
 # What a backup has; a file of any other name would be somebody's attempt to write elsewhere.
 NAMES = re.compile(
-    r"rayfarm\.sqlite|(owner-)?token|secrets\.json|manifest\.json|films/[\w-]{1,80}\.sqlite|blobs/[0-9a-f]{2}/[0-9a-f]{64}"
+    r"rayfarm\.sqlite|(owner-)?token|webhook-secret|secrets\.json|manifest\.json"
+    r"|films/[\w-]{1,80}\.sqlite|blobs/[0-9a-f]{2}/[0-9a-f]{64}"
     r"|snapshots/[\w-]{1,80}/\d{1,12}\.film|logs-of-jobs/[\w-]{1,80}(\.[a-z]{1,8}){0,2}"
 )
 

@@ -67,7 +67,8 @@ def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_j
 def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None:
     assert [job["name"] for job in get(service, search="TRUCK 4321")] == ["Milk truck take 4321"]
     assert [job["id"] for job in get(service, search=f"{77:020x}")] == [f"{77:020x}"]
-    assert get(service, search="100%_") == []  # the pattern's own signs are letters here
+    for none in ("100%_", "\0", "truck\0"):  # signs of the pattern, and of its end, are letters here
+        assert get(service, search=none) == []
     stopped = get(service, state=["failed", "paused"], scene="scene1", limit=1000)
     assert {job["state"] for job in stopped} == {"failed", "paused"} and {job["scene"] for job in stopped} == {"scene1"}
     assert len(get(service, "/ids", shot=True)) == N // 10

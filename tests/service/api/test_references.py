@@ -88,6 +88,25 @@ def test_a_picture_may_be_longer_than_other_bodies(service: Service) -> None:
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
+def test_a_long_name_keeps_what_says_its_format(service: Service) -> None:
+    file = b"PF\n1 1\n-1.0\n" + np.ones(3, "<f4").tobytes()  # whose first bytes are not looked at
+    found = service.http.post("/api/references", files={"file": ("n" * 240 + ".pfm", file)}).raise_for_status().json()
+    assert found["name"] == "n" * 196 + ".pfm"
+    service.http.delete(f"/api/references/{found['id']}").raise_for_status()
+
+
+def test_what_a_reader_leaves_behind_goes_with_it(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    temporary = service.options["data"] / "tmp"
+    sitecustomize = temporary.parent / "ended"
+    sitecustomize.mkdir()
+    ended = "import tempfile, os, sys\nif 'read_reference' in ' '.join(sys.orig_argv): tempfile.mkdtemp(); os._exit(1)\n"
+    (sitecustomize / "sitecustomize.py").write_text(ended)
+    monkeypatch.syspath_prepend(str(sitecustomize))
+    answer = service.http.post("/api/references", files={"file": ("truth.exr", encode.encode(radiance(), "exr"))})
+    assert (answer.status_code, "made its reader crash" in answer.json()["detail"]) == (422, True), answer.text
+    assert list(temporary.iterdir()) == []
+
+
 def _film_of(service: Service, id: str) -> str:
     from service.store.models import Reference
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import signal
+import socket
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -11,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from service.hooks import outbox
+from service.hooks import deliver, outbox
 from service.hooks.signing import headers
 from tests.service.conftest import Service, until
 
@@ -141,3 +145,57 @@ def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monke
     told = dict(line.split("=", 1) for line in (tmp_path / "variables").read_text().splitlines())
     assert (told["RAYFARM_JOB_ID"], told["RAYFARM_JOB_STATE"], told["RAYFARM_EVENT"]) == (job, "cancelled", "job.cancelled")
     assert "RAYFARM_TOKEN" not in told
+
+
+def test_an_answer_that_trickles_in_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(deliver, "ANSWER_WITHIN_S", 0.5)
+    over = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def trickle() -> None:
+            with contextlib.suppress(OSError):
+                connection, _ = server.accept()
+                with connection:
+                    connection.sendall(b"HTTP/1.1 200 OK\r\n")
+                    while not over.wait(0.1):
+                        connection.sendall(b"x: y\r\n")
+
+        thread = threading.Thread(target=trickle)
+        thread.start()
+        try:
+            with pytest.raises(deliver.UndeliveredError, match="within"):
+                deliver.post(f"http://127.0.0.1:{server.getsockname()[1]}/", SECRET, "msg_1", {})
+        finally:
+            over.set()
+            thread.join()
+
+
+def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(deliver, "RUN_WITHIN_S", 20.0)
+    program = tmp_path / "hook"
+    program.write_text(f"#!/bin/sh\nsleep 40 &\necho $! > {tmp_path}/left\n")
+    program.chmod(0o700)
+    try:
+        deliver.run(str(program), "msg_1", {"type": "test", "data": {}})
+    finally:
+        os.kill(int((tmp_path / "left").read_text()), signal.SIGKILL)
+
+
+def test_a_hook_that_hears_nothing_holds_up_no_other(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    silent, other = "http://127.0.0.1:1/", "http://127.0.0.1:2/"
+    settings = service.farm.settings.model_copy(update={"webhooks": [silent, other]})
+    sender = outbox.Outbox(settings, service.farm.sessions)
+    with service.farm.sessions.begin() as session:
+        for n in range(6):
+            hook = silent if n < 3 else other
+            session.add(outbox.Delivery(id=f"msg_{n}", hook=hook, job=f"job{n}", ended=1.0, message={}, due=float(n)))
+    tried: list[str] = []
+
+    def tell(hook: str, id: str, message: dict[str, object]) -> None:
+        tried.append(hook)
+        if hook == silent:
+            raise deliver.UndeliveredError("It did not answer.")
+
+    monkeypatch.setattr(sender, "tell", tell)
+    sender._send_due()
+    assert tried == [silent, other, other, other]

@@ -83,6 +83,7 @@ def test_a_half_done_job_is_finished_from_its_backup(
 
 def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -> None:
     target = tmp_path / "copy"
+    (service.options["data"] / "webhook-secret").write_text("whsec_")
     with service.worker():
         first = service.submit(service.ready_scene())
         service.wait_for(first, "finished")
@@ -99,6 +100,7 @@ def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -
     assert f"films/{gone}.sqlite" not in files_of(target)
     restore(target, tmp_path / "again")
     assert (tmp_path / "again" / "films" / f"{first}.sqlite").exists()
+    assert (tmp_path / "again" / "webhook-secret").read_text() == "whsec_"
 
 
 def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp_path: Path) -> None:
