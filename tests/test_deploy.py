@@ -48,6 +48,8 @@ def test_the_worker_of_the_cluster_is_started_with_options_that_there_are(monkey
 def test_the_cluster_scales_by_a_number_that_is_told() -> None:
     scaling = yaml.safe_load((CLUSTER / "autoscale" / "worker-scaling.yaml").read_text())
     (trigger,) = scaling["spec"]["triggers"]
+    shown = yaml.safe_load((CLUSTER / "autoscale" / "token.yaml").read_text())
+    assert trigger["authenticationRef"]["name"] == shown["metadata"]["name"]
     told = re.findall(r'"(rayfarm_\w+)"', (ROOT / "service" / "api" / "metrics.py").read_text())
     assert trigger["metadata"]["valueLocation"] in told
     assert scaling["spec"]["scaleTargetRef"]["name"] in [part["metadata"]["name"] for part in PARTS]
