@@ -120,7 +120,9 @@ class Outbox:
             try:
                 self.tell(row.hook, row.id, row.message)
                 row.due, row.done, row.error = None, time.time(), None
-            except UndeliveredError as error:
+            except Exception as error:  # a fault in one message holds up no other hook, and is not tried for ever
+                if not isinstance(error, UndeliveredError):
+                    log.exception("a fault in telling %s of job %s", row.hook.split("?")[0], row.job)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
                 row.error = str(error)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+import sqlite3
 import tarfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -53,12 +54,22 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
                 raise Invalid(f"{source} is damaged: {name} is not what was backed up. Take another backup.")
         for name in hashes.keys() - manifest.files.keys():
             (part / name).unlink()
+        _forget_who_was_in(part / "rayfarm.sqlite")
         with suppress(FileNotFoundError):
             data.rmdir()
         part.rename(data)
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return manifest
+
+
+def _forget_who_was_in(database: Path) -> None:
+    """Sessions and links that were ended since the backup let nobody in again: people log in anew."""
+    if not database.exists():
+        return
+    with closing(sqlite3.connect(database)) as connection, suppress(sqlite3.DatabaseError):  # of a release without logins
+        connection.execute("DELETE FROM keys WHERE kind IN ('session', 'link')")
+        connection.commit()
 
 
 def _copy(

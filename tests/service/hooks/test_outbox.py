@@ -199,3 +199,11 @@ def test_a_hook_that_hears_nothing_holds_up_no_other(service: Service, monkeypat
     monkeypatch.setattr(sender, "tell", tell)
     sender._send_due()
     assert tried == [silent, other, other, other]
+
+
+def test_a_fault_in_one_message_is_no_reason_to_send_it_for_ever(
+    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outbox, "post", lambda *_: [][0])
+    told.patch(told.submit(told.upload()), state="cancelled")
+    until(lambda: told.http.get("/api/hooks").json()[0]["given_up"] == 1, "the message is given up")

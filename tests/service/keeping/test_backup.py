@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import tarfile
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from service.errors import Conflict, Invalid, NotFound
 from service.keeping.backup import MANIFEST, Report, back_up
 from service.keeping.restore import restore
 from service.keeping.target import target_at
+from service.store.models import Key
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import expected_digest
@@ -101,6 +103,16 @@ def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -
     restore(target, tmp_path / "again")
     assert (tmp_path / "again" / "films" / f"{first}.sqlite").exists()
     assert (tmp_path / "again" / "webhook-secret").read_text() == "whsec_"
+
+
+def test_who_was_logged_in_logs_in_anew_and_tokens_hold(service: Service, tmp_path: Path) -> None:
+    with service.farm.sessions.begin() as session:
+        for kind in ("session", "link", "token"):
+            session.add(Key(id=kind, hash=kind, kind=kind, user="ada", name="", role="view", created=0.0))
+    back_up_to(service, tmp_path / "copy")
+    restore(tmp_path / "copy", tmp_path / "again")
+    with closing(sqlite3.connect(tmp_path / "again" / "rayfarm.sqlite")) as database:
+        assert database.execute("SELECT kind FROM keys").fetchall() == [("token",)]
 
 
 def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp_path: Path) -> None:
