@@ -120,6 +120,7 @@ def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: 
 
 def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
     page.goto(f"{site.url}/index.html")
+    expect(page.locator("main h1").first).to_be_visible()  # a page that begins forgets the errors of the one before
     body = "for (const text of a) m.showError(text[0], text[1], {ofPage: text[2]});"
     call(page, "shell/tray", body, [["Lost", "No room.", False]] * 3 + [[f"Fault {i}", "Alas.", True] for i in range(4)])
     titles = page.locator("#tray .title")
