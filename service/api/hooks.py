@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 import uuid
 from typing import Any
-from urllib.parse import urlsplit
 
 from fastapi import APIRouter, Response
 from sqlalchemy import func, select
 
 from service.errors import NotFound, Unavailable
 from service.farm import Farm, FarmDependency
-from service.hooks.deliver import UndeliveredError
+from service.hooks.deliver import UndeliveredError, shown
 from service.hooks.message import trial
 from service.store.models import Delivery
 
@@ -47,6 +46,4 @@ def _told(farm: Farm, number: int, hook: str) -> dict[str, Any]:
         given_up = session.scalar(messages.where(Delivery.due.is_(None), Delivery.done.is_(None)))
         failed = select(Delivery.error).where(Delivery.hook == hook, Delivery.error.is_not(None))
         error = session.scalar(failed.order_by(Delivery.ended.desc()).limit(1))
-    # What stands behind a hook's host is often its secret.
-    shown = hook if "://" not in hook else f"{urlsplit(hook).scheme}://{urlsplit(hook).hostname}/..."
-    return {"number": number, "hook": shown, "arrived": arrived, "waiting": waiting, "given_up": given_up, "error": error}
+    return {"number": number, "hook": shown(hook), "arrived": arrived, "waiting": waiting, "given_up": given_up, "error": error}

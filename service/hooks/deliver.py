@@ -9,16 +9,23 @@ import subprocess
 import tempfile
 import time
 from typing import Any
+from urllib.parse import urlsplit
 
 import httpx
 
 from service.hooks.signing import headers
 
-__all__ = ["RefusedError", "UndeliveredError", "post", "run"]
+__all__ = ["RefusedError", "UndeliveredError", "post", "run", "shown"]
 
 ANSWER_WITHIN_S = 10.0
 RUN_WITHIN_S = 60.0
 SAID = 300  # characters of what a program said that are kept
+
+
+def shown(hook: str) -> str:
+    """A hook as it may be told and written down: what stands behind its host is often its secret."""
+    parts = urlsplit(hook)
+    return f"{parts.scheme}://{parts.hostname}/..." if parts.scheme and parts.netloc else hook
 
 
 class UndeliveredError(Exception):

@@ -13,7 +13,7 @@ import uuid
 from sqlalchemy import delete, exists, func, select
 
 from service.errors import FarmError
-from service.hooks.deliver import RefusedError, UndeliveredError, post, run
+from service.hooks.deliver import RefusedError, UndeliveredError, post, run, shown
 from service.hooks.message import about
 from service.settings import Settings
 from service.store.database import Sessions
@@ -122,11 +122,11 @@ class Outbox:
                 row.due, row.done, row.error = None, time.time(), None
             except Exception as error:  # a fault in one message holds up no other hook, and is not tried for ever
                 if not isinstance(error, UndeliveredError):
-                    log.exception("a fault in telling %s of job %s", row.hook.split("?")[0], row.job)
+                    log.exception("a fault in telling %s of job %s", shown(row.hook), row.job)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
                 row.error = str(error)
-                log.warning("%s was not told of job %s: %s", row.hook.split("?")[0], row.job, error)
+                log.warning("%s was not told of job %s: %s", shown(row.hook), row.job, error)
             with self._sessions.begin() as session:
                 session.merge(row)
             if row.done is None:

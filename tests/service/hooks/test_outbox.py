@@ -101,12 +101,16 @@ def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, rec
 
 
 @pytest.mark.parametrize(("status", "attempts"), [(500, 8), (410, 1)])
-def test_it_is_given_up_in_the_end(told: Service, receiver: Receiver, status: int, attempts: int) -> None:
+def test_it_is_given_up_in_the_end(
+    told: Service, receiver: Receiver, status: int, attempts: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("WARNING")
     receiver.statuses = [status]
     told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: told.http.get("/api/hooks").json()[0]["given_up"] == 1, "the message is given up")
     assert len(receiver.got) == attempts
     assert str(status) in told.http.get("/api/hooks").json()[0]["error"]
+    assert "127.0.0.1/..." in caplog.text and "of-the-receiver" not in caplog.text and "/hook" not in caplog.text
 
 
 def test_a_new_hook_is_not_told_of_what_ended_before(service: Service, receiver: Receiver) -> None:
