@@ -27,6 +27,7 @@ from service.pages import Pages, WebPages
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
 from service.watching.memory import keep_one_heap
+from worker import tracing
 from worker.log_lines import as_json, by_json
 
 __all__ = ["create_app"]
@@ -48,6 +49,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         except CannotStart as error:
             app.state.refusal = str(error)
             raise
+        tracing.begin("rayfarm-service", farm.instance, __version__)
         farm.start(asyncio.get_running_loop())
         if settings.print_link and farm.access.needs_login:
             where = f"http://{socket.gethostname()}:{settings.port}"
@@ -60,6 +62,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             finally:
                 gc.unfreeze()
                 await asyncio.to_thread(farm.stop)
+                await asyncio.to_thread(tracing.end)
 
     app = FastAPI(
         title="Rayfarm",

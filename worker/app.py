@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import logging
 import signal
+import sys
 import warnings
 from typing import Any
 
+from billiard.util import get_logger
 from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 
-from worker import context, tasks
+from renderer import __version__
+from worker import context, tasks, tracing
 from worker.broker import celery_config
 from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
@@ -66,15 +69,19 @@ def run(worker: context.WorkerContext) -> int:
         quiet=True,
         loglevel="WARNING",
     )
+    tracing.begin("rayfarm-worker", worker.name, __version__)
     celery.start()
     Reporter(worker.redis_url).leave(worker.name)
+    tracing.end()
     return int(celery.exitcode or 0)
 
 
 def _keep_log(**_: Any) -> None:
     """Celery would give some of its loggers handlers of their own, which write text. What matters of theirs are warnings."""
-    for name in ("celery", "kombu", "amqp"):
+    for name in ("celery", "kombu", "amqp", "multiprocessing"):
         logging.getLogger(name).setLevel(logging.WARNING)
+    get_logger().propagate = True  # billiard's keeps its lines to itself
+    setattr(sys, "__stdout__", None)  # noqa: B010 - where Celery writes that it shuts down, past all loggers
 
 
 def _child_starts(**_: Any) -> None:
@@ -89,5 +96,7 @@ def _child_ends(**_: Any) -> None:
     forget_frames()
 
 
-def _shutting_down(**_: Any) -> None:
+def _shutting_down(how: str = "", **_: Any) -> None:
     signal.alarm(SHUTDOWN_S)
+    if by_json():
+        logging.getLogger("worker").info("%s shutdown", how)

@@ -13,7 +13,7 @@ from billiard import current_process
 from celery import Celery
 
 from renderer.errors import RayfarmError
-from worker import context
+from worker import context, tracing
 from worker.contract import (
     DENOISE,
     ENVIRONMENT,
@@ -35,12 +35,12 @@ from worker.errors import RefusedError, Trouble, WorkError
 from worker.explain import explain_pixel, say
 from worker.explained import EXPLAIN, ExplainPixel
 from worker.frames import prepare_frames
-from worker.log_lines import about, ids
+from worker.log_lines import ids
 from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
 from worker.scenes import discard_damaged
-from worker.told import named, told_about
+from worker.told import Steps, task_of, told_about
 from worker.vectors import frame_vectors, vectors_failure
 from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from worker.viewport import Answering, prepare_view_frame, render_view
@@ -55,20 +55,20 @@ log = logging.getLogger(__name__)
 
 def register(app: Celery) -> None:
     """Give the application its tasks."""
-    tasks: dict[str, Callable[[Any, Any], None]] = {
-        PREPARE: _prepare,
-        PREPARE_FRAMES: _prepare_frames,
-        RENDER_BATCH: _render_batch,
-        RENDER_BATCHES: _render_batches,
-        DENOISE: _denoise,
-        VECTORS: _vectors,
-        RENDER_VIEW: _render_view,
-        VIEW_FRAME: _view_frame,
-        ENVIRONMENT: _environment,
-        EXPLAIN: _explain,
+    tasks: dict[str, tuple[Callable[[Any, Any], None], str]] = {
+        PREPARE: (_prepare, "prepare"),
+        PREPARE_FRAMES: (_prepare_frames, "prepare frames"),
+        RENDER_BATCH: (_render_batch, "batch"),
+        DENOISE: (_denoise, "denoise"),
+        VECTORS: (_vectors, "vectors"),
+        RENDER_VIEW: (_render_view, "view"),
+        VIEW_FRAME: (_view_frame, "view frame"),
+        ENVIRONMENT: (_environment, "environment"),
+        EXPLAIN: (_explain, "explain"),
     }
-    for name, task in tasks.items():
-        app.task(told_about(task), name=name, bind=True)
+    for name, (task, span) in tasks.items():
+        app.task(told_about(task, span), name=name, bind=True)
+    app.task(_render_batches, name=RENDER_BATCHES, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -79,7 +79,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
     """Render batches in turn, and send the sums of each as soon as they are there."""
     for batch in batches:
-        with about(**named(batch)):
+        with task_of(task, "batch", batch):
             _render(task, context.current(), batch)
 
 
@@ -101,7 +101,10 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
             with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
                 discard_damaged(worker.cache, work.compiled)
         result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
-        worker.results.send(result)
+        if (place := tracing.here()) is not None:
+            result.event[tracing.HEADER] = str(place)
+        with tracing.span("send", bytes=len(result.sums or b"")):
+            worker.results.send(result)
         if log.isEnabledFor(logging.DEBUG):
             about_it = ids(**{name: result.event.get(name) for name in ("first", "count", "seconds", "error")})
             log.debug("%s", result.event["type"], extra=about_it)
@@ -121,7 +124,10 @@ def _prepare(task: Any, scene: str) -> None:
     def send(kind: str, **more: Any) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
 
+    steps = Steps()
+
     def progress(step: str, fraction: float) -> None:
+        steps.now(step)
         worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
 
     try:
@@ -131,6 +137,7 @@ def _prepare(task: Any, scene: str) -> None:
         send("prepare-started")
         manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
         info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
+        steps.now(None)
         send("prepared", info=asdict(info))
     except WorkError as error:
         send("prepare-failed", error=str(error))

@@ -30,6 +30,7 @@ from service.scheduling.wishes import ask_for_samples, focus_on, set_state
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 from service.store.room import need_room
+from worker import tracing
 
 __all__ = ["router"]
 
@@ -60,13 +61,16 @@ class HistoryOut(BaseModel):
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 _JOBS = TypeAdapter(list[JobOut])
 
+Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context, of whoever asks
 Key = Annotated[
     str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
 ]
 
 
 @router.post("", status_code=201, response_model=JobOut)
-def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
+def create_job(
+    request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None, traceparent: Traced = None
+) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
@@ -105,6 +109,8 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         if earlier is None:
             raise
         return _repeat(earlier, asked, farm, response)
+    root, asked_in = tracing.root_of("job", job.id), tracing.where(traceparent)
+    tracing.record("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
     farm.changed("job", job.id)
     response.headers["Location"] = f"/api/jobs/{job.id}"
     return answer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 
 from fastapi import APIRouter, Query, Request, Response
@@ -18,6 +19,7 @@ from service.farm import FarmDependency
 from service.intake.record import record
 from service.intake.uploads import receive
 from service.store.models import ACTIVE, Job, Scene
+from worker import tracing
 
 __all__ = ["router"]
 
@@ -55,7 +57,7 @@ UPLOAD_FORM = {
 async def upload(request: Request, farm: FarmDependency, response: Response) -> SceneOut:
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
     check_length(request, farm, "upload", "Leave files out")
-    content_type = request.headers.get("content-type", "")
+    begun, content_type = time.time(), request.headers.get("content-type", "")
     scene = await receive(
         content_type,
         request.stream(),
@@ -66,6 +68,17 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
         partial(find_scene, farm=farm),
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
+    first = tracing.root_of("scene", scene.id)
+    is_new = scene.created >= begun  # else its trace has begun before
+    asked = [tracing.where(request.headers.get(tracing.HEADER))]
+    tracing.record(
+        *("upload", begun, time.time(), None if is_new else first),
+        own=first if is_new else None,
+        links=asked,
+        scene=scene.id,
+        bytes=scene.bytes,
+        files=len(scene.files),
+    )
     return scene_out(scene, farm.engine)
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from service.scheduling import traces
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
@@ -185,7 +186,9 @@ class Answers:
 
     def _merge(self, id: str, rendered: list[tuple[BatchDone, bytes]]) -> None:
         job = self._scheduler.jobs[id]
+        begun = time.time()
         arrived = merge(job, rendered)
+        traces.merged(job, begun, len(rendered), (message.traceparent for message, _ in rendered))
         answers = self._kept[id]
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]

@@ -12,6 +12,7 @@ import redis
 from celery import Celery
 from kombu.exceptions import BatchPublishError, OperationalError
 
+from service.scheduling.traces import headers_of
 from worker.broker import celery_config
 from worker.contract import (
     DENOISE,
@@ -73,27 +74,33 @@ class Dispatcher:
 
     def send_batch(self, batch: RenderBatch, kind: str) -> None:
         """Hand out a batch. Raises QueueError."""
-        self._send(RENDER_BATCH, {"batch": batch.to_json()}, render_queue(kind), batch.batch)
+        self._send(RENDER_BATCH, {"batch": batch.to_json()}, render_queue(kind), batch.batch, ("job", batch.job))
 
     def send_batches(self, batches: Sequence[RenderBatch], kind: str, message: str) -> None:
         """Hand out batches to be rendered in turn, under the name of the message. Raises QueueError."""
-        self._send(RENDER_BATCHES, {"batches": [batch.to_json() for batch in batches]}, render_queue(kind), message)
+        self._send(
+            RENDER_BATCHES,
+            {"batches": [batch.to_json() for batch in batches]},
+            render_queue(kind),
+            message,
+            ("job", batches[0].job),
+        )
 
     def send_prepare(self, scene: str, kind: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""
-        self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease)
+        self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease, ("scene", scene))
 
     def send_frames(self, work: PrepareFrames, kind: str) -> None:
         """Ask for frames of a shot to be prepared. Raises QueueError."""
-        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, prepare_queue(kind), work.work)
+        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
 
     def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
         """Ask for a frame to be denoised. Raises QueueError."""
-        self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work)
+        self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work, ("job", work.job))
 
     def send_vectors(self, work: FrameVectors, kind: str) -> None:
         """Ask for a frame's motion vectors. Raises QueueError."""
-        self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work)
+        self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
 
     def send_view(self, work: ViewParts | ViewFrame, kind: str) -> None:
         """Ask for parts of a view, or for the frames that it shows. Raises QueueError."""
@@ -138,9 +145,17 @@ class Dispatcher:
         """Close the connections."""
         self._celery.close()
 
-    def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str) -> None:
+    def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
+        """traced: whose trace it belongs to, where it belongs to one."""
         try:
-            options = {"ignore_result": True, "retry": False, "argsrepr": "", "kwargsrepr": ""}  # nobody reads the reprs
+            options: dict[str, Any] = {
+                "ignore_result": True,
+                "retry": False,
+                "argsrepr": "",
+                "kwargsrepr": "",
+            }  # nobody reads the reprs
+            if traced is not None and (headers := headers_of(*traced)) is not None:
+                options["headers"] = headers
             self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, producer=self._producer, **options)
         except _AWAY as error:
             raise QueueError(str(error)) from error

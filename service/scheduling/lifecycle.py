@@ -31,6 +31,7 @@ from service.scheduling.records import Records
 from service.scheduling.reproduce import reproduce
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
+from service.scheduling.traces import job_over
 from service.scheduling.vectors import Vectors
 from service.shot import Shot
 from service.store.film_store import FilmStore
@@ -89,6 +90,7 @@ class Lifecycle:
         if row is None or row.state not in ACTIVE:
             if job is not None:
                 job.history.log.say(row.state if row is not None else "deleted")
+                job_over(job, row.state if row is not None else "deleted")
                 self._drop(job)
             self._rest(id)
             self._bulkheads.forget(id)
@@ -196,6 +198,7 @@ class Lifecycle:
             self._let_go(gone)
         if is_over and self._records.finished(job, measured(job)):
             job.history.log.say(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
+            job_over(job, "finished")
             self._tell("scene", job.scene)
             self._drop(job)
             self._give_back(job)
@@ -245,6 +248,7 @@ class Lifecycle:
         job = self._scheduler.jobs.get(id)
         if job is not None:
             job.history.log.say(f"failed: {verdict.error}", verdict.reproduce or "")
+            job_over(job, "failed", verdict.error)
             self._drop(job)  # first: it is over also while the database cannot say so
         command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce
         if self._records.failed(id, verdict.error, command) or job is not None:

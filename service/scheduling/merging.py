@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 from renderer.film import BadSample
@@ -10,6 +11,7 @@ from service.scheduling.active_job import ActiveJob
 from service.scheduling.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.plan import Range
 from service.store.films import Part
+from worker import tracing
 
 __all__ = ["Arrived", "batch_of", "merge"]
 
@@ -39,7 +41,8 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
         for (message, sums), batch in zip(answers, wanted, strict=True)
         if batch is not None
     ]
-    taken = iter(job.film.merge(parts) if parts else [])
+    with tracing.span("film", tracing.root_of("job", job.id), batches=len(parts)) if parts else nullcontext():
+        taken = iter(job.film.merge(parts) if parts else [])
     return [
         Arrived(message, batch, batch is not None and next(taken)) for (message, _), batch in zip(answers, wanted, strict=True)
     ]

@@ -66,6 +66,7 @@ class BatchDone(_Batch):
     seconds: float = Field(ge=0.0, le=DAY_S)
     bad: list[tuple[Number, Number, Number]] = []
     bad_count: Number = 0
+    traceparent: Id | None = None  # the span that it was rendered in, where traces are taken
 
 
 class BatchFailed(_Batch):
