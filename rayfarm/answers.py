@@ -15,6 +15,18 @@ __all__ = ["BadSample", "Camera", "Environment", "Frame", "Job", "Scene", "Shot"
 T = TypeVar("T")
 
 
+class _ShowsItself:
+    """What a notebook shows as a picture that grows, where it came from a farm's client."""
+
+    def _repr_mimebundle_(self, **asked: Any) -> Any:
+        from rayfarm.library.shown import has_widgets, show
+
+        farm = getattr(self, "_farm", None)
+        if farm is None or not has_widgets():
+            return {"text/plain": repr(self)}
+        return show(self, farm=farm)._repr_mimebundle_(**asked)
+
+
 @dataclass(frozen=True)
 class Camera:
     """A camera of a scene. `view` is what `Client.submit` takes as view."""
@@ -24,7 +36,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(_ShowsItself):
     """An uploaded scene. status: preparing, ready or failed."""
 
     id: str
@@ -104,7 +116,7 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Job:
+class Job(_ShowsItself):
     """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
 
     id: str

@@ -285,9 +285,11 @@ class Client:
         if not isinstance(data, dict):
             raise self._other(answer)
         try:
-            return read(cls, data)
+            found = read(cls, data)
         except ValueError as error:
             raise self._other(answer, error) from None
+        object.__setattr__(found, "_farm", self)  # who shows it in a notebook
+        return found
 
     def _data(self, answer: _Answer) -> Any:
         try:
