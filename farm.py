@@ -278,12 +278,12 @@ def need_chromium():
 
 
 def need_postgresql():
-    """The migrations are tested on a server of this machine's own; Debian keeps its programs off the PATH."""
+    """Jobs and migrations are tested on a server of this machine's own too; Debian keeps its programs off the PATH."""
     if shutil.which("pg_ctl") or list(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl")):
         return
     if os.environ.get("RAYFARM_TEST_DATABASE_URL") or (may_install() and apt_install("postgresql")):
         return
-    say("No PostgreSQL is installed: migrations are tested on SQLite alone. On Debian: apt install postgresql")
+    say("No PostgreSQL is installed: jobs and migrations are tested on SQLite alone. On Debian: apt install postgresql")
 
 
 def need_typescript():
