@@ -116,6 +116,15 @@ class Shot:
 
 
 @dataclass(frozen=True)
+class Wait:
+    """A job that another waits for."""
+
+    id: str
+    name: str | None = None  # None: it was deleted
+    state: str | None = None
+
+
+@dataclass(frozen=True)
 class Job(_ShowsItself):
     """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
 
@@ -146,6 +155,10 @@ class Job(_ShowsItself):
     settings: dict[str, Any] | None = None  # fixed when the scene is ready
     frames: list[Frame] = field(default_factory=list)  # of a shot only the first: Client.frames
     shot: Shot | None = None
+    after: list[str] = field(default_factory=list)  # ids of the jobs that it was to come after
+    user: str | None = None  # who asked for it
+    max_slots: int | None = None  # that render it at a time, at most
+    waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
 
     @property
     def is_over(self) -> bool:

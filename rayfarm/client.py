@@ -185,7 +185,7 @@ class Client:
         return self._list(Job, "/api/jobs")
 
     def change(self, job: str, **fields: Any) -> Job:
-        """Change a job: state (running, paused, cancelled), priority, spp; of a shot extend, again, first, order, frames.
+        """Change a job: state (running, paused, cancelled), priority, spp, after; of a shot extend, again, first, order, frames.
 
         farm.change(job.id, state="paused")
         """
