@@ -134,6 +134,7 @@ class Job:
     settings: dict[str, Any] | None = None  # fixed when the scene is ready
     frames: list[Frame] = field(default_factory=list)  # of a shot only the first: Client.frames
     shot: Shot | None = None
+    taken: dict[str, Any] | None = None  # with what it began: `job` and its `spp`
 
     @property
     def is_over(self) -> bool:

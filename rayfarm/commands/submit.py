@@ -55,6 +55,9 @@ def submit(
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
+    ] = False,
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
 
@@ -113,8 +116,14 @@ def submit(
             asked["variant"] = variant
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
+        if fresh:
+            asked["fresh"] = True
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
+        if job.taken is not None:
+            of = f" of {job.spp}" if job.spp and job.noise is None else ""
+            sentence = f"Taken from job {job.taken['job']}: {job.taken['spp']:g}{of} samples. --fresh renders it anew"
+            err.print(sentence, markup=False, soft_wrap=True)
         if wait:
             _wait(farm, job.id, output, aov, denoise, shot)
         else:

@@ -87,6 +87,7 @@ class Job(Base):
         Index("jobs_listed", "created", "id", "state", "scene", "name"),
         Index("jobs_by_state", "state", "created", "id", "scene", "name"),
         Index("jobs_ended", "finished", "id"),
+        Index("jobs_by_picture", "picture", "created"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -117,6 +118,10 @@ class Job(Base):
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
     checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
+    picture: Mapped[str | None] = mapped_column(
+        String(64)
+    )  # equal for jobs of which one's samples are the other's: intake/picture.py
+    taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
 
     @property
     def stage(self) -> str:

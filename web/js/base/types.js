@@ -76,6 +76,7 @@
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
  * @property {boolean} [pinned] kept, whatever its age
+ * @property {{job: string, spp: number} | null} [taken] with what of an earlier one of the same picture it began
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *
@@ -155,6 +156,7 @@
  * @property {EnvironmentRequest} [environment] in place of the scene's own, or times its strength
  * @property {number} [frame] a still of that moment
  * @property {string} [frames] of a shot
+ * @property {boolean} [fresh] from the first sample, whatever earlier jobs have
  *
  * @typedef {object} Worker
  * @property {string} name
