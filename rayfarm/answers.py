@@ -159,6 +159,7 @@ class Job(_ShowsItself):
     user: str | None = None  # who asked for it
     max_slots: int | None = None  # that render it at a time, at most
     waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
+    taken: dict[str, Any] | None = None  # with what it began: `job` and its `spp`
 
     @property
     def is_over(self) -> bool:

@@ -15,6 +15,7 @@ MOST_EVENTS = 100  # of the latest; the first stays
 STEP = 1.04  # a point follows when so many times the samples are in
 SENTENCES = {
     "begun": "rendering begins on workers of {}",
+    "taken": "begins with what job {} has rendered",
     "picture": "every tile has a sample",
     "worker": "{} renders it",
     "left": "{} has left",

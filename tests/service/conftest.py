@@ -44,7 +44,8 @@ class Service:
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
         _empty(redis_server)
-        self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, "batch_deadline": 2.0, **settings}
+        own = {"batch_deadline": 2.0, "reuse_films": False}  # a test that asks for a picture wants to see it rendered
+        self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, **own, **settings}
         self.start()
 
     def start(self) -> None:
