@@ -13,6 +13,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import IO, Annotated
 
+import redis
 from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -20,6 +21,7 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.access.access import Access
+from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
@@ -68,6 +70,8 @@ class Farm:
         except BaseException:
             self._lock.close()
             raise
+        queue = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
+        self.redis_users = RedisUsers(queue, self.access.keys, settings.token, self.instance)
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
@@ -109,6 +113,7 @@ class Farm:
         except FarmError as error:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
+        self.redis_users.start()
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
@@ -117,6 +122,7 @@ class Farm:
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.redis_users.stop()
         self.outbox.stop()
         self.patrol.stop()
         self.retention.stop()
