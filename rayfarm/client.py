@@ -185,7 +185,7 @@ class Client:
         return self._list(Job, "/api/jobs")
 
     def change(self, job: str, **fields: Any) -> Job:
-        """Change a job: state (running, paused, cancelled), priority, spp; of a shot extend, again, first, order, frames.
+        """Change a job: state (running, paused, cancelled), priority, spp, after; of a shot extend, again, first, order, frames.
 
         farm.change(job.id, state="paused")
         """
@@ -315,9 +315,11 @@ class Client:
         if not isinstance(data, dict):
             raise self._other(answer)
         try:
-            return read(cls, data)
+            found = read(cls, data)
         except ValueError as error:
             raise self._other(answer, error) from None
+        object.__setattr__(found, "_farm", self)  # who shows it in a notebook
+        return found
 
     def _data(self, answer: _Answer) -> Any:
         try:
