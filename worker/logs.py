@@ -12,6 +12,7 @@ import redis
 
 from worker.log_lines import JsonLines, as_json, by_json, level
 from worker.log_tail import LogTail
+from worker.overheard import Listener
 
 __all__ = ["set_up"]
 
@@ -31,6 +32,7 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
         root.setLevel(level())
         logging.getLogger("httpx").setLevel(logging.WARNING)
     root.addHandler(tail)
+    root.addHandler(Listener())
     for each in root.handlers:
         each.addFilter(_in_a_line)
     return tail, lines

@@ -14,12 +14,12 @@ from renderer.scene.compiled import CompiledScene
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result
 from worker.errors import RefusedError, Trouble
+from worker.overheard import step
 from worker.patience import patiently
 from worker.ready import get_ready
 from worker.reproduce import batch_command
 from worker.scenes import open_scene
 from worker.sums import pack_sums
-from worker.tracing import span
 
 __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
 
@@ -36,16 +36,16 @@ _open: OrderedDict[str, CompiledScene] = OrderedDict()
 def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
     """The batch's exact sums, or the reason why there are none. compiling: told when the scene's kernel is got ready, and is."""
     try:
-        with span("open scene"):
+        with step("open scene"):
             scene = patiently(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         edition = edition_for(batch.settings, scene)
         if not is_warm(batch.settings, edition):
             compiling(True)
-            with span("kernel"):
+            with step("kernel"):
                 get_ready(worker.link, batch.settings, edition)
             compiling(False)
         begun = time.perf_counter()
-        with span("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):
+        with step("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
     except Trouble as error:
         return returned(worker, batch, f"{worker.name} hands a batch back: {error}")

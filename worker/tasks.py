@@ -36,6 +36,7 @@ from worker.explain import explain_pixel, say
 from worker.explained import EXPLAIN, ExplainPixel
 from worker.frames import prepare_frames
 from worker.log_lines import ids
+from worker.overheard import overhear
 from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
@@ -100,7 +101,9 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
         if deaths:
             with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
                 discard_damaged(worker.cache, work.compiled)
-        result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
+        with overhear() as heard:
+            result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
+        result.event.update(heard.told())
         if (place := tracing.here()) is not None:
             result.event[tracing.HEADER] = str(place)
         with tracing.span("send", bytes=len(result.sums or b"")):

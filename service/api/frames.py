@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import math
+import re
 from functools import partial
 from typing import Any, Literal
 
@@ -12,15 +13,16 @@ import anyio
 import anyio.to_thread
 import numpy as np
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import StreamingResponse
+from fastapi.responses import PlainTextResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
-from renderer.frames import frame_key
+from renderer.frames import frame_key, frame_text
 from renderer.image import tonemap
+from renderer.settings import Tile
 from service.api.describe import frame_out, frames_out
 from service.api.file_names import named, picture_name
 from service.api.lookup import Number, find_film, find_job, no_frame
@@ -166,11 +168,16 @@ async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), 
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
 
-def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
-    film = find_film(id, n, farm)
+def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
+    """The tile that has a pixel, and its number. Raises Invalid."""
     if x >= film.width or y >= film.height:
         raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
-    at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
+    return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
+
+
+def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
+    film = find_film(id, n, farm)
+    at, tile = _tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
     sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
     values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
@@ -182,6 +189,18 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
         values[kind] = number if number >= 0 else None
         values[f"{kind}_name"] = known[number] if 0 <= number < len(known) else None
     return Pixel(x=x, y=y, color=film_math.mean(sums, film.film_exponent)[0, 0].tolist(), **values)
+
+
+@router.get("/{n}/log", response_class=PlainTextResponse)
+def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> str:
+    """What is known of the tile that has a pixel, line by line: which worker rendered which samples, how long that and its steps
+    took, what it warned of; what failed or was lost. Of successes the latest 16, since the service started."""
+    film = find_film(id, n, farm)
+    at, _ = _tile_at(film, x, y)
+    about = re.compile(rf"\btile {at}, frame {re.escape(frame_text(n))}(?!\.?\d)")
+    told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
+    told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
+    return "".join(f"{line}\n" for line in sorted(told))
 
 
 @router.get("/{n}/digest", response_model=Digest)

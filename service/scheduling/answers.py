@@ -19,8 +19,9 @@ from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.denoising import Denoising
 from service.scheduling.environments import Environments
+from service.scheduling.job_log import JobLogs
 from service.scheduling.lifecycle import Lifecycle
-from service.scheduling.merging import batch_of, merge
+from service.scheduling.merging import Arrived, batch_of, merge
 from service.scheduling.messages import (
     BatchDone,
     BatchFailed,
@@ -47,8 +48,9 @@ from service.scheduling.moments import Moments
 from service.scheduling.pace import Pace
 from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
-from service.scheduling.scheduler import Scheduler
+from service.scheduling.scheduler import Scheduler, named
 from service.scheduling.snapshot import Tell
+from service.scheduling.tile_log import words_of
 from service.scheduling.vectors import Vectors
 from worker.log_lines import ids
 
@@ -87,6 +89,7 @@ class Answers:
         tell_tiles: TellTiles,
         pace: Pace,
         settled: Callable[[ActiveJob], None],
+        logs: JobLogs,
     ) -> None:
         """settled: told of a job whose plan knows of all that the film has."""
         self._results = results
@@ -102,6 +105,7 @@ class Answers:
         self._tell_tiles = tell_tiles
         self._pace = pace
         self._settled = settled
+        self._logs = logs
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
@@ -196,6 +200,7 @@ class Answers:
         for each in arrived:
             self.counts["merged" if each.taken else "dropped"] += 1
             self._scheduler.came_back(job, each.message.batch, each.batch, each.message.seconds, each.message.worker)
+            self._note(job, each)
             if each.taken and each.batch is not None:
                 job.frames[each.batch.frame].bad_samples += each.message.bad_count
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
@@ -208,6 +213,15 @@ class Answers:
         self._settled(job)
         if job.agenda.new_goals:
             self._lifecycle.record(job)
+
+    def _note(self, job: ActiveJob, each: Arrived) -> None:
+        """What is told of a batch: of its tile always, in the job's log where its slot warned of something."""
+        said, batch = each.message, each.batch
+        if batch is not None:
+            text = words_of(said.worker, said.first, said.count, said.seconds, said.took, said.lines)
+            self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
+            for line in said.lines:
+                job.history.log.say(f"{said.worker}, {named(batch)}: {line}")
 
     def _hear(self, message: Message) -> None:
         match message:

@@ -107,6 +107,7 @@ class Engine:
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
             *(self._denoising, self._vectors, self._environments, change, tell_tiles, self._pace),
             settled=self._keeper.look,
+            logs=self.logs,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
         self._has_begun = False

@@ -12,6 +12,7 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
+from service.scheduling.tile_log import TileLogs
 from service.store.whole import PRIVATE, PRIVATE_FOLDER, write_whole
 from worker.log_lines import ids
 
@@ -81,6 +82,7 @@ class JobLogs:
         self._folder = folder
         self._logs: dict[str, JobLog] = {}
         self._flushed = 0.0
+        self.tiles = TileLogs()
 
     def of(self, job: str) -> JobLog:
         """A job's log, to be told to."""
@@ -114,6 +116,7 @@ class JobLogs:
     def delete(self, job: str) -> None:
         """The job is deleted."""
         self._logs.pop(job, None)
+        self.tiles.forget(job)
         with contextlib.suppress(OSError):
             self._path(job).unlink()
 

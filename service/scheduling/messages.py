@@ -44,6 +44,9 @@ Number = Annotated[int, Field(ge=0, le=LARGE)]
 log = logging.getLogger(__name__)
 
 
+Line = Annotated[str, Field(max_length=1000)]
+
+
 class _Batch(BaseModel):
     batch: Id
     job: Id
@@ -52,6 +55,8 @@ class _Batch(BaseModel):
     first: Number
     count: Annotated[int, Field(ge=1, le=LARGE)]
     worker: Id = ""
+    lines: Annotated[list[Line], Field(max_length=20)] = []  # what the slot warned of meanwhile
+    took: Annotated[dict[Id, float], Field(max_length=20)] = {}  # seconds of its steps
 
     @property
     def owner(self) -> str:

@@ -32,7 +32,7 @@ from service.settings import Settings
 from worker.contract import render_queue
 from worker.log_lines import ids
 
-__all__ = ["Scheduler"]
+__all__ = ["Scheduler", "named"]
 
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
@@ -183,7 +183,7 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
-        job.history.log.say(f"{worker} could not render {_named(batch)}: {error}", trace)
+        job.history.log.say(f"{worker} could not render {named(batch)}: {error}", trace)
         able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may have it again and again before another gets it.
@@ -202,7 +202,7 @@ class Scheduler:
             return
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
-            job.history.log.say(f"{_named(batch)} is handed out again: {why}")
+            job.history.log.say(f"{named(batch)} is handed out again: {why}")
         job.handed_back = why
         job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
@@ -277,7 +277,7 @@ class Scheduler:
         job.history.happened("lost", lease.holder or "")
         known = ids(job=job.id, batch=lease.id, worker=lease.holder)
         log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch, extra=known)
-        job.history.log.say(f"that was {_named(batch)}, lost {trouble.losses} times so far")
+        job.history.log.say(f"that was {named(batch)}, lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
@@ -359,6 +359,7 @@ class Scheduler:
         return found
 
 
-def _named(batch: Range) -> str:
+def named(batch: Range) -> str:
+    """A batch, as lines call it."""
     frame = frame_text(frame_number(batch.frame))
     return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

@@ -97,10 +97,13 @@ def test_lines_end_at_the_edge_and_behind_the_eye(page: Page) -> None:
 def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watched: Watched) -> None:
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
-    open_job(page, farm, finished)
+    open_job(page, farm, finished, "?pins=10,12")
     panel = page.locator(".job-log")
-    panel.locator("summary").click()
+    page.get_by_role("button", name="The log of the tile with 10, 12").click()
     lines = panel.get_by_role("log")
+    expect(lines).to_contain_text(": samples 0 to ")
+    expect(panel.get_by_text("Of the tile with the pixel 10, 12")).to_be_visible()
+    panel.get_by_role("button", name="The whole log").click()
     expect(lines).to_contain_text("finished: ")
     panel.get_by_role("button", name="Copy the log").click()
     expect(page.get_by_text("The log is copied")).to_have_count(1)

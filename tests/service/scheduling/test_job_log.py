@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from service.scheduling.job_log import KEPT, LARGEST, JobLogs
+from service.scheduling.tile_log import TILES, TileLogs
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
@@ -101,3 +102,45 @@ def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Se
     assert file.exists()
     service.http.delete(f"/api/jobs/{job}")
     until(lambda: not file.exists(), "the log goes with its job")
+
+
+def test_of_each_tile_it_is_known_who_rendered_what_and_what_was_warned_of(service: Service, worker: PeerWorker) -> None:
+    send = worker.send
+
+    def tell(event, sums=None):
+        if event["type"] == "batch" and event["tile"][:2] == [16, 0]:
+            event |= {"lines": ["warning: the disk is slow"], "took": {"open scene": 1.25, "trace paths": 0.5, "kernel": 0.0}}
+        send(event, sums)
+
+    worker.send = tell  # type: ignore[method-assign]
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+
+    def of(x: int, y: int) -> list[str]:
+        return service.http.get(f"/api/jobs/{job}/frames/0/log", params={"x": x, "y": y}).raise_for_status().text.splitlines()
+
+    told = [line.partition(" ")[2] for line in of(20, 5)]
+    assert any(
+        line.startswith("peer: samples 0 to ") and "(open scene 1.25 s); warning: the disk is slow" in line for line in told
+    )
+    assert any(line.startswith("peer, samples 0 to ") and "tile 1, frame 0: warning: the disk is slow" in line for line in told)
+    assert not any("slow" in line for line in of(0, 0)) and of(0, 0)
+    assert "the disk is slow" in service.http.get(f"/api/jobs/{job}/log").text
+    assert service.http.get(f"/api/jobs/{job}/frames/0/log?x=64&y=0").status_code == 422
+    service.http.delete(f"/api/jobs/{job}").raise_for_status()
+    until(lambda: not service.farm.engine.logs.tiles.text(job, 0, 1), "it is forgotten")
+
+
+def test_tiles_and_jobs_that_are_told_of_are_bounded() -> None:
+    logs = TileLogs()
+    for number in range(40):
+        logs.note("job", 0, 7, f"batch {number}")
+        logs.note(f"job {number}", 0, 0, "x")
+    assert logs.text("job 0", 0, 0) == "" and logs.text("job 39", 0, 0)
+    for tile in range(TILES + 5):
+        for number in range(20):
+            logs.note("many", 0, tile, f"batch {number}") if tile < 2 or number == 0 else None
+    assert logs.text("many", 0, 0) == "" and logs.text("many", 0, TILES)
+    for number in range(40):
+        logs.note("last", 0, 7, f"batch {number}")
+    assert [line.split()[-1] for line in logs.text("last", 0, 7).splitlines()] == [str(n) for n in range(24, 40)]

@@ -1,6 +1,6 @@
-/** The log of a picture: what the service and the workers told of it, line by line. */
+/** The log of a picture, or of one of its tiles: what the service and the workers told of it, line by line. */
 
-import { getJobLog, jobLogUrl } from "../news/api.js";
+import { getJobLog, getTileLog, jobLogUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { announce, showError } from "../shell/tray.js";
@@ -11,9 +11,12 @@ const RENEW_MS = 2000;
 /**
  * @param {() => import("../base/types.js").Job} job
  * @param {import("../base/store.js").Disposer} life
- * @returns {HTMLElement}
  */
 export function logPanel(job, life) {
+  /** Of which tile: the frame and a pixel in it; null: of all. @type {{frame: number, x: number, y: number} | null} */
+  let tile = null;
+  const whole = h("button", { class: "text-button small", type: "button", onclick: () => show(null) }, t("The whole log"));
+  const which = h("p", { class: "row spread small", hidden: true }, h("span"), whole);
   const lines = h("pre", { class: "log-lines", tabindex: "0", role: "log", "aria-live": "off", "aria-label": t("Log") });
   const follow = h("input", { type: "checkbox", onchange: () => follow.checked && toEnd() });
   follow.checked = true;
@@ -25,7 +28,7 @@ export function logPanel(job, life) {
     "details",
     { class: "side-section job-log" },
     h("summary", null, h("h2", null, t("Log"))),
-    h("div", { class: "stack tight" }, h("div", { class: "row" }, h("label", { class: "check grow" }, follow, t("Follow")), copy, save), said, lines),
+    h("div", { class: "stack tight" }, h("div", { class: "row" }, h("label", { class: "check grow" }, follow, t("Follow")), copy, save), which, said, lines),
   );
   const toEnd = () => (lines.scrollTop = lines.scrollHeight);
   const copied = async () => {
@@ -42,7 +45,8 @@ export function logPanel(job, life) {
     asking.abort();
     asking = new AbortController();
     try {
-      const text = await getJobLog(id, asking.signal);
+      const { signal } = asking;
+      const text = tile ? await getTileLog({ job: id, frame: tile.frame }, tile, signal) : await getJobLog(id, signal);
       if (text !== lines.textContent) {
         setText(lines, text);
         if (follow.checked) toEnd();
@@ -55,9 +59,24 @@ export function logPanel(job, life) {
       setText(said, /** @type {Error} */ (error).message);
     }
   };
+  const show = (/** @type {typeof tile} */ of) => {
+    tile = of;
+    which.hidden = !of;
+    if (of) setText(/** @type {HTMLElement} */ (which.firstChild), t("Of the tile with the pixel {x}, {y}", { x: of.x, y: of.y }));
+    setText(lines, "");
+    void renew();
+  };
   // Whoever reads further up is left there; at the end again, the log is followed again.
   lines.addEventListener("scroll", () => (follow.checked = lines.scrollHeight - lines.scrollTop - lines.clientHeight < 8));
   element.addEventListener("toggle", () => element.open && void renew());
   life.every(RENEW_MS, () => element.open && !document.hidden && void renew());
-  return element;
+  return {
+    element,
+    /** Show what is known of the tile with a pixel. @param {number} frame @param {{x: number, y: number}} pixel */
+    ofTile(frame, { x, y }) {
+      element.open = true;
+      show({ frame, x, y });
+      element.scrollIntoView({ block: "nearest" });
+    },
+  };
 }

@@ -27,8 +27,9 @@ export const pinsText = (pins) => pins.map(({ x, y }) => `${x},${y}`).join(";") 
  * @param {DisplayStore} display
  * @param {import("../base/store.js").Disposer} life
  * @param {(pin: Pin) => void} explain
+ * @param {(pin: Pin) => void} tell the log of its tile
  */
-export function pinsPanel(picture, display, life, explain) {
+export function pinsPanel(picture, display, life, explain, tell) {
   const { view, live } = picture;
   const rows = h("ol", { class: "pins number" });
   const clear = h("button", { class: "text-button small", type: "button", onclick: () => set([]) }, t("Remove all"));
@@ -101,10 +102,12 @@ export function pinsPanel(picture, display, life, explain) {
           const remove = h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => toggle(pin) }, icon("close"));
           const why = t("Explain the pixel {x}, {y}", { x: pin.x, y: pin.y });
           const ask = h("button", { class: "icon-button", type: "button", "aria-label": why, title: why, onclick: () => explain(pin) }, icon("path"));
+          const who = t("The log of the tile with {x}, {y}", { x: pin.x, y: pin.y });
+          const log = h("button", { class: "icon-button", type: "button", "aria-label": who, title: who, onclick: () => tell(pin) }, icon("lines"));
           return h(
             "li",
             null,
-            h("div", { class: "row" }, h("strong", null, String(i + 1)), h("span", null, `${pin.x}, ${pin.y}`), ratio, ask, remove),
+            h("div", { class: "row" }, h("strong", null, String(i + 1)), h("span", null, `${pin.x}, ${pin.y}`), ratio, log, ask, remove),
             h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
           );
         }),

@@ -192,6 +192,13 @@ export async function getJobLog(id, signal) {
   return answer.text();
 }
 
+/** What is known of the tile that has a pixel. @param {Place} place @param {{x: number, y: number}} pixel @param {AbortSignal} signal @returns {Promise<string>} */
+export async function getTileLog({ job, frame }, { x, y }, signal) {
+  const answer = await fetch(`api/jobs/${job}/frames/${frame}/log?x=${x}&y=${y}`, { signal });
+  if (!answer.ok) throw errorOf(answer.status, await answer.text());
+  return answer.text();
+}
+
 /** @param {string} id */
 export const jobLogUrl = (id) => `api/jobs/${id}/log`;
 

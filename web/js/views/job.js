@@ -106,7 +106,7 @@ function open(page, job, life) {
   const progress = progressPanel();
   const queue = queuePanel();
   const explained = explainPanel(picture, life);
-  const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin));
+  const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => log.ofTile(picture.live.frame, pin));
   const focus = focusTool(job, picture, life);
   const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
   const histogram = histogramPanel(picture.live, display, life);
@@ -163,7 +163,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, queue.element, shot?.panel, explained.element, pins.element, look.element, moments?.element, histogram, history.element, log, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, queue.element, shot?.panel, explained.element, pins.element, look.element, moments?.element, histogram, history.element, log.element, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
