@@ -45,6 +45,9 @@ class _Collector:
         free = shutil.disk_usage(self._farm.settings.data).free
         yield GaugeMetricFamily("rayfarm_data_free_bytes", "Free space where the data folder lies", free)
         yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", view.batches_out)
+        yield GaugeMetricFamily("rayfarm_results_unread", "Results in the stream that nobody has read yet", view.results_unread)
+        text = "Processor time of the engine that a batch's result takes, lately"
+        yield GaugeMetricFamily("rayfarm_result_seconds", text, view.result_s)
         yield GaugeMetricFamily("rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.asked)
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
         yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples left out as NaN or infinite", float(bad or 0))

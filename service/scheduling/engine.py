@@ -302,5 +302,7 @@ class Engine:
             preparing=dict(self._preparing.progress),
             counts={**self._answers.counts, "lost": self._scheduler.lost},
             batches_out=sum(1 for _ in self._scheduler.leases),
+            results_unread=self._pace.waiting,
+            result_s=self._pace.result_s,
             failures=dict(self._scheduler.suspicion.failures),
         )

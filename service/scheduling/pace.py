@@ -90,6 +90,11 @@ class Pace:
         self._unread, self._size = results, size
 
     @property
+    def waiting(self) -> int:
+        """How many results waited unread at the last look."""
+        return self._unread
+
+    @property
     def gather_s(self) -> float:
         """How long results are waited for before those that came are taken in together."""
         return GATHER_S if self.results_per_s >= GATHERED_FROM else 0.0

@@ -67,6 +67,8 @@ class Snapshot:
     preparing: Mapping[str, Progress] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)  # batches merged, dropped, failed, lost
     batches_out: int = 0
+    results_unread: int = 0
+    result_s: float = 0.0  # of the engine's processor time, that a result takes
     failures: Mapping[str, int] = field(default_factory=dict)  # of batches, by worker, since the service started
     made: float = field(default_factory=time.monotonic)
 
