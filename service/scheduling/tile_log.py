@@ -52,4 +52,5 @@ def words_of(worker: str, first: int, count: int, seconds: float, took: dict[str
     """One line: `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`."""
     steps = ", ".join(f"{name} {spent:.2f} s" for name, spent in took.items() if spent >= NOTEWORTHY_S and name != "trace paths")
     warned = "".join(f"; {line}" for line in lines)
-    return f"{worker}: samples {first} to {first + count - 1} in {seconds:.2f} s{f' ({steps})' if steps else ''}{warned}"
+    samples = f"samples {first} to {first + count - 1}" if count > 1 else f"sample {first}"
+    return f"{worker}: {samples} in {seconds:.2f} s{f' ({steps})' if steps else ''}{warned}"

@@ -15,6 +15,7 @@ const RENEW_MS = 2000;
 export function logPanel(job, life) {
   /** Of which tile: the frame and a pixel in it; null: of all. @type {{frame: number, x: number, y: number} | null} */
   let tile = null;
+  let isCalled = false; // into view, once it has its lines
   const whole = h("button", { class: "text-button small", type: "button", onclick: () => show(null) }, t("The whole log"));
   const which = h("p", { class: "row spread small", hidden: true }, h("span"), whole);
   const lines = h("pre", { class: "log-lines", tabindex: "0", role: "log", "aria-live": "off", "aria-label": t("Log") });
@@ -43,18 +44,19 @@ export function logPanel(job, life) {
   life.add(() => asking.abort());
   const renew = async () => {
     asking.abort();
-    asking = new AbortController();
+    const { signal } = (asking = new AbortController());
     try {
-      const { signal } = asking;
       const text = tile ? await getTileLog({ job: id, frame: tile.frame }, tile, signal) : await getJobLog(id, signal);
       if (text !== lines.textContent) {
         setText(lines, text);
         if (follow.checked) toEnd();
       }
+      if (isCalled) element.scrollIntoView({ block: "nearest" });
+      isCalled = false;
       said.hidden = text !== "";
       if (!text) setText(said, t("Nothing was told of it yet."));
     } catch (error) {
-      if (asking.signal.aborted) return;
+      if (signal.aborted) return;
       said.hidden = false;
       setText(said, /** @type {Error} */ (error).message);
     }
@@ -62,7 +64,7 @@ export function logPanel(job, life) {
   const show = (/** @type {typeof tile} */ of) => {
     tile = of;
     which.hidden = !of;
-    if (of) setText(/** @type {HTMLElement} */ (which.firstChild), t("Of the tile with the pixel {x}, {y}", { x: of.x, y: of.y }));
+    if (of) setText(/** @type {HTMLElement} */ (which.firstChild), t("Tile with {x}, {y}", { x: of.x, y: of.y }));
     setText(lines, "");
     void renew();
   };
@@ -75,8 +77,8 @@ export function logPanel(job, life) {
     /** Show what is known of the tile with a pixel. @param {number} frame @param {{x: number, y: number}} pixel */
     ofTile(frame, { x, y }) {
       element.open = true;
+      isCalled = true;
       show({ frame, x, y });
-      element.scrollIntoView({ block: "nearest" });
     },
   };
 }
