@@ -55,7 +55,8 @@ def test_components_stand_where_their_transforms_put_them(scene):
 
 
 def test_base_materials_of_objects_and_of_triangles(scene):
-    bases = '<basematerials id="7"><base name="red" displaycolor="#FF0000"/><base name="pane" displaycolor="#00FF0080"/></basematerials>'
+    bases = '<base name="red" displaycolor="#FF0000"/><base name="pane" displaycolor="#00FF0080"/>'
+    bases = f'<basematerials id="7">{bases}</basematerials>'
     triangles = '<triangle v1="0" v2="1" v3="2"/><triangle v1="0" v2="1" v3="3" pid="7" p1="1"/>'
     description = scene("a.3mf", package(model(bases + solid(1, triangles, pid=7, pindex=0), '<item objectid="1"/>')))
     found = {
