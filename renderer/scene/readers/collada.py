@@ -6,13 +6,14 @@ import math
 import re
 from copy import copy
 from dataclasses import fields, replace
+from importlib import import_module
 from xml.etree import ElementTree
 
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers import assimp, other
+from renderer.scene.readers import assimp
 
 __all__ = ["read"]
 
@@ -33,7 +34,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         if moment.clip is not None:
             raise
         try:
-            other.read(files, main, description)
+            import_module("renderer.scene.readers.other").read(files, main, description)  # heavy, and seldom needed
         except SceneError:
             raise refused from None
         description.warnings.append(f"{main}: is read without its cameras, lights and animation, as not all of it is Collada.")
