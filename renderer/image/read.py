@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import tempfile
 import warnings
+from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -102,13 +103,13 @@ def _through_pillow(data: bytes, name: str, format: str) -> npt.NDArray[Any]:
 def _through_basisu(data: bytes, name: str) -> npt.NDArray[Any]:
     """A KTX 2 file of Basis Universal (ETC1S or UASTC), as KHR_texture_basisu has them."""
     try:
-        import opengl_basisu
+        basisu = import_module("opengl_basisu")  # an extra
     except ImportError as error:
         raise SceneError(f"{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG") from error
     if len(data) < 80:
         raise SceneError(f"{name}: the image is cut off; export it again")
     _check_size(name, int.from_bytes(data[20:24], "little"), max(int.from_bytes(data[24:28], "little"), 1))
-    image = opengl_basisu.open(data).transcode("rgba8", level=0)
+    image = basisu.open(data).transcode("rgba8", level=0)
     return np.array(image.data, np.uint8)
 
 

@@ -16,9 +16,11 @@ POINTS = np.random.default_rng(1).random((40, 3)).astype(np.float32)
 TRIANGLES = np.random.default_rng(2).integers(0, 40, size=(60, 3)).astype(np.uint16)
 # 8 x 8 pixels, red above and blue below, by Basis Universal's own encoder.
 KTX2 = {
-    "ETC1S": "c-mX-9TK5nWU!l;ONxsD2pEBw1BzjQ5ea7iu?`SV0b&&(-T_t91f{JQ5qgk;4wPnM&|p~1$i%?RjBJNJob?|F<bgEMS>;8UC8<RWPKm{t#R{Q$nPsU(#fdo"
+    "ETC1S": "c-mX-9TK5nWU!l;ONxsD2pEBw1BzjQ5ea7iu?`SV0b&&(-T_t91f{JQ5qgk;4wPnM&|p~1$i%?RjBJNJob?|F<bgEMS>;8UC"
+    "8<RWPKm{t#R{Q$nPsU(#fdo"
     "zMtX(@AafWQw1DbZfmj>OE@ZnE4!A%Vk6c&`1i`EZ6$J(#h~)}w48jm;4z)F_R;^+(fhiYqWthPr0Ae|aFsU(t#U_|B9bjnyGnIf+0IX&qpa",
-    "UASTC": "c-mX-9TK5nWU!l;ONxsD2pEBw1BzjQ5sE<|1Bi8icnXw82M3_E0~!re%fz6;u#Az3fti_sK>)6+9?tp?1oA){=&bUh%#ze12B*a0%wmPmyv(xHqT<9H1tUE}"
+    "UASTC": "c-mX-9TK5nWU!l;ONxsD2pEBw1BzjQ5sE<|1Bi8icnXw82M3_E0~!re%fz6;u#Az3fti_sK>)6+9?tp?1oA){=&bUh%#ze12"
+    "B*a0%wmPmyv(xHqT<9H1tUE}"
     "0|o{bkS?IM@A3=}<f{<&qw~cX9{iVQdccT_4*(8=A;A",
 }
 
