@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
 from renderer.errors import SceneError
 from renderer.scene.matrices import Matrix, product
@@ -51,6 +51,8 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
     names: dict[str, int] = {}
     for each in found:
         name = each.prim.GetName()
+        if not (each.prim.IsA(UsdGeom.Gprim) or each.prim.IsA(UsdGeom.Camera) or each.prim.HasAPI(UsdLux.LightAPI)):
+            continue  # transforms and skeletons, often called as what is in them
         names[name] = names.get(name, 0) + 1
         each.name = name if names[name] == 1 else f"{name} ({names[name]})"
     return found
