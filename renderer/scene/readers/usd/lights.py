@@ -17,7 +17,7 @@ from renderer.scene.readers.usd.notes import Notes
 __all__ = ["Lamp", "is_light", "lamp_of", "radiance_of"]
 
 _MOST = 1e9
-_TURN = np.diag([1.0, -1.0, -1.0])  # ours face +Z, USD's lights shine along -Z
+_TURN = np.diag([-1.0, 1.0, -1.0])  # ours face +Z, USD's lights shine along -Z, with a picture upright from there
 
 
 class Lamp(NamedTuple):

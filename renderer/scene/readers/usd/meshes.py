@@ -15,7 +15,7 @@ from renderer.scene.normals import face_normals, smoothed
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
-from renderer.scene.readers.usd.subdivision import Cage, refined
+from renderer.scene.readers.usd.subdivision import Cage, limit, refined
 
 __all__ = ["Wanted", "deforms", "read_mesh"]
 
@@ -39,6 +39,7 @@ class Shape(NamedTuple):
 
     points: F32
     normals: F32 | None
+    straight: F32 | None = None  # the normals when nothing is bent
 
 
 def deforms(prim: Any) -> bool:
@@ -66,6 +67,9 @@ def read_mesh(prim: Any, parts: list[Wanted], time: Any, notes: Notes, shape: Sh
     found = {name: _primvar(prim, name, faces, len(points), time, notes) for name in names}
     normals = _normals(mesh, faces, len(points), time, notes, shape)
     attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
+    if shape is None and deforms(prim):  # at every time the same corners are one vertex
+        counted = ((name, np.arange(len(values.values), dtype=np.float32)[:, None]) for name, values in attributes.items())
+        attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
 
     masks = [np.ones(len(counts), bool) if part.faces is None else part.faces for part in parts]
     solid = counts >= 3
@@ -117,8 +121,9 @@ def _normals(mesh: Any, faces: Faces, points: int, time: Any, notes: Notes, shap
     if _scheme(mesh) == "catmullClark":
         return None
     if shape is not None and shape.normals is not None:
-        kind = {points: "vertex", len(faces.corners): "faceVarying"}.get(len(shape.normals), "vertex")
-        return primvars.spread(shape.normals, None, kind, faces, points, mesh.GetPath(), notes)
+        kind = "faceVarying" if len(shape.normals) == len(faces.corners) else "vertex"
+        found = primvars.spread(shape.normals, None, kind, faces, points, mesh.GetPath(), notes)
+        return None if found is None else replace(found, kinds=shape.straight)
     primvar = primvars.found(mesh.GetPrim(), "normals")
     if primvar is not None:
         return primvars.at_corners(primvar, 3, faces, points, time, notes)
@@ -163,6 +168,8 @@ def _refined(
         along = dict(zip(along, finer, strict=True))
         old = old[parent]
         level += 1
+    if level:
+        cage = replace(cage, points=limit(cage))
     at = 3
     for name, given in smooth.items():
         width = given.values.shape[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,10 +46,11 @@ class AtCorners:
     values: F32
     code: Codes  # (C,)
     by_point: bool = False  # whether corners at one point always have the same
+    kinds: F32 | None = None  # (K, w) what tells them apart, where that must not depend on the time
 
     def at(self, corners: Codes) -> AtCorners:
         """The same for some of the corners."""
-        return AtCorners(self.values, self.code[corners], self.by_point)
+        return replace(self, code=self.code[corners])
 
     def each(self) -> F32:
         """(C, w) the value of each corner."""
@@ -137,7 +138,7 @@ def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
     key = _mixed(faces.corners.astype(np.uint64), np.zeros(len(faces.corners), np.uint64))
     for attribute in attributes:
         if not attribute.by_point:
-            key = _mixed(key, _hashed(attribute.values)[attribute.code])
+            key = _mixed(key, _hashed(attribute.values if attribute.kinds is None else attribute.kinds)[attribute.code])
     _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
     return first, vertex.astype(np.int32)
 

@@ -56,7 +56,8 @@ class Skeletons:
             points = self._blended(query, skinning, points)
         joints, weights = self._influences(skinning, len(points))
         if weights is None:
-            return Shape(points.astype(np.float32), None if normals is None else normals.astype(np.float32))
+            own = None if normals is None else normals.astype(np.float32)
+            return Shape(points.astype(np.float32), own, own)
         given = query.ComputeSkinningTransforms(self._time)
         mapper = skinning.GetJointMapper()
         if mapper and not mapper.IsIdentity() and not mapper.IsNull():
@@ -73,7 +74,7 @@ class Skeletons:
         for k in range(joints.shape[1]):
             bent += weights[:, k : k + 1] * _moved(whole[joints[:, k]], points)
         turned = None if normals is None else self._turned(mesh, normals, whole, joints, weights)
-        return Shape(bent.astype(np.float32), turned)
+        return Shape(bent.astype(np.float32), turned, None if normals is None else normals.astype(np.float32))
 
     def places_of(self, prim: Any, own: Matrix) -> Matrix:
         """Where a bent mesh is drawn: as its skeleton stands; by itself where only blend shapes bend it."""
@@ -123,9 +124,14 @@ class Skeletons:
         return result
 
     def _normals(self, mesh: Any) -> F64 | None:
+        """Of the points or of the corners; those of whole faces, at their corners."""
         primvar = primvars.found(mesh.GetPrim(), "normals")
         given = mesh.GetNormalsAttr().Get(self._time) if primvar is None else primvar.ComputeFlattened(self._time)
         values = primvars.array(given, 3).astype(np.float64)
+        kind = mesh.GetNormalsInterpolation() if primvar is None else primvar.GetInterpolation()
+        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(self._time) or (), np.int64)
+        if kind == "uniform" and len(values) == len(counts) and counts.min(initial=0) >= 0:
+            values = np.repeat(values, counts, axis=0)
         return values if len(values) else None
 
     def _turned(self, mesh: Any, normals: F64, whole: Matrix, joints: npt.NDArray[np.int64], weights: F64) -> F32 | None:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from renderer.scene.description import F32
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
 
-__all__ = ["Cage", "refined"]
+__all__ = ["Cage", "limit", "refined"]
 
 F64 = npt.NDArray[np.float64]
 SHARP = 10.0  # as OpenSubdiv has it: sharp at every level
@@ -74,6 +74,26 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
     return result, [_within(each, faces, ahead, back) for each in along], face
 
 
+def limit(cage: Cage) -> F64:
+    """(P, w) where the points of a cage of quads come to lie after infinitely many levels.
+
+    Source: Halstead, Kass & DeRose 1993; of creases, the limit of cubic B-splines.
+    """
+    points, faces = cage.points, cage.faces
+    ahead, _ = _neighbours(faces)
+    edges = _edges(cage, ahead)
+    count = len(points)
+    ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
+    n = np.bincount(ends, minlength=count).astype(np.float64)[:, None]
+    opposite = faces.corners[ahead[ahead]]
+    smooth = (n * points + 4 * _mean(points[others], ends, count) + _mean(points[opposite], faces.corners, count)) / (n + 5)
+    is_sharp = np.repeat(edges.sharpness > 0, 2)
+    sharp = np.bincount(ends[is_sharp], minlength=count)[:, None]
+    crease = (4 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 6
+    still = _stillness(cage, edges, sharp[:, 0])[:, None]
+    return np.where((still > 0) | (n == 0), points, np.where(sharp == 2, crease, smooth))
+
+
 def _neighbours(faces: Faces) -> tuple[Codes, Codes]:
     """(C,) the corners after and before each in its face."""
     ahead = np.arange(len(faces.corners)) + 1
@@ -112,18 +132,25 @@ def _points(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
     crease = (6 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 8
     least = np.bincount(ends[is_sharp], np.repeat(edges.sharpness, 2)[is_sharp], count) / np.maximum(sharp, 1)
 
-    still = np.zeros(count)
-    np.maximum.at(still, cage.corners, cage.corner_sharpness)
-    faces_at = np.bincount(corners, minlength=count)
-    if cage.sharp_boundary_corners:
-        still[(faces_at == 1) & (sharp == 2)] = SHARP
-    still[faces_at == 0] = SHARP
-    still = np.where(sharp > 2, np.maximum(still, least), still)
+    still = np.where(sharp > 2, np.maximum(_stillness(cage, edges, sharp), least), _stillness(cage, edges, sharp))
 
     share = np.clip(np.where(sharp == 2, least, 0), 0, 1)[:, None]
     found = share * crease + (1 - share) * smooth
     share = np.clip(still, 0, 1)[:, None]
     return share * points + (1 - share) * found
+
+
+def _stillness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
+    """(P,) the sharpness of points themselves; sharp: how many sharp edges end in each."""
+    count = len(cage.points)
+    still = np.zeros(count)
+    np.maximum.at(still, cage.corners, cage.corner_sharpness)
+    faces_at = np.bincount(cage.faces.corners, minlength=count)
+    if cage.sharp_boundary_corners:
+        still[(faces_at == 1) & (sharp == 2)] = SHARP
+    still[faces_at == 0] = SHARP
+    still[sharp > 2] = np.maximum(still[sharp > 2], 1e-9)
+    return still
 
 
 def _within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
