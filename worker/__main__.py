@@ -31,6 +31,7 @@ from worker.files import memory_budget
 from worker.joining import Joining
 from worker.link import Link, check_redis_url
 from worker.ready import get_ready
+from worker.shares import Shares
 from worker.status import SlotBoard
 
 EXIT_REFUSED = 3
@@ -82,9 +83,18 @@ def _work(options: argparse.Namespace) -> int:
         board=SlotBoard(options.slots),
         started=started,
         tail=tail,
+        shares=_shares(log),
     )
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
+
+
+def _shares(log: logging.Logger) -> Shares | None:
+    try:
+        return Shares()
+    except OSError as error:
+        log.warning("slots send their sums one by one, as there is no folder in which they can be added up: %s", error)
+        return None
 
 
 def _options() -> argparse.Namespace:

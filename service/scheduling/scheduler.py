@@ -25,7 +25,7 @@ from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
 from service.scheduling.suspicion import Suspicion
-from service.scheduling.together import together, work_of
+from service.scheduling.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from worker.contract import render_queue
@@ -34,6 +34,7 @@ __all__ = ["Scheduler"]
 
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
+UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
@@ -64,7 +65,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
+            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.turns(kind))
             turns = [list(equals) for _, equals in groupby(self._in_turn(kind), lambda job: job.priority)]
             if room <= 0 or not turns:
                 continue
@@ -92,7 +93,7 @@ class Scheduler:
         Always of the job that has the fewest in hand, and of these of the one that has waited longest: batches take about the
         same time, so the jobs get about the same share of the workers.
         """
-        in_hand = Counter(owner for owner, _ in {(lease.owner, lease.message) for lease in self.leases})
+        in_hand = Counter(owner for owner, _ in {(lease.owner, lease.turn) for lease in self.leases})
         turns = [(in_hand[job.id], job.served, i, job) for i, job in enumerate(jobs)]
         heapify(turns)
         handed_out = 0
@@ -100,44 +101,51 @@ class Scheduler:
             held, _, i, job = heappop(turns)
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until:
                 continue
-            served = job.served
+            if not job.knows_cost and held >= max(UNMEASURED, len(job.film.tiles)):
+                continue  # of many slots, one sample each: they would cost more than they are worth
+            before = len(self._sent)
             hand_out = partial(self._hand_out, job, kind, slots, start)
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
-            if job.served != served:
-                handed_out += 1
-                heappush(turns, (held + 1, job.served, i, job))
+            if given := len({lease.turn for lease in self._sent[before:]}):
+                handed_out += given
+                heappush(turns, (held + given, job.served, i, job))
         return handed_out
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start) -> None:
         """Hand out the next batch of a job, or some of them, if it has any for workers of this kind. Raises QueueError."""
         if not start(job, kind):
             return
-        batch_s, in_turn = self._pace.batch_s(slots), self._pace.of_a_tile(slots)
-        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn)
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots)
+        several, joint = roster.takes_several(kind), roster.takes_joint(kind)
+        hands = Hands(kind, slots, batch_s, several, joint, self._pace.of_a_tile(slots, joint))
+        handfuls = together(job, hands)
         try:
-            while groups:
-                self._send(job, kind, groups[0])
-                groups.pop(0)
+            while handfuls:
+                self._send(job, hands, handfuls[0])
+                handfuls.pop(0)
         except BaseException:
-            for batch in (batch for group in groups for batch in group):
+            for batch in (batch for handful in handfuls for batch in handful.batches):
                 job.lose(batch)
             raise
 
-    def _send(self, job: ActiveJob, kind: str, batches: list[Range]) -> None:
+    def _send(self, job: ActiveJob, hands: Hands, handful: Handful) -> None:
         """Hand out batches in one message. Raises QueueError; then none of them is."""
+        kind, batches = hands.kind, handful.batches
         leases: list[Lease] = []
         expected = 0.0
         for batch in batches:
             expected += job.expected_s(batch)
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
-            leases.append(Lease(job.id, kind, batch, patience, expected))
-        works = [work_of(job, kind, lease.id, batch) for lease, batch in zip(leases, batches, strict=True)]
-        if len(works) == 1:
-            self._dispatcher.send_batch(works[0], kind)
+            leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
+        for lease in leases:
+            lease.message = leases[0].id
+        if handful.is_joint:
+            self._dispatcher.send_joint(joint_work_of(job, leases, batches, self._pace.hold_s(hands.slots)), kind)
+        elif len(leases) == 1:
+            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), kind)
         else:
-            for lease in leases:
-                lease.message = leases[0].id
+            works = [work_of(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
             self._dispatcher.send_batches(works, kind, leases[0].id)
         self._sent += leases
         for lease in leases:
@@ -296,7 +304,7 @@ class Scheduler:
         return not lease.doubled and time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
 
     def _has_idle_slots(self, kind: str) -> bool:
-        return self._workers.roster.slots(kind) > self.leases.messages(kind)
+        return self._workers.roster.slots(kind) > self.leases.turns(kind)
 
     def connected(self) -> set[str]:
         """The names of the workers that report themselves."""
