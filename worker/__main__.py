@@ -1,6 +1,6 @@
 """`python -m worker --service URL --token T --slots N`: one worker, with a process for every slot.
 
-The kernels are compiled or loaded here, before Celery forks, so that all slots share them.
+The kernels are compiled or loaded here, before Celery forks, so that all slots taken them.
 """
 
 # ruff: noqa: E402 - the environment must be set before numpy is imported
@@ -30,8 +30,9 @@ from worker.errors import RefusedError, WorkerError
 from worker.files import memory_budget
 from worker.joining import Joining
 from worker.link import Link, check_redis_url
+from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+from worker.pieces import Pieces
 from worker.ready import get_ready
-from worker.shares import Shares
 from worker.status import SlotBoard
 
 EXIT_REFUSED = 3
@@ -40,16 +41,21 @@ EXIT_REFUSED = 3
 def main() -> int:
     """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
     options = _options()
+    if options.log_format:
+        os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
     try:
         return _work(options)
     except WorkerError as error:
-        print(f"rayfarm worker: {error}", file=sys.stderr)
+        if by_json():
+            logging.getLogger("worker").error("%s", error)
+        else:
+            print(f"rayfarm worker: {error}", file=sys.stderr)
         return EXIT_REFUSED
 
 
 def _work(options: argparse.Namespace) -> int:
+    tail, lines = logs.set_up()
     _check(options)
-    tail = logs.set_up()
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -83,15 +89,17 @@ def _work(options: argparse.Namespace) -> int:
         board=SlotBoard(options.slots),
         started=started,
         tail=tail,
-        shares=_shares(log),
+        pieces=_pieces(log),
     )
+    if lines is not None:
+        lines.always["worker"] = joined.name
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
 
 
-def _shares(log: logging.Logger) -> Shares | None:
+def _pieces(log: logging.Logger) -> Pieces | None:
     try:
-        return Shares()
+        return Pieces()
     except OSError as error:
         log.warning("slots send their sums one by one, as there is no folder in which they can be added up: %s", error)
         return None
@@ -108,6 +116,9 @@ def _options() -> argparse.Namespace:
         help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL",
     )
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
+    parser.add_argument(
+        "--log-format", choices=FORMATS, help=f"json: each line of the log an object, for programs; ${FORMAT_VARIABLE}"
+    )
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
     return parser.parse_args()

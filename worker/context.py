@@ -15,8 +15,8 @@ from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_q
 from worker.joint import help_queue
 from worker.link import Link
 from worker.log_tail import LogTail
+from worker.pieces import Pieces
 from worker.results import ResultStream
-from worker.shares import Shares
 from worker.status import SlotBoard
 from worker.view_parts import view_queue
 
@@ -38,7 +38,7 @@ class WorkerContext:
     host: str = field(default_factory=socket.gethostname)
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
-    shares: Shares | None = None  # none where this machine has no folder for them
+    pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
 
     @property
@@ -75,13 +75,13 @@ class WorkerContext:
             several=True,
             views=True,
             explains=True,
-            adds=self.shares is not None,
+            adds=self.pieces is not None,
             in_hand=self._in_hand(),
         )
 
     def _in_hand(self) -> list[str]:
         try:
-            return self.shares.messages() if self.shares is not None else []
+            return self.pieces.messages() if self.pieces is not None else []
         except OSError:
             return []
 

@@ -138,7 +138,7 @@ class Heartbeat(bootsteps.StartStopStep):
             self.reporter.tell_vitals(self.worker.name)
         if self.worker.tail is not None:
             self.reporter.tell_log(self.worker.name, self.worker.tail)
-        self._see_to_shares(report)
+        self._see_to_pieces(report)
         if self.is_paused or any(report.current) or not self.reporter.waiting(self.worker.kind):
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
@@ -146,12 +146,12 @@ class Heartbeat(bootsteps.StartStopStep):
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
 
-    def _see_to_shares(self, report: WorkerReport) -> None:
+    def _see_to_pieces(self, report: WorkerReport) -> None:
         """Let free slots look after what waits here, where nobody asks them to: who was to come may have been killed."""
         free = sum(not doing for doing in report.current)
-        if self.worker.shares is not None and report.in_hand and free and not self.reporter.is_asked(self.worker.name):
+        if self.worker.pieces is not None and report.in_hand and free and not self.reporter.is_asked(self.worker.name):
             with contextlib.suppress(OSError):
-                ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.shares.waiting(), 1)))
+                ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
     def _obey(self) -> None:
         """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""

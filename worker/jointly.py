@@ -22,9 +22,11 @@ from renderer.settings import Tile
 from worker.context import WorkerContext
 from worker.contract import Result, render_queue
 from worker.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, help_queue
-from worker.shares import Share
+from worker.log_lines import about
+from worker.pieces import Taken
 from worker.slot import at_work
 from worker.sums import add_sums, pack_sums, unpack_sums
+from worker.told import named
 
 __all__ = ["ask_for_help", "hand_in", "help_out", "joined", "laid_out", "left_of"]
 
@@ -37,11 +39,11 @@ log = logging.getLogger(__name__)
 
 def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
     """Let all slots of this worker take pieces; False where this machine cannot lay them out."""
-    if worker.shares is None:
+    if worker.pieces is None:
         return False
     most = max(2, worker.slots)
     try:
-        worker.shares.begin(message, json.dumps(joint.to_json()).encode(), range(most)[: len(joint.pieces)], joint.hold_s)
+        worker.pieces.begin(message, json.dumps(joint.to_json()).encode(), range(most)[: len(joint.pieces)], joint.hold_s)
     except (OSError, ValueError) as error:
         log.warning("slots cannot share a batch, one renders it alone: %s", error)
         return False
@@ -57,7 +59,7 @@ def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str
 def left_of(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
     """The pieces of a message whose process has ended that no slot of this machine has, or is rendering."""
     with contextlib.suppress(OSError):
-        if worker.shares is not None and (left := worker.shares.take_over(message)) is not None:
+        if worker.pieces is not None and (left := worker.pieces.take_over(message)) is not None:
             return left
     return [*range(len(joint.pieces))]
 
@@ -68,20 +70,20 @@ def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
     try:
         with app.producer_or_acquire() as producer, producer.batch():
             for _ in range(slots):
-                app.send_task(HELP, producer=producer, **options)
+                app.send_task(HELP, kwargs={"asked": {}}, producer=producer, **options)
     except _AWAY as error:
         log.warning("slots are not told of a batch yet: %s", error)
 
 
 def help_out(worker: WorkerContext) -> None:
     """Render a piece that waits, where one does, and send what is ripe."""
-    if worker.shares is None:
+    if worker.pieces is None:
         return
     try:
-        share = worker.shares.take()
-        if share is not None:
-            _render(worker, share)
-        for results in worker.shares.ripe():
+        taken = worker.pieces.take()
+        if taken is not None:
+            _render(worker, taken)
+        for results in worker.pieces.ripe():
             _send(worker, results)
     except OSError as error:  # what is lost with it is handed out again
         log.warning("sums of a batch are lost: %s", error)
@@ -89,13 +91,13 @@ def help_out(worker: WorkerContext) -> None:
 
 def hand_in(app: Celery, worker: WorkerContext) -> None:
     """At a worker's end: send the sums that are there, and put what nobody has begun back into the queue."""
-    if worker.shares is None:
+    if worker.pieces is None:
         return
     try:
-        for about, numbers in worker.shares.withdraw():
-            joint = JointBatch.from_json(json.loads(about))
+        for words, numbers in worker.pieces.withdraw():
+            joint = JointBatch.from_json(json.loads(words))
             _put_back(app, worker, joint, tuple(joint.pieces[number] for number in numbers))
-        for results in worker.shares.ripe(at_once=True):
+        for results in worker.pieces.ripe(at_once=True):
             _send(worker, results)
     except _AWAY as error:
         log.warning("what is left of a batch is lost, and will be handed out again: %s", error)
@@ -119,20 +121,20 @@ def _put_back(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tup
     app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=render_queue(worker.kind), **options)
 
 
-def _render(worker: WorkerContext, share: Share) -> None:
-    assert worker.shares is not None
-    joint = JointBatch.from_json(json.loads(share.about))
-    work = joint.batch(share.number)
-    with at_work(worker, work, joint.whole.batch) as do:
+def _render(worker: WorkerContext, taken: Taken) -> None:
+    assert worker.pieces is not None
+    joint = JointBatch.from_json(json.loads(taken.about))
+    work = joint.batch(taken.number)
+    with about(**named(vars(work))), at_work(worker, work, joint.whole.batch) as do:
         result = do()
         if result.sums is not None:
             try:
-                worker.shares.put(share, result)
+                worker.pieces.put(taken, result)
                 return
             except OSError as error:
                 log.warning("sums are sent by themselves, as they cannot be kept for others: %s", error)
         worker.results.send(result)
-        worker.shares.let_go(share)
+        worker.pieces.let_go(taken)
 
 
 def _send(worker: WorkerContext, results: list[Result]) -> None:
@@ -149,9 +151,8 @@ def _one(run: list[Result]) -> Result:
     for result in run[1:]:
         add_sums(total, result.sums or b"", tile)
     events = [result.event for result in run]
-    about = {key: first[key] for key in ("job", "frame", "tile", "first", "worker")}
     event = {
-        **about,
+        **{key: first[key] for key in ("job", "frame", "tile", "first", "worker")},
         "type": "batches",
         "count": sum(event["count"] for event in events),
         "parts": [[event[key] for key in ("batch", "first", "count", "seconds")] for event in events],

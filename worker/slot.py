@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,9 +10,12 @@ from billiard import current_process
 
 from worker.context import WorkerContext
 from worker.contract import RenderBatch, Result
+from worker.log_lines import ids
 from worker.render import render
 
 __all__ = ["at_work", "slot"]
+
+log = logging.getLogger(__name__)
 
 
 def slot() -> int:
@@ -31,6 +35,9 @@ def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[
         result = render(worker, work, lambda is_so: worker.board.write(slot(), doing | {"compiling": is_so}))
         if result.sums is not None:
             speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
+        if log.isEnabledFor(logging.DEBUG):
+            about_it = ids(**{name: result.event.get(name) for name in ("first", "count", "seconds", "error")})
+            log.debug("%s", result.event["type"], extra=about_it)
         return result
 
     worker.board.write(slot(), doing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -35,11 +36,13 @@ from worker.explained import EXPLAIN, ExplainPixel
 from worker.frames import prepare_frames
 from worker.joint import HELP, RENDER_JOINTLY, JointBatch
 from worker.jointly import help_out, laid_out, left_of
+from worker.log_lines import about
 from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood
 from worker.scenes import discard_damaged
 from worker.slot import at_work, slot
+from worker.told import named, told_about
 from worker.vectors import frame_vectors, vectors_failure
 from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from worker.viewport import Answering, prepare_view_frame, render_view
@@ -53,18 +56,22 @@ log = logging.getLogger(__name__)
 
 def register(app: Celery) -> None:
     """Give the application its tasks."""
-    app.task(_prepare, name=PREPARE, bind=True)
-    app.task(_prepare_frames, name=PREPARE_FRAMES, bind=True)
-    app.task(_render_batch, name=RENDER_BATCH, bind=True)
-    app.task(_render_batches, name=RENDER_BATCHES, bind=True)
-    app.task(_render_jointly, name=RENDER_JOINTLY, bind=True)
-    app.task(_help, name=HELP, bind=True)
-    app.task(_denoise, name=DENOISE, bind=True)
-    app.task(_vectors, name=VECTORS, bind=True)
-    app.task(_render_view, name=RENDER_VIEW, bind=True)
-    app.task(_view_frame, name=VIEW_FRAME, bind=True)
-    app.task(_environment, name=ENVIRONMENT, bind=True)
-    app.task(_explain, name=EXPLAIN, bind=True)
+    tasks: dict[str, Callable[[Any, Any], None]] = {
+        PREPARE: _prepare,
+        PREPARE_FRAMES: _prepare_frames,
+        RENDER_BATCH: _render_batch,
+        RENDER_BATCHES: _render_batches,
+        RENDER_JOINTLY: _render_jointly,
+        HELP: _help,
+        DENOISE: _denoise,
+        VECTORS: _vectors,
+        RENDER_VIEW: _render_view,
+        VIEW_FRAME: _view_frame,
+        ENVIRONMENT: _environment,
+        EXPLAIN: _explain,
+    }
+    for name, task in tasks.items():
+        app.task(told_about(task), name=name, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -75,7 +82,8 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
     """Render batches in turn, and send the sums of each as soon as they are there."""
     for batch in batches:
-        _render(task, context.current(), batch)
+        with about(**named(batch)):
+            _render(task, context.current(), batch)
 
 
 def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> None:
@@ -110,10 +118,12 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
         help_out(worker)
         return
     for number in left_of(worker, work, task.request.id):  # one may have killed the slot that had it: which, is seen in turn
-        _render(task, worker, work.batch(number).to_json())
+        batch = work.batch(number).to_json()
+        with about(**named(batch)):
+            _render(task, worker, batch)
 
 
-def _help(task: Any) -> None:
+def _help(task: Any, asked: dict[str, Any]) -> None:
     """Render a piece that waits on this machine, and send what is ripe."""
     help_out(context.current())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -33,6 +34,7 @@ class Lease:
     answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
+    charged_s: float = 0.0  # to its share, for what it takes of a slot
     message: str = ""  # with which it was sent: its own, unless it went with others
     is_joint: bool = False  # those in its message are rendered at a time, by slots of one machine, and not in turn by one slot
 
@@ -90,8 +92,13 @@ class Leases:
         """The leases of a job or a scene."""
         return [lease for lease in self._all.values() if lease.owner == owner]
 
+    def held(self) -> Counter[str]:
+        """How many slots what is out of each job takes, that whose results were not read yet included."""
+        out = {(lease.owner, lease.turn) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
+        return Counter(owner for owner, _ in out)
+
     def turns(self, kind: str) -> int:
-        """How many slots of workers of a kind all that is out takes, those whose results were not read yet included: where they
-        pile up, workers get less."""
+        """How many slots of workers of a kind all that is out takes, that whose results were not read yet included: where it
+        piles up, workers get less."""
         out = (lease for lease in self._all.values() if lease.batch is not None and not lease.has_arrived)
         return len({lease.turn for lease in out if lease.kind == kind})

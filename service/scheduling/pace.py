@@ -89,9 +89,11 @@ class Pace:
         joint: by the workers, before they come back."""
         return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_JOINT if joint else MOST_OF_A_TILE)
 
-    def hold_s(self, slots: int) -> float:
-        """How long a batch's sums may wait on a machine for those of the batches with which they are added up."""
-        return max(SHORTEST_HOLD_S, self.batch_s(slots))
+    @staticmethod
+    def hold_s(batch_s: float) -> float:
+        """How long a batch's sums may wait on a machine for those of the batches with which they are added up, where each is
+        expected to take so long."""
+        return max(SHORTEST_HOLD_S, batch_s)
 
     def room(self, room: int) -> int:
         """Of that much room, what is left while results wait unread: less and less, and none at the limit."""

@@ -29,6 +29,7 @@ class Hands:
     several: bool  # whether all of them take batches to be rendered in turn
     joint: bool  # whether all of them take a tile's to be added up
     of_a_tile: int = 1  # how many of one tile may follow each other
+    most: int = 2  # slots that what is handed out at a time may take
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def _in_turn(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
         if batch is None:
             break
         if not _is_known(job, batch):
-            return [Handful(batches), Handful([batch])]
+            return [Handful(batches), *_alone(job, hands, 1, batch)]
         expected += job.expected_s(batch)
         batches.append(batch)
     return [Handful(batches)]
@@ -86,15 +87,23 @@ def _in_turn(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
 
 def _of_a_tile(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
     batches = [first]
-    while len(batches) < hands.of_a_tile:
+    while len(batches) < min(hands.of_a_tile, hands.most):
         last = batches[-1]
         batch = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
         if batch is None:
             break
         if batch[:2] != (last.tile, last.first + last.count) or batch.frame != last.frame or not _is_known(job, batch):
-            return [Handful(batches, is_joint=len(batches) > 1), Handful([batch])]
+            return [Handful(batches, is_joint=len(batches) > 1), *_alone(job, hands, len(batches), batch)]
         batches.append(batch)
     return [Handful(batches, is_joint=len(batches) > 1)]
+
+
+def _alone(job: ActiveJob, hands: Hands, taken: int, batch: Range) -> list[Handful]:
+    """A batch that does not go with those before it, where it may go at all now."""
+    if taken < hands.most:
+        return [Handful([batch])]
+    job.lose(batch)
+    return []
 
 
 def _is_known(job: ActiveJob, batch: Range) -> bool:

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 from worker.contract import Result
 
-__all__ = ["Share", "Shares"]
+__all__ = ["Pieces", "Taken"]
 
 PREFIX = "rayfarm-sums-"
 SENDING = "sending"
@@ -43,7 +43,7 @@ _MESSAGE = re.compile(r"[\w-]{1,100}")
 log = logging.getLogger(__name__)
 
 
-class Share(NamedTuple):
+class Taken(NamedTuple):
     """A piece that this process has taken."""
 
     folder: Path
@@ -51,7 +51,7 @@ class Share(NamedTuple):
     about: bytes  # the message
 
 
-class Shares:
+class Pieces:
     """Made by the parent before it forks. Its methods raise OSError where the disk does not do as it is told."""
 
     def __init__(self) -> None:
@@ -78,31 +78,31 @@ class Shares:
             (new / f"todo-{number:04}").touch()
         new.rename(self.root / f"{time.time_ns():020}.{int(1000 * hold_s)}.{message}")
 
-    def take(self) -> Share | None:
+    def take(self) -> Taken | None:
         """The piece that has waited longest; None where none waits."""
         for folder in self._groups():
             for name in sorted(_names(folder, "todo-")):
                 number = int(name.partition("-")[2])
                 with contextlib.suppress(FileNotFoundError):  # another was faster
                     (folder / name).rename(folder / f"doing-{number}-{os.getpid()}")
-                    return Share(folder, number, (folder / "about").read_bytes())
+                    return Taken(folder, number, (folder / "about").read_bytes())
         return None
 
-    def put(self, share: Share, result: Result) -> None:
+    def put(self, taken: Taken, result: Result) -> None:
         """Lay down the sums of a piece for whoever sends them."""
         event = json.dumps(result.event).encode()
-        written = share.folder / f"written-{share.number}-{os.getpid()}"
+        written = taken.folder / f"written-{taken.number}-{os.getpid()}"
         with written.open("wb") as file:
             file.write(_LENGTH.pack(len(event)))
             file.write(event)
             file.write(result.sums or b"")
-        written.rename(share.folder / f"done-{share.number:04}")
-        self.let_go(share)
+        written.rename(taken.folder / f"done-{taken.number:04}")
+        self.let_go(taken)
 
-    def let_go(self, share: Share) -> None:
+    def let_go(self, taken: Taken) -> None:
         """The piece is no longer in hand: its sums are there, or nobody here will have them."""
         with contextlib.suppress(FileNotFoundError):
-            (share.folder / f"doing-{share.number}-{os.getpid()}").unlink()
+            (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()
 
     def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
         """What is to be sent now, and by this process, in the order of the pieces: of a message whose pieces are all rendered or
