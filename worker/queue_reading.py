@@ -15,7 +15,7 @@ __all__ = ["PatientTransport", "be_patient"]
 log = logging.getLogger(__name__)
 
 
-class PatientChannel(redis.Channel):  # type: ignore[misc]  # untyped
+class PatientChannel(redis.Channel):
     """Redis' channel, to whom garbage is as nothing."""
 
     def _brpop_read(self, **options: Any) -> Any:
@@ -26,7 +26,7 @@ class PatientChannel(redis.Channel):  # type: ignore[misc]  # untyped
             return True  # something was read
 
 
-class PatientTransport(redis.Transport):  # type: ignore[misc]
+class PatientTransport(redis.Transport):
     """Redis' transport with such channels."""
 
     Channel = PatientChannel
