@@ -72,7 +72,7 @@ def through(farm: Farm, spp: int) -> tuple[float, float]:
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id)
         begun = time.perf_counter(), _processor(farm)
-        job = client.submit(scene.id, spp=spp, **REQUEST).id
+        job = client.submit(scene.id, spp=spp, fresh=True, **REQUEST).id
         while client.job(job).state != "finished":
             time.sleep(0.1)
         return time.perf_counter() - begun[0], _processor(farm) - begun[1]
