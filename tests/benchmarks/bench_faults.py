@@ -38,7 +38,7 @@ GROUNDS = {"one machine": Ground, "another clock": clocks.ClockGround, "three ho
 FAULTS_A_GROUND = 20
 SEEDS = 4  # of jobs: a ground renders each once, so that no result can be had from an earlier one
 NEARLY_DONE = 0.9
-AGAIN_AT_MOST = 5
+MENDS_ITSELF_S = 45.0
 
 
 class Campaign:
@@ -48,6 +48,8 @@ class Campaign:
         self.options = options
         self.draw = random.Random(options.seed)
         self.faults: list[Fault] = []
+        self._failed: dict[str, float] = {}  # jobs, and since when
+        self._asked: set[str] = set()  # jobs that were set to running, since the last fault
 
     def run(self) -> None:
         while len(self.faults) < self.options.count:
@@ -127,25 +129,32 @@ class Campaign:
             now = ground.samples(job)
             if now >= 0 and (known < 0 or now < known):
                 known = now
-            if now == OVER and self._go_on(ground, job):
-                fault.asked, known = True, -1
+            if now == OVER and self._has_failed(ground, job):
+                known = -1
                 return False
             return 0 <= known < now or now == OVER
 
         with contextlib.suppress(UnrecoveredError):
             fault.recovered_s = round(ground.wait(grows, "samples come") - since, 2)
+        fault.asked = job in self._asked
+        self._asked.discard(job)
         if fault.recovered_s is None:
             print(ground.logs()[-6000:])
 
-    def _go_on(self, ground: Ground, job: str) -> bool:
-        """Do what the sentence asks with which the job has ended; False where it is finished."""
+    def _has_failed(self, ground: Ground, job: str) -> bool:
+        """Whether a job has failed. Where it does not go on by itself, what its sentence asks for is done."""
         try:
             with ground.client() as client:
                 found = client.job(job)
                 if found.state != "failed":
+                    self._failed.pop(job, None)
                     return False
-                print(f"      {found.error}", flush=True)
-                client.change(job, state="running")
+                since = self._failed.setdefault(job, time.monotonic())
+                if time.monotonic() - since > MENDS_ITSELF_S:
+                    print(f"      {found.error}", flush=True)
+                    client.change(job, state="running")
+                    self._asked.add(job)
+                    del self._failed[job]
         except (ClientError, OSError) as error:
             print(f"      {error}")
         return True
@@ -158,22 +167,11 @@ class Campaign:
 
     def _end(self, ground: Ground, job: str, seed: int, faults: list[Fault]) -> None:
         """Wait for the job's end, and look at its picture."""
-        again = 0
         began = time.monotonic()
-
-        def is_over() -> bool:
-            nonlocal again
-            if ground.samples(job) != OVER:
-                return False
-            if again < AGAIN_AT_MOST and self._go_on(ground, job):
-                again += 1
-                for fault in faults:
-                    fault.asked |= KINDS[fault.kind].harms_films
-                return False
-            return True
-
         with contextlib.suppress(UnrecoveredError):
-            ground.wait(is_over, "the job ends")
+            ground.wait(lambda: ground.samples(job) == OVER and not self._has_failed(ground, job), "the job ends")
+            for fault in faults:
+                fault.asked |= job in self._asked and KINDS[fault.kind].harms_films
             is_right = self._read_digest(ground, job) == digest_alone(self.options.spp, seed)
             for fault in faults:
                 fault.digest_is_right = is_right
