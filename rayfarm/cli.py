@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.commands import backup, bench, doctor, gc, info, jobs, render, submit, token, up, user, worker
+from rayfarm.commands import backup, bench, doctor, gc, info, jobs, project, render, submit, token, up, user, worker
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from renderer.errors import RayfarmError
@@ -32,7 +32,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, user, token, info, backup, doctor, gc, bench):
+for command in (up, worker, render, submit, jobs, user, project, token, info, backup, doctor, gc, bench):
     command.register(app)
 
 

@@ -46,7 +46,7 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
     except Exception as error:
         log.warning("scene %s cannot be described: %r", scene.id, error)
         plain = Scene(
-            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes")},
+            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes", "project")},
             status="failed",
             error=UNREADABLE.format(what="scene"),
             files=[],
@@ -91,7 +91,7 @@ def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot) -> Jo
         return out
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)
-        known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s")
+        known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s", "project", "user")
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
@@ -127,6 +127,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         warnings=[*scene.notes, *info.get("warnings", [])],
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+        project=scene.project or "",
     )
 
 
@@ -147,9 +148,10 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "user"),
             )
         },
+        project=job.project or "",
         message=_message(job, view) or _holes(job, about),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),

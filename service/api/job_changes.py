@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.access.projects import Sight
 from service.api.job_list import MOST_JOBS
 from service.api.lookup import find_job, no_job
 from service.api.schemas import JobState, Strict
@@ -58,15 +59,16 @@ class ChangesOut(BaseModel):
     refused: list[RefusedOut]
 
 
-def change_many(changes: ChangesIn, farm: Farm) -> ChangesOut:
-    """Do it to those to which it can be done."""
+def change_many(changes: ChangesIn, farm: Farm, sight: Sight) -> ChangesOut:
+    """Do it to those to which it can be done. Those that the caller does not see are not there."""
     ids = list(dict.fromkeys(changes.jobs))
     answer = ChangesOut(changed=[], refused=[])
-    if changes.of is not None:
-        with farm.sessions() as session:
-            chosen = select(Job.id).where(Job.id.in_(ids), Job.state.in_(changes.of))
-            of = set(session.scalars(chosen))
-        ids = [id for id in ids if id in of]
+    with farm.sessions() as session:
+        chosen = select(Job.id).where(Job.id.in_(ids), sight.clause(Job.project))
+        seen = set(session.scalars(chosen))
+        of = seen if changes.of is None else set(session.scalars(chosen.where(Job.state.in_(changes.of))))
+    unseen = [id for id in ids if id not in seen and changes.of is None]
+    ids = [id for id in ids if id in of]
     for at in range(0, len(ids), AT_A_TIME):
         some = ids[at : at + AT_A_TIME]
         if changes.state == "deleted":
@@ -74,7 +76,7 @@ def change_many(changes: ChangesIn, farm: Farm) -> ChangesOut:
         else:
             _change(some, changes, farm, answer)
     known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
-    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in ids if id not in known]
+    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in (*ids, *unseen) if id not in known]
     return answer
 
 

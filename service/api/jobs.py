@@ -15,12 +15,14 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
+from service.access.projects import Sight
 from service.api.describe import job_out, jobs_out
 from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
+from service.api.visit import VisitDependency
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
@@ -66,11 +68,15 @@ Key = Annotated[
 
 
 @router.post("", status_code=201, response_model=JobOut)
-def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
+def create_job(
+    request: JobIn, farm: FarmDependency, response: Response, visit: VisitDependency, idempotency_key: Key = None
+) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
     asked = request.model_dump(mode="json")
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
-        return _repeat(earlier, asked, farm, response)
+        return _repeat(earlier, asked, farm, response, visit.sight)
+    if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
+        raise _no_scene(request.scene)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
     rendered = _rendered(request, asked, farm)
     job = Job(
@@ -90,6 +96,8 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         seconds=request.seconds,
         shot=_shot(request).to_json() if request.is_shot else None,
         idempotency_key=idempotency_key or None,
+        user=visit.user,
+        key=visit.token,
     )
     try:
         with farm.lighting.held(rendered), farm.sessions.begin() as session:
@@ -104,7 +112,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         earlier = _earlier(idempotency_key, farm) if idempotency_key else None
         if earlier is None:
             raise
-        return _repeat(earlier, asked, farm, response)
+        return _repeat(earlier, asked, farm, response, visit.sight)
     farm.changed("job", job.id)
     response.headers["Location"] = f"/api/jobs/{job.id}"
     return answer
@@ -145,12 +153,12 @@ def tally_jobs(chosen: Choice, farm: FarmDependency) -> dict[JobState, int]:
 
 
 @router.post("/changes", response_model=ChangesOut)
-def change_jobs(changes: ChangesIn, farm: FarmDependency) -> ChangesOut:
+def change_jobs(changes: ChangesIn, farm: FarmDependency, visit: VisitDependency) -> ChangesOut:
     """Pause, go on, cancel, change the priority of many jobs, or delete them. What cannot be done to one is done to the others.
 
     The answer has how those that changed were before, so that it can be taken back.
     """
-    return change_many(changes, farm)
+    return change_many(changes, farm, visit.sight)
 
 
 @router.get("/{id}", response_model=JobOut)
@@ -263,7 +271,7 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")
-    job.name = job.name or scene.name
+    job.name, job.project = job.name or scene.name, scene.project
     width, height = job.request["width"], job.request["height"]
     if width and height and width * height > farm.settings.max_pixels:
         raise _invalid(f"width x height is {width * height} pixels; at most {farm.settings.max_pixels} are rendered", "width")
@@ -283,8 +291,8 @@ def _earlier(key: str, farm: Farm) -> Job | None:
         return session.scalar(select(Job).where(Job.idempotency_key == key))
 
 
-def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response) -> JobOut:
-    if earlier.request != asked:
+def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
+    if earlier.request != asked or not sight.sees(earlier.project):
         raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
     response.headers["Idempotent-Replayed"] = "true"
     response.headers["Location"] = f"/api/jobs/{earlier.id}"

@@ -17,6 +17,7 @@ from service.api import (
     live,
     login,
     people,
+    projects,
     references,
     retention,
     scenes,
@@ -52,6 +53,7 @@ for module in (
     health,
     login,
     people,
+    projects,
     tokens,
 ):
     router.include_router(module.router)

@@ -279,6 +279,7 @@ class SceneOut(BaseModel):
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
 
 
 class BadSampleOut(BaseModel):
@@ -326,6 +327,8 @@ class JobOut(BaseModel):
 
     id: str
     scene: str
+    project: str = Field(default="", description="its scene's: whose members see it; empty: everybody who is let in")
+    user: str | None = Field(default=None, description="who asked for it; null: nobody was asked who they are")
     name: str
     state: JobState
     message: str | None = Field(description="why it does not go on at the moment")

@@ -17,6 +17,8 @@ __all__ = [
     "Frame",
     "Job",
     "Key",
+    "Member",
+    "Project",
     "Reference",
     "Scene",
     "User",
@@ -57,6 +59,9 @@ class Scene(Base):
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
     variant: Mapped[str | None] = mapped_column(Text)
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    user: Mapped[str | None] = mapped_column(String(64))  # who uploaded it; None: a farm that asks nobody who they are
+    key: Mapped[str | None] = mapped_column(String(20))  # by which token
     of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is made of; None: it is one
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # worker.contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
@@ -84,8 +89,8 @@ class Job(Base):
     __tablename__ = "jobs"
     # Lists and tallies are made of these alone: a row is thousands of bytes long, mostly its settings.
     __table_args__ = (
-        Index("jobs_listed", "created", "id", "state", "scene", "name"),
-        Index("jobs_by_state", "state", "created", "id", "scene", "name"),
+        Index("jobs_listed", "created", "id", "state", "scene", "name", "project"),
+        Index("jobs_by_state", "state", "created", "id", "scene", "name", "project"),
         Index("jobs_ended", "finished", "id"),
     )
 
@@ -117,6 +122,9 @@ class Job(Base):
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
     checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
+    user: Mapped[str | None] = mapped_column(String(64))  # who asked for it; None: a farm that asks nobody who they are
+    key: Mapped[str | None] = mapped_column(String(20))  # by which token
 
     @property
     def stage(self) -> str:
@@ -131,6 +139,9 @@ class Environment(Base):
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    user: Mapped[str | None] = mapped_column(String(64))
+    key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
     file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef
     thumbnail: Mapped[str] = mapped_column(String(64))  # the SHA-256 of a small picture, a JPEG
@@ -148,6 +159,9 @@ class Reference(Base):
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    user: Mapped[str | None] = mapped_column(String(64))
+    key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
     file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef: as it was uploaded
     film: Mapped[dict[str, Any]] = mapped_column(JSON)  # likewise: as the page reads it (watching/film_packet.py), by gzip
@@ -199,6 +213,24 @@ class User(Base):
     role: Mapped[str] = mapped_column(String(16))  # view | submit | admin
     password: Mapped[str | None] = mapped_column(Text)  # Argon2id; None: by a link alone
     created: Mapped[float] = mapped_column(Float)
+
+
+class Project(Base):
+    """What some users alone see: service/access/projects.py."""
+
+    __tablename__ = "projects"
+
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    created: Mapped[float] = mapped_column(Float)
+
+
+class Member(Base):
+    """A user who sees a project."""
+
+    __tablename__ = "members"
+
+    project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
+    user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
 
 
 class Key(Base):

@@ -1,0 +1,41 @@
+"""Projects, their members, and what is in them; who uploaded and who asked for it."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0015"
+down_revision = "0012"
+branch_labels = None
+depends_on = None
+
+TABLES = ("scenes", "jobs", "environments", "reference_pictures")
+LISTED = {
+    "jobs_listed": ["created", "id", "state", "scene", "name", "project"],
+    "jobs_by_state": ["state", "created", "id", "scene", "name", "project"],
+}
+
+
+def upgrade() -> None:
+    """There are none yet: everybody who is let in sees all that is there, and nobody knows whose it is."""
+    op.create_table(
+        "projects",
+        sa.Column("name", sa.String(64), primary_key=True),
+        sa.Column("created", sa.Float(), nullable=False),
+    )
+    op.create_table(
+        "members",
+        sa.Column("project", sa.String(64), sa.ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True),
+        sa.Column("user", sa.String(64), primary_key=True),
+    )
+    op.create_index("ix_members_user", "members", ["user"])
+    for table in TABLES:
+        there = {column["name"] for column in sa.inspect(op.get_bind()).get_columns(table)}
+        op.add_column(table, sa.Column("project", sa.String(64), nullable=False, server_default=""))
+        if "user" not in there:
+            op.add_column(table, sa.Column("user", sa.String(64)))
+        op.add_column(table, sa.Column("key", sa.String(20)))
+    for index, columns in LISTED.items():
+        op.drop_index(index, "jobs")
+        op.create_index(index, "jobs", columns)
