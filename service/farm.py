@@ -27,8 +27,10 @@ from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
+from service.keeping.reuse import Reuse
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
+from service.scheduling.workers import Roster
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.database import connect
@@ -94,8 +96,13 @@ class Farm:
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
         self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.changed, self.rules)
-        self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
-        self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
+
+        def roster() -> Roster:
+            return self.engine.snapshot.roster
+
+        self.reuse = Reuse(self.sessions, self.films, roster, settings.data, settings.min_free_bytes)
+        self.desk = Desk(settings, roster, self.engine.prepare, self._let_go)
+        self.explaining = Explaining(settings, roster)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""

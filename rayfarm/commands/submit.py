@@ -23,6 +23,7 @@ from service.watching.movie import MOVIES
 
 __all__ = ["register"]
 
+QUEUE = "Among other jobs"
 FORMATS = ("png", "exr", "jpg")
 
 
@@ -57,7 +58,17 @@ def submit(
     project: Annotated[
         str, typer.Option(metavar="NAME", help="Whose members alone see it; everybody who is let in unless told.")
     ] = "",
-    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
+    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
+    after: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOB", help="Begin when this job is finished; may be given several times.", rich_help_panel=QUEUE),
+    ] = None,
+    max_slots: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
+    ] = False,
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
 
@@ -71,6 +82,7 @@ def submit(
       rayfarm submit folder/ -o out.png --denoise --noise 0.02
       rayfarm submit shot.glb --frames 0-99 --wait -o out.####.png
       rayfarm submit shot.glb --frames 0-99 --order breadth-first -o out.mp4
+      rayfarm submit shot.glb --frames 0-99 --after 7f3a1c
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
     """
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
@@ -118,8 +130,16 @@ def submit(
             asked["variant"] = variant
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
+        queue = {"after": after, "max_slots": max_slots}
+        asked |= {name: value for name, value in queue.items() if value}
+        if fresh:
+            asked["fresh"] = True
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
+        if job.taken is not None:
+            of = f" of {job.spp}" if job.spp and job.noise is None else ""
+            sentence = f"Taken from job {job.taken['job']}: {job.taken['spp']:g}{of} samples. --fresh renders it anew"
+            err.print(sentence, markup=False, soft_wrap=True)
         if wait:
             _wait(farm, job.id, output, aov, denoise, shot)
         else:

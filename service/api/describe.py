@@ -14,7 +14,19 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
-from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, MeasuredOut, SceneOut, SceneStatus, ShotOut, WorkerOut
+from service.api.queue_fields import WaitOut, waits_of, waits_sentence
+from service.api.schemas import (
+    BadSampleOut,
+    FrameOut,
+    FrameState,
+    JobOut,
+    MeasuredOut,
+    SceneOut,
+    SceneStatus,
+    ShotOut,
+    TakenOut,
+    WorkerOut,
+)
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
@@ -69,7 +81,8 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     """
     view = view or engine.snapshot
     recorded = _recorded([job.id for job in jobs], session)
-    return [_one_out(job, recorded.get(job.id, []), engine, view) for job in jobs]
+    waits = waits_of(jobs, session)
+    return [_one_out(job, recorded.get(job.id, []), engine, view, waits.get(job.id, [])) for job in jobs]
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
@@ -83,9 +96,9 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     return found
 
 
-def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot) -> JobOut:
+def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     try:
-        out = _job_out(job, recorded, view)
+        out = _job_out(job, recorded, view, waits)
         for frame in out.frames if job.shot is None else ():
             frame.bad = _bad_samples(job, frame, engine)
         return out
@@ -95,7 +108,7 @@ def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot) -> Jo
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
-        return _job_out(plain, recorded, view)
+        return _job_out(plain, recorded, view, [])
 
 
 def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
@@ -131,7 +144,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
+def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     known = view.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
     shot = Shot.of(job.shot)
@@ -148,11 +161,13 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "user"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "user", "max_slots"),
             )
         },
         project=job.project or "",
-        message=_message(job, view) or _holes(job, about),
+        message=_message(job, view, waits) or _holes(job, about),
+        after=job.request.get("after") or [],
+        waits_for=waits,
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
@@ -164,6 +179,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
         environment=_light_of(job),
         variant=job.request.get("variant"),
         pinned=bool(job.pinned),
+        taken=TakenOut(**job.taken) if job.taken else None,
         frames=frames,
         shot=about,
     )
@@ -305,10 +321,12 @@ def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, 
     return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
 
 
-def _message(job: Job, view: Snapshot) -> str | None:
+def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     """Why a job does not go on, where a person may want to know."""
     if job.state == "paused" or job.state not in ACTIVE:
         return None
+    if why := waits_sentence(waits):
+        return why
     if why := view.fault or view.waits.get(job.id):
         return why
     if job.settings is None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import time
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -21,6 +23,7 @@ from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_m
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
+from service.api.queue_fields import wait_for, wait_for_fewer
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.api.visit import VisitDependency
 from service.errors import Conflict, NotFound
@@ -28,7 +31,7 @@ from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.scheduling.history import History
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, focus_on, set_state
+from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 from service.store.room import need_room
@@ -72,7 +75,7 @@ def create_job(
     request: JobIn, farm: FarmDependency, response: Response, visit: VisitDependency, idempotency_key: Key = None
 ) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
-    asked = request.model_dump(mode="json")
+    asked = request.model_dump(mode="json", exclude=None if request.fresh else {"fresh"})
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response, visit.sight)
     if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
@@ -98,14 +101,16 @@ def create_job(
         idempotency_key=idempotency_key or None,
         user=visit.user,
         key=visit.token,
+        max_slots=request.max_slots,
     )
     try:
-        with farm.lighting.held(rendered), farm.sessions.begin() as session:
+        with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
-            session.add_all(Frame(job=job.id, number=key) for key in _keys(request))
+            wait_for(job, request.after, session)
+            session.add_all(Frame(job=job.id, number=key, samples=samples) for key in _keys(request))
             session.flush()
             answer = job_out(job, session, farm.engine)
     except IntegrityError:
@@ -227,8 +232,14 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
         if "focus" in change.model_fields_set:
             focus_on(job, change.focus)
+        if "max_slots" in change.model_fields_set:
+            job.max_slots = change.max_slots
+        if change.after is not None:
+            wait_for_fewer(id, change.after, session)
         if change.state is not None:
             set_state(job, change.state, is_anew)
+        if change.state == "running":
+            wait_no_longer_in_vain([id], session)
         session.flush()
         answer = job_out(job, session, farm.engine)
     farm.changed("job", id)
@@ -241,6 +252,23 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
     if not delete_many([id], farm):
         raise no_job(id)
+
+
+@contextmanager
+def _begun(job: Job, is_fresh: bool, farm: Farm) -> Iterator[int]:
+    """A job begins with what an earlier one of the same picture has: so many samples, all pixels together; unless that fails
+    which is done with it."""
+    samples = 0
+    if not is_fresh and farm.settings.reuse_films and job.shot is None:
+        with farm.sessions() as session:
+            _check(job, session.get(Scene, job.scene), farm)
+        samples = farm.reuse.begin(job)
+    try:
+        yield samples
+    except BaseException:
+        if samples:
+            farm.films.delete(job.id)
+        raise
 
 
 def _keys(request: JobIn) -> list[int]:

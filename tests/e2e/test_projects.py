@@ -42,7 +42,9 @@ def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
         expect(page.get_by_role("navigation")).to_be_visible()
         expect(page.get_by_text("shared", exact=True)).to_have_count(0)
 
-        page.locator("input[type=file]").first.set_input_files({"name": "secret.obj", "mimeType": "text/plain", "buffer": OBJ})
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Choose files").click()
+        chooser.value.set_files([{"name": "secret.obj", "mimeType": "text/plain", "buffer": OBJ}])
         expect(page.get_by_text("secret").first).to_be_visible()
         (found,) = [each for each in owner.get("/api/scenes").json() if each["name"] == "secret"]
         assert found["project"] == "feature"

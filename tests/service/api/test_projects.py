@@ -26,7 +26,7 @@ from tests.service.peer_worker import PeerWorker
 
 HIDDEN = "moonlight"  # what all that is in the project is called
 # What has a parameter in its path, and is no thing that projects have.
-OTHERS = re.compile(r"/api/(farm|tokens|users|projects|workers|hooks|examples|jobs/\{id\}|scenes/\{id\})")
+OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|workers|hooks|examples)")
 ROLE = {"anna": "submit", "ben": "submit"}
 
 
@@ -158,6 +158,8 @@ def test_no_request_of_others_may_name_it(people: People) -> None:
     assert refused.text == unknown.text.replace("0" * 20, ids["scene"])
     own = made(ben.post("/api/scenes", files={"files": ("own.obj", OBJ)}), 201)
     assert own["id"] != ids["scene"], "the same files elsewhere are another scene"
+    after = ben.post("/api/jobs", json={"scene": own["id"], "after": [ids["job"]], **size})
+    assert (after.status_code, "no job" in after.text) == (404, True)
     lit = ben.post("/api/jobs", json={"scene": own["id"], "environment": {"image": ids["environment"]}, **size})
     assert (lit.status_code, "no image" in lit.text) == (422, True)
     added = ben.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": ids["scene"]})

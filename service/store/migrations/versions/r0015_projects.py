@@ -6,7 +6,7 @@ import sqlalchemy as sa
 from alembic import op
 
 revision = "0015"
-down_revision = "0012"
+down_revision = "0014"
 branch_labels = None
 depends_on = None
 
@@ -31,9 +31,8 @@ def upgrade() -> None:
     )
     op.create_index("ix_members_user", "members", ["user"])
     for table in TABLES:
-        there = {column["name"] for column in sa.inspect(op.get_bind()).get_columns(table)}
         op.add_column(table, sa.Column("project", sa.String(64), nullable=False, server_default=""))
-        if "user" not in there:
+        if table != "jobs":  # whose these are has been known for longer
             op.add_column(table, sa.Column("user", sa.String(64)))
         op.add_column(table, sa.Column("key", sa.String(20)))
     for index, columns in LISTED.items():
