@@ -16,6 +16,7 @@ from rayfarm.commands import (
     info,
     jobs,
     project,
+    quota,
     render,
     shares,
     submit,
@@ -49,7 +50,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, watch, user, project, token, info, backup, doctor, gc, bench):
+for command in (up, worker, render, submit, jobs, shares, watch, user, project, quota, token, info, backup, doctor, gc, bench):
     command.register(app)
 
 

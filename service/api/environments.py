@@ -18,7 +18,7 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.presets import PRESETS
 from service.api.lookup import no_environment
-from service.api.one_file import UPLOAD_FORM, only_file, read_one
+from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Conflict
 from service.farm import Farm, FarmDependency
@@ -82,6 +82,7 @@ async def add_environment(
 ) -> EnvironmentOut:
     """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
+    await check_room(request, farm, visit)
     form = await read_one(request, farm, "image")
     try:
         name, file = only_file(form, SUFFIXES, "/api/environments", "no image that lights a scene")

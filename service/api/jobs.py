@@ -33,7 +33,7 @@ from service.scheduling.history import History
 from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
-from service.store.models import Frame, Job, Scene
+from service.store.models import FINAL, Frame, Job, Scene
 from service.store.room import need_room
 
 __all__ = ["router"]
@@ -107,6 +107,7 @@ def create_job(
         with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
+            farm.quotas.check_job(visit.caller, session, _samples_of(job, len(_keys(request))))
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
@@ -163,7 +164,7 @@ def change_jobs(changes: ChangesIn, farm: FarmDependency, visit: VisitDependency
 
     The answer has how those that changed were before, so that it can be taken back.
     """
-    return change_many(changes, farm, visit.sight)
+    return change_many(changes, farm, visit)
 
 
 @router.get("/{id}", response_model=JobOut)
@@ -203,7 +204,7 @@ def job_history(id: str, farm: FarmDependency) -> HistoryOut:
 
 
 @router.patch("/{id}", response_model=JobOut)
-def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
+def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
@@ -216,6 +217,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
             raise no_job(id)
+        state, samples = job.state, _samples_of(job, 1)
         if change.priority is not None:
             job.priority = change.priority
         if change.pinned is not None:
@@ -238,6 +240,11 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             wait_for_fewer(id, change.after, session)
         if change.state is not None:
             set_state(job, change.state, is_anew)
+        is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
+        if is_more or (state in FINAL and job.state not in FINAL):
+            more = max(0, _samples_of(job, 1) - samples)
+            with session.no_autoflush:  # as it was before: it does not count itself
+                farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
         if change.state == "running":
             wait_no_longer_in_vain([id], session)
         session.flush()
@@ -269,6 +276,12 @@ def _begun(job: Job, is_fresh: bool, farm: Farm) -> Iterator[int]:
         if samples:
             farm.films.delete(job.id)
         raise
+
+
+def _samples_of(job: Job, frames: int) -> int:
+    """As many as a job asks for, as far as that is known: one that ends by noise or time may have fewer."""
+    size = job.settings or job.request
+    return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0) * frames
 
 
 def _keys(request: JobIn) -> list[int]:

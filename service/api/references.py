@@ -17,7 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from renderer.image import tonemap
 from service.api.file_names import named
 from service.api.lookup import no_reference
-from service.api.one_file import UPLOAD_FORM, only_file, read_one
+from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
@@ -67,6 +67,7 @@ async def add_reference(
 ) -> ReferenceOut:
     """Upload one image, best an .exr or .hdr; its first name stays. Sent again, it is the same one."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
+    await check_room(request, farm, visit)
     form = await read_one(request, farm, "picture")
     try:
         name, file = only_file(form, SUFFIXES, "/api/references", "no image that can be compared with")

@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.describe import scene_out
 from service.api.lookup import find_scene, no_scene
-from service.api.one_file import check_length
+from service.api.one_file import check_length, check_room
 from service.api.schemas import SceneOut
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Conflict, NotFound
@@ -62,6 +62,7 @@ async def upload(
 
     With `base`, in that scene's project unless told.
     """
+    await check_room(request, farm, visit)
     owner = Owner(await run_in_threadpool(farm.access.projects.check, project, visit.sight), visit.user, visit.token)
     bases: list[Scene] = []
 
@@ -75,6 +76,7 @@ async def upload(
     def write(stored: Upload) -> Scene:
         its = replace(owner, project=bases[0].project) if bases and not project else owner
         stored = replace(stored, id=id_in(its.project, stored.id))
+        farm.quotas.check_bytes(visit.caller, stored.size)
         return record(stored, farm.sessions, farm.changed, owner=its)
 
     check_length(request, farm, "upload", "Leave files out")

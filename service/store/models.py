@@ -19,9 +19,11 @@ __all__ = [
     "Key",
     "Member",
     "Project",
+    "Quota",
     "Reference",
     "Scene",
     "ShareTerms",
+    "Spent",
     "User",
     "Wait",
     "WorkerTerms",
@@ -96,6 +98,7 @@ class Job(Base):
         Index("jobs_by_state", "state", "created", "id", "scene", "name", "project"),
         Index("jobs_ended", "finished", "id"),
         Index("jobs_by_picture", "picture", "created"),
+        Index("jobs_of_user", "user", "state", "created"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -252,6 +255,7 @@ class User(Base):
     name: Mapped[str] = mapped_column(String(64), primary_key=True)
     role: Mapped[str] = mapped_column(String(16))  # view | submit | admin
     password: Mapped[str | None] = mapped_column(Text)  # Argon2id; None: by a link alone
+    subject: Mapped[str | None] = mapped_column(String(512), index=True)  # issuer and subject, of whom an OpenID provider lets in
     created: Mapped[float] = mapped_column(Float)
 
 
@@ -271,6 +275,29 @@ class Member(Base):
 
     project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
     user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
+
+
+class Quota(Base):
+    """How much somebody may have, where an administrator has said so: service/access/quotas.py. None: no limit."""
+
+    __tablename__ = "quotas"
+
+    whose: Mapped[str] = mapped_column(String(80), primary_key=True)  # user:NAME or token:ID
+    bytes: Mapped[int | None] = mapped_column(BigInteger)
+    jobs: Mapped[int | None] = mapped_column(Integer)
+    samples_day: Mapped[int | None] = mapped_column(BigInteger)
+
+
+class Spent(Base):
+    """What a job of the last day has rendered that was deleted."""
+
+    __tablename__ = "spent"
+
+    job: Mapped[str] = mapped_column(String(40), primary_key=True)
+    user: Mapped[str | None] = mapped_column(String(64))
+    key: Mapped[str | None] = mapped_column(String(20))
+    created: Mapped[float] = mapped_column(Float, index=True)  # of the job
+    samples: Mapped[int] = mapped_column(BigInteger)
 
 
 class Key(Base):

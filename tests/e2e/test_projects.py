@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 
 from tests.e2e.conftest import Watched
 from tests.e2e.test_login import service  # noqa: F401
-from tests.service.conftest import OBJ, Service
+from tests.service.conftest import OBJ, Service, until
 
 pytestmark = pytest.mark.browser
 
@@ -46,8 +46,7 @@ def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
             page.get_by_role("button", name="Choose files").click()
         chooser.value.set_files([{"name": "secret.obj", "mimeType": "text/plain", "buffer": OBJ}])
         expect(page.get_by_text("secret").first).to_be_visible()
-        (found,) = [each for each in owner.get("/api/scenes").json() if each["name"] == "secret"]
-        assert found["project"] == "feature"
+        until(lambda: _projects(owner) == {"secret": "feature", "shared": ""}, "it is uploaded")
 
         page.goto(f"{service.url}/#/")
         switch.select_option(label="All projects")
@@ -59,3 +58,7 @@ def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
         expect(page.get_by_text("shared", exact=True).first).to_be_visible()
         expect(page.get_by_text("secret", exact=True)).to_have_count(0)
         expect(switch).to_have_count(0)
+
+
+def _projects(owner: httpx.Client) -> dict[str, str]:
+    return {each["name"]: each["project"] for each in owner.get("/api/scenes").json()}

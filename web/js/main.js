@@ -83,7 +83,8 @@ addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
 const code = takeCode();
-if (code !== null || (await mustLogIn())) {
+const must = await mustLogIn();
+if (code !== null || must) {
   /** @type {HTMLElement} */ (document.getElementById("topbar")).hidden = true;
   fill(main, loginView(code).element);
 } else {

@@ -26,7 +26,7 @@ from tests.service.peer_worker import PeerWorker
 
 HIDDEN = "moonlight"  # what all that is in the project is called
 # What has a parameter in its path, and is no thing that projects have.
-OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|workers|hooks|examples)")
+OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|quotas|workers|hooks|examples)")
 ROLE = {"anna": "submit", "ben": "submit"}
 
 

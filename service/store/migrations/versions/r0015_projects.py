@@ -1,4 +1,4 @@
-"""Projects, their members, and what is in them; who uploaded and who asked for it."""
+"""Projects, their members, and what is in them; who uploaded and who asked for it, and how much they may."""
 
 from __future__ import annotations
 
@@ -35,6 +35,25 @@ def upgrade() -> None:
         if table != "jobs":  # whose these are has been known for longer
             op.add_column(table, sa.Column("user", sa.String(64)))
         op.add_column(table, sa.Column("key", sa.String(20)))
+    op.create_table(
+        "quotas",
+        sa.Column("whose", sa.String(80), primary_key=True),
+        sa.Column("bytes", sa.BigInteger()),
+        sa.Column("jobs", sa.Integer()),
+        sa.Column("samples_day", sa.BigInteger()),
+    )
+    op.create_table(
+        "spent",
+        sa.Column("job", sa.String(40), primary_key=True),
+        sa.Column("user", sa.String(64)),
+        sa.Column("key", sa.String(20)),
+        sa.Column("created", sa.Float(), nullable=False),
+        sa.Column("samples", sa.BigInteger(), nullable=False),
+    )
+    op.create_index("ix_spent_created", "spent", ["created"])
+    op.add_column("users", sa.Column("subject", sa.String(512)))
+    op.create_index("ix_users_subject", "users", ["subject"])
+    op.create_index("jobs_of_user", "jobs", ["user", "state", "created"])
     for index, columns in LISTED.items():
         op.drop_index(index, "jobs")
         op.create_index(index, "jobs", columns)
