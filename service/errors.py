@@ -6,7 +6,8 @@ FarmError           a sentence that a person can act on
 ├── Invalid         what is asked for makes no sense
 ├── TooLarge        it is beyond a limit of this farm
 ├── UnknownFormat   it comes in a format that this farm does not read
-├── NoRoom          the disk is full
+├── NoRoom          the disk is full, or what somebody may have of it
+├── OverQuota       somebody has or does as much as they may at a time
 ├── Unavailable     a part of the farm is away or busy; the same may work later
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
@@ -29,6 +30,7 @@ __all__ = [
     "Invalid",
     "NoRoom",
     "NotFound",
+    "OverQuota",
     "TooLarge",
     "TooLate",
     "Unavailable",
@@ -62,6 +64,14 @@ class UnknownFormat(FarmError):  # noqa: N818
 
 class NoRoom(FarmError):  # noqa: N818
     """The disk is full."""
+
+
+class OverQuota(FarmError):  # noqa: N818
+    """Somebody has or does as much as they may at a time. retry_after_s: when it may be otherwise by itself."""
+
+    def __init__(self, sentence: str, retry_after_s: float) -> None:
+        super().__init__(sentence)
+        self.retry_after_s = retry_after_s
 
 
 class Unavailable(FarmError):  # noqa: N818
