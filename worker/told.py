@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import functools
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from worker import tracing
 from worker.log_lines import about
 
-__all__ = ["Steps", "named", "task_of", "told_about"]
+__all__ = ["Steps", "named", "told_about"]
 
 # What messages call it, and what lines do.
 NAMES = {"job": "job", "batch": "batch", "frame": "frame", "scene": "scene", "work": "work", "watch": "view"}
@@ -26,15 +26,6 @@ def named(message: Any) -> dict[str, Any]:
         return {}
     found = {name: message.get(key) for key, name in NAMES.items()}
     return {name: value for name, value in found.items() if isinstance(value, (int, str)) and len(str(value)) <= LONGEST}
-
-
-@contextlib.contextmanager
-def task_of(task: Any, span: str, message: Any) -> Iterator[None]:
-    """Within it, `span` is done for a message. Its parent comes with Celery's message; without one there is no span."""
-    parent = tracing.where(getattr(task.request, tracing.HEADER, None)) if tracing.is_on() else None
-    ids = named(message)
-    with about(**ids), tracing.span(span, parent, **ids) if parent is not None else contextlib.nullcontext():
-        yield
 
 
 class Steps:
@@ -53,12 +44,17 @@ class Steps:
 
 
 def told_about(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
-    """A task (its arguments are one message, by name), whose lines and span say what it is about."""
+    """A task (its arguments are one message, by name), whose lines say what it is about, and whose span that is.
+
+    The span's parent comes with Celery's message; without one there is no span. span: empty where batches have their own.
+    """
 
     @functools.wraps(task)
     def run(self: Any, *positional: Any, **arguments: Any) -> None:
         (message,) = (*positional, *arguments.values())
-        with task_of(self, span, message):
+        parent = tracing.where(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
+        ids = named(message)
+        with about(**ids), tracing.within(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
             task(self, message)
 
     return run

@@ -27,7 +27,7 @@ from typing import Any
 
 from worker.process import spawn_guard
 
-__all__ = ["HEADER", "Where", "begin", "end", "here", "is_on", "record", "root_of", "span", "where"]
+__all__ = ["HEADER", "Where", "begin", "end", "here", "is_on", "record", "root_of", "span", "where", "within"]
 
 HEADER = "traceparent"
 ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
@@ -111,6 +111,16 @@ def here() -> Where | None:
 
 
 @contextlib.contextmanager
+def within(parent: Where | None) -> Iterator[None]:
+    """What is done within belongs to a span of another process."""
+    before = _here.set(parent)
+    try:
+        yield
+    finally:
+        _here.reset(before)
+
+
+@contextlib.contextmanager
 def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
     """What is done within, as a child of `parent`, or of the span that this thread is in; of neither: it is none.
 
@@ -149,7 +159,7 @@ def record(
     place = own or Where(parent.trace if parent else "", os.urandom(8).hex())
     said: dict[str, Any] = {"name": name, "begun": begun, "ended": ended, "own": str(place), "error": error and error[:LONGEST]}
     said["parent"] = str(parent) if parent is not None else None
-    said["links"] = [str(link) for link in links if link is not None][:16]
+    said["links"] = [str(link) for link in links if link is not None][:32]
     known = {f"rayfarm.{key}": value for key, value in attributes.items() if value is not None}
     said["attributes"] = {key: value[:LONGEST] if isinstance(value, str) else value for key, value in known.items()}
     line = json.dumps(said, default=str).encode() + b"\n"

@@ -46,8 +46,8 @@ class _Collector:
         yield GaugeMetricFamily("rayfarm_data_free_bytes", "Free space where the data folder lies", free)
         yield GaugeMetricFamily("rayfarm_batches_out", "Batches handed out and not back", view.batches_out)
         yield GaugeMetricFamily("rayfarm_results_unread", "Results in the stream that nobody has read yet", view.results_unread)
-        text = "Processor time of the engine that a batch's result takes, lately"
-        yield GaugeMetricFamily("rayfarm_result_seconds", text, view.result_s)
+        text = "Processor time of the engine that a batch takes, lately"
+        yield GaugeMetricFamily("rayfarm_batch_cost_seconds", text, view.batch_cost_s)
         yield GaugeMetricFamily("rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.asked)
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
         yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples left out as NaN or infinite", float(bad or 0))
@@ -58,6 +58,8 @@ class _Collector:
             ("lost", "Batches handed out again"),
         ):
             yield CounterMetricFamily(f"rayfarm_batches_{name}", text, view.counts.get(name, 0))
+        text = "Results of workers, each of a batch or of some whose sums they added up"
+        yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 

@@ -110,15 +110,20 @@ class Answers:
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
         self._took_in = 0.0
-        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed
+        self._batches = 0  # whose sums were read with the latest results
+        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; results of them
 
     def take_in(self, block_ms: int) -> None:
         """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
         self._gather()
         with self._pace.busy():
             entries = self._results.read(block_ms)
+            begun = time.monotonic()
             self._take_in(entries)
-        self._pace.took_in(sum(entry.result is not None and entry.result.sums is not None for entry in entries))
+        results = sum(entry.result is not None and entry.result.sums is not None for entry in entries)
+        self.counts["results"] += results
+        self._pace.took_in(results, self._batches, time.monotonic() - begun)
+        self._batches = 0
 
     def look_for_unread(self) -> None:
         """See how many results nobody has read yet. Raises redis.RedisError."""
@@ -163,7 +168,9 @@ class Answers:
             self._stored.append(entry)
             return
         if isinstance(message, BatchDone):
-            self._scheduler.arrived(message.job, message.batch)
+            self._batches += len(message.pieces)
+            for piece in message.pieces:
+                self._scheduler.arrived(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
             self._preparing.arrived(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
@@ -192,14 +199,17 @@ class Answers:
         job = self._scheduler.jobs[id]
         begun = time.time()
         arrived = merge(job, rendered)
-        traces.merged(job, begun, len(rendered), (message.traceparent for message, _ in rendered))
+        traces.merged(job, begun, len(rendered), (each for message, _ in rendered for each in message.traceparents))
         answers = self._kept[id]
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
         tiles: dict[int, set[int]] = {}
         for each in arrived:
-            self.counts["merged" if each.taken else "dropped"] += 1
-            self._scheduler.came_back(job, each.message.batch, each.batch, each.message.seconds, each.message.worker)
+            pieces = each.message.pieces
+            self.counts["merged" if each.taken else "dropped"] += len(pieces)
+            for piece in pieces:
+                batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
+                self._scheduler.came_back(job, piece.batch, batch, piece.seconds, each.message.worker)
             self._note(job, each)
             if each.taken and each.batch is not None:
                 job.frames[each.batch.frame].bad_samples += each.message.bad_count
@@ -218,7 +228,8 @@ class Answers:
         """What is told of a batch: of its tile always, in the job's log where its slot warned of something."""
         said, batch = each.message, each.batch
         if batch is not None:
-            text = words_of(said.worker, said.first, said.count, said.seconds, said.took, said.lines)
+            seconds = sum(piece.seconds for piece in said.pieces)
+            text = words_of(said.worker, said.first, said.count, seconds, said.took, said.lines)
             self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
             for line in said.lines:
                 job.history.log.say(f"{said.worker}, {named(batch)}: {line}")

@@ -68,7 +68,7 @@ class Snapshot:
     counts: Mapping[str, int] = field(default_factory=dict)  # batches merged, dropped, failed, lost
     batches_out: int = 0
     results_unread: int = 0
-    result_s: float = 0.0  # of the engine's processor time, that a result takes
+    batch_cost_s: float = 0.0  # of the engine's processor time
     failures: Mapping[str, int] = field(default_factory=dict)  # of batches, by worker, since the service started
     made: float = field(default_factory=time.monotonic)
 

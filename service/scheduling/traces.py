@@ -40,7 +40,7 @@ def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
     )
 
 
-def merged(job: ActiveJob, begun: float, batches: int, of: Iterable[str | None]) -> None:
+def merged(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
     """Batches were added to a job's film. of: the spans that they were rendered in."""
     if tracing.is_on():
         links = [tracing.where(each) for each in of]

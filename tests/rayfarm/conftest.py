@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tests.service.conftest import redis_server, service, worker
+from tests.service.conftest import database, databases, redis_server, service, worker
 
-__all__ = ["redis_server", "service", "worker"]
+__all__ = ["database", "databases", "redis_server", "service", "worker"]

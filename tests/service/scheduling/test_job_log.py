@@ -121,9 +121,7 @@ def test_of_each_tile_it_is_known_who_rendered_what_and_what_was_warned_of(servi
         return service.http.get(f"/api/jobs/{job}/frames/0/log", params={"x": x, "y": y}).raise_for_status().text.splitlines()
 
     told = [line.partition(" ")[2] for line in of(20, 5)]
-    assert any(
-        re.match("peer: samples? 0 ", line) and "(open scene 1.25 s); warning: the disk is slow" in line for line in told
-    )
+    assert any(re.match("peer: samples? 0 ", line) and "(open scene 1.25 s); warning: the disk is slow" in line for line in told)
     assert any(line.startswith("peer, samples 0 to ") and "tile 1, frame 0: warning: the disk is slow" in line for line in told)
     assert not any("slow" in line for line in of(0, 0)) and of(0, 0)
     assert "the disk is slow" in service.http.get(f"/api/jobs/{job}/log").text
