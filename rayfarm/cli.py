@@ -11,6 +11,7 @@ import typer
 from rayfarm.commands import (
     backup,
     bench,
+    compare,
     doctor,
     gc,
     info,
@@ -50,7 +51,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, watch, user, project, quota, token, info, backup, doctor, gc, bench):
+for command in (up, worker, render, submit, jobs, shares, watch, user, project, quota, token, info, compare, backup, doctor, gc, bench):
     command.register(app)
 
 

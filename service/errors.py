@@ -12,8 +12,8 @@ FarmError           a sentence that a person can act on
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service, on this data folder or with these settings
-├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock
-└── FilmLost        a film cannot be written or read any more: read-only, of a newer release
+├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk
+└── FilmLost        a film cannot be written or read any more: without the right to, of a newer release
     └── FilmDamaged     what it had is not there or not what was written: what is missing can be rendered again
 """
 
@@ -95,11 +95,11 @@ class CannotStart(FarmError):  # noqa: N818
 
 
 class FilmWaits(FarmError):  # noqa: N818
-    """A film cannot be written or read now, and will be later: a full disk, a lock."""
+    """A film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk."""
 
 
 class FilmLost(FarmError):  # noqa: N818
-    """A film cannot be written or read any more: read-only, of a newer release."""
+    """A film cannot be written or read any more: without the right to, of a newer release."""
 
 
 class FilmDamaged(FilmLost):

@@ -94,6 +94,7 @@ class Farm:
         self.engine = Engine(
             *(settings, self.records, self.films, self.snapshots, self.blobs),
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
+            suspect=lambda job: self.patrol.suspect(job),
         )
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
