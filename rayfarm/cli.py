@@ -51,7 +51,10 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, watch, user, project, quota, token, info, compare, backup, doctor, gc, bench):
+for command in (
+    *(up, worker, render, submit, jobs),
+    *(shares, watch, user, project, quota, token, info, compare, backup, doctor, gc, bench),
+):
     command.register(app)
 
 
