@@ -75,6 +75,7 @@ def test_cameras_and_lights_are_blenders(kit):
     main, plan = (next(c.view for c in kit[0][1].cameras if c.name == n) for n in ("main", "plan"))
     assert main.fov == pytest.approx(math.degrees(2 * math.atan(18 * 360 / 640 / 35)), abs=1e-4)
     assert (plan.projection, plan.height) == ("orthographic", pytest.approx(9 * 360 / 640))
+    assert [c.name for c in kit[0][1].cameras] == ["main", "plan"]  # the flat one comes last
     power = {found.name: found for found in kit[0][1].lights}
     assert power["point"].intensity == pytest.approx([500 * c / (4 * math.pi) for c in (1, 0.9, 0.8)])
     assert power["sun"].intensity == pytest.approx([2.5, 2.5, 2.25])
