@@ -240,7 +240,11 @@ class ActiveJob:
         """The film has a batch, or dropped it; `settle` tells the plan."""
         self.handed_back = None
         self._learn(batch, seconds)
-        self._unsettled.append(batch)
+        last = self._unsettled[-1] if self._unsettled else None
+        if last is not None and (last.frame, last.tile, last.first + last.count) == (batch.frame, batch.tile, batch.first):
+            self._unsettled[-1] = last._replace(count=last.count + batch.count)  # the plan looks once at what came together
+        else:
+            self._unsettled.append(batch)
 
     def settle(self) -> None:
         """Let the plans look at the film for what came back. Raises FilmWaits or FilmLost; then it is to be called again."""
