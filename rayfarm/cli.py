@@ -51,7 +51,26 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, watch, user, project, quota, token, info, compare, backup, doctor, gc, bench):
+COMMANDS = (
+    up,
+    worker,
+    render,
+    submit,
+    jobs,
+    shares,
+    watch,
+    user,
+    project,
+    quota,
+    token,
+    info,
+    compare,
+    backup,
+    doctor,
+    gc,
+    bench,
+)
+for command in COMMANDS:
     command.register(app)
 
 
