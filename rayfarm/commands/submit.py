@@ -55,6 +55,12 @@ def submit(
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
+    verify: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help="The share of its batches that two workers render, to be compared; as the farm does."
+        ),
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
     ] = False,
@@ -118,6 +124,8 @@ def submit(
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
         if fresh:
             asked["fresh"] = True
+        if verify is not None:
+            asked["verify"] = verify
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
         if job.taken is not None:

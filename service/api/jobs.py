@@ -70,7 +70,7 @@ Key = Annotated[
 @router.post("", status_code=201, response_model=JobOut)
 def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
-    asked = request.model_dump(mode="json", exclude=None if request.fresh else {"fresh"})
+    asked = request.model_dump(mode="json", exclude=_left_out(request))
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
@@ -235,6 +235,11 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
     if not delete_many([id], farm):
         raise no_job(id)
+
+
+def _left_out(request: JobIn) -> set[str]:
+    """What says nothing where it is not asked for: a request of before these were there is the same one."""
+    return {name for name in ("fresh", "verify") if not getattr(request, name)} - ({"verify"} if request.verify == 0 else set())
 
 
 @contextmanager
