@@ -15,6 +15,18 @@ __all__ = ["BadSample", "Camera", "Environment", "Frame", "Job", "Scene", "Shot"
 T = TypeVar("T")
 
 
+class _ShowsItself:
+    """What a notebook shows as a picture that grows, where it came from a farm's client."""
+
+    def _repr_mimebundle_(self, **asked: Any) -> Any:
+        from rayfarm.library.shown import has_widgets, show
+
+        farm = getattr(self, "_farm", None)
+        if farm is None or not has_widgets():
+            return {"text/plain": repr(self)}
+        return show(self, farm=farm)._repr_mimebundle_(**asked)
+
+
 @dataclass(frozen=True)
 class Camera:
     """A camera of a scene. `view` is what `Client.submit` takes as view."""
@@ -24,7 +36,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(_ShowsItself):
     """An uploaded scene. status: preparing, ready or failed."""
 
     id: str
@@ -104,7 +116,16 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Job:
+class Wait:
+    """A job that another waits for."""
+
+    id: str
+    name: str | None = None  # None: it was deleted
+    state: str | None = None
+
+
+@dataclass(frozen=True)
+class Job(_ShowsItself):
     """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
 
     id: str
@@ -134,6 +155,10 @@ class Job:
     settings: dict[str, Any] | None = None  # fixed when the scene is ready
     frames: list[Frame] = field(default_factory=list)  # of a shot only the first: Client.frames
     shot: Shot | None = None
+    after: list[str] = field(default_factory=list)  # ids of the jobs that it was to come after
+    user: str | None = None  # who asked for it
+    max_slots: int | None = None  # that render it at a time, at most
+    waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
     taken: dict[str, Any] | None = None  # with what it began: `job` and its `spp`
 
     @property

@@ -14,6 +14,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import IO, Annotated
 
+import redis
 from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -21,6 +22,7 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.access.access import Access
+from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
@@ -69,6 +71,8 @@ class Farm:
         except BaseException:
             self._lock.close()
             raise
+        queue = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
+        self.redis_users = RedisUsers(queue, self.access.keys, settings.token, self.instance)
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
@@ -111,6 +115,7 @@ class Farm:
         except FarmError as error:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
+        self.redis_users.start()
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
@@ -119,6 +124,7 @@ class Farm:
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.redis_users.stop()
         self.outbox.stop()
         self.patrol.stop()
         self.retention.stop()

@@ -23,6 +23,7 @@ from service.watching.movie import MOVIES
 
 __all__ = ["register"]
 
+QUEUE = "Among other jobs"
 FORMATS = ("png", "exr", "jpg")
 
 
@@ -54,11 +55,18 @@ def submit(
     every: options.Every = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
-    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
+    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
+    after: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOB", help="Begin when this job is finished; may be given several times.", rich_help_panel=QUEUE),
+    ] = None,
+    max_slots: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
+    ] = None,
     verify: Annotated[
         float | None,
         typer.Option(
-            min=0.0, max=1.0, help="The share of its batches that two workers render, to be compared; as the farm does."
+            min=0.0, max=1.0, help="Share of its batches that two workers render, to be compared.", rich_help_panel=QUEUE
         ),
     ] = None,
     fresh: Annotated[
@@ -77,6 +85,7 @@ def submit(
       rayfarm submit folder/ -o out.png --denoise --noise 0.02
       rayfarm submit shot.glb --frames 0-99 --wait -o out.####.png
       rayfarm submit shot.glb --frames 0-99 --order breadth-first -o out.mp4
+      rayfarm submit shot.glb --frames 0-99 --after 7f3a1c
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
     """
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
@@ -122,6 +131,8 @@ def submit(
             asked["variant"] = variant
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
+        queue = {"after": after, "max_slots": max_slots}
+        asked |= {name: value for name, value in queue.items() if value}
         if fresh:
             asked["fresh"] = True
         if verify is not None:

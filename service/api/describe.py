@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
+from service.api.queue_fields import WaitOut, waits_of, waits_sentence
 from service.api.schemas import (
     BadSampleOut,
     FrameOut,
@@ -80,7 +81,8 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     """
     view = view or engine.snapshot
     recorded = _recorded([job.id for job in jobs], session)
-    return [_one_out(job, recorded.get(job.id, []), engine, view) for job in jobs]
+    waits = waits_of(jobs, session)
+    return [_one_out(job, recorded.get(job.id, []), engine, view, waits.get(job.id, [])) for job in jobs]
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
@@ -94,9 +96,9 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     return found
 
 
-def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot) -> JobOut:
+def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     try:
-        out = _job_out(job, recorded, view)
+        out = _job_out(job, recorded, view, waits)
         for frame in out.frames if job.shot is None else ():
             frame.bad = _bad_samples(job, frame, engine)
         return out
@@ -106,7 +108,7 @@ def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot) -> Jo
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
-        return _job_out(plain, recorded, view)
+        return _job_out(plain, recorded, view, [])
 
 
 def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
@@ -141,7 +143,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
+def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     known = view.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
     shot = Shot.of(job.shot)
@@ -158,10 +160,12 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot) -> JobOut:
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "user", "max_slots"),
             )
         },
-        message=_message(job, view) or _holes(job, about),
+        message=_message(job, view, waits) or _holes(job, about),
+        after=job.request.get("after") or [],
+        waits_for=waits,
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
@@ -315,10 +319,12 @@ def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, 
     return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
 
 
-def _message(job: Job, view: Snapshot) -> str | None:
+def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     """Why a job does not go on, where a person may want to know."""
     if job.state == "paused" or job.state not in ACTIVE:
         return None
+    if why := waits_sentence(waits):
+        return why
     if why := view.fault or view.waits.get(job.id):
         return why
     if job.settings is None:

@@ -10,10 +10,11 @@ from sqlalchemy.orm import Session
 
 from service.api.job_list import MOST_JOBS
 from service.api.lookup import find_job, no_job
-from service.api.schemas import JobState, Strict
+from service.api.schemas import JobState
+from service.api.strict import Strict
 from service.errors import FarmError
 from service.farm import Farm
-from service.scheduling.wishes import begins_anew, set_state
+from service.scheduling.wishes import begins_anew, set_state, wait_no_longer_in_vain
 from service.store.models import Frame, Job
 
 __all__ = ["ChangesIn", "ChangesOut", "change_many", "delete_many", "may_begin_anew"]
@@ -100,6 +101,8 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, answer: ChangesOut) 
                 answer.refused.append(RefusedOut(id=job.id, why=str(error)))
                 continue
             changed.append(was)
+        if changes.state == "running":
+            wait_no_longer_in_vain([each.id for each in changed], session)
     for each in changed:
         farm.changed("job", each.id)
     answer.changed += changed

@@ -22,13 +22,15 @@ from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_m
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
+from service.api.queue_fields import wait_for, wait_for_fewer
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
+from service.api.visit import VisitDependency
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.scheduling.history import History
 from service.scheduling.shot_wishes import ShotWish, change_shot
-from service.scheduling.wishes import ask_for_samples, focus_on, set_state
+from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
 from service.store.models import Frame, Job, Scene
 from service.store.room import need_room
@@ -68,7 +70,9 @@ Key = Annotated[
 
 
 @router.post("", status_code=201, response_model=JobOut)
-def create_job(request: JobIn, farm: FarmDependency, response: Response, idempotency_key: Key = None) -> JobOut:
+def create_job(
+    request: JobIn, farm: FarmDependency, visit: VisitDependency, response: Response, idempotency_key: Key = None
+) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
     asked = request.model_dump(mode="json", exclude=_left_out(request))
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
@@ -92,6 +96,8 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
         seconds=request.seconds,
         shot=_shot(request).to_json() if request.is_shot else None,
         idempotency_key=idempotency_key or None,
+        user=visit.caller.name if visit.caller is not None and visit.caller.is_known else None,
+        max_slots=request.max_slots,
     )
     try:
         with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
@@ -99,6 +105,7 @@ def create_job(request: JobIn, farm: FarmDependency, response: Response, idempot
             _check(job, scene, farm)
             session.add(job)
             session.flush()
+            wait_for(job, request.after, session)
             session.add_all(Frame(job=job.id, number=key, samples=samples) for key in _keys(request))
             session.flush()
             answer = job_out(job, session, farm.engine)
@@ -221,8 +228,14 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
         if "focus" in change.model_fields_set:
             focus_on(job, change.focus)
+        if "max_slots" in change.model_fields_set:
+            job.max_slots = change.max_slots
+        if change.after is not None:
+            wait_for_fewer(id, change.after, session)
         if change.state is not None:
             set_state(job, change.state, is_anew)
+        if change.state == "running":
+            wait_no_longer_in_vain([id], session)
         session.flush()
         answer = job_out(job, session, farm.engine)
     farm.changed("job", id)

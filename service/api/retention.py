@@ -8,7 +8,7 @@ from typing import Literal
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from service.api.schemas import Strict
+from service.api.strict import Strict
 from service.farm import FarmDependency
 from service.keeping.retention import Rules
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
@@ -13,6 +13,8 @@ from renderer.presets import PRESETS
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
 from renderer.work import ORDERS, SHOT, WORK
 from service.api.declared_fields import with_fields
+from service.api.queue_fields import QueueIn, QueueOut, QueuePatch
+from service.api.strict import Strict
 from service.errors import Invalid
 from service.intake.names import plain_title
 
@@ -53,22 +55,6 @@ def _frames_text(value: str | int | float) -> str:
     except SettingsError as error:
         raise ValueError(str(error)) from None
     return text
-
-
-class Strict(BaseModel):
-    """A body in which unknown fields are an error: a misspelt option must not be ignored."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    @field_validator("*", mode="before")
-    @classmethod
-    def _no_truth(cls, value: Any, field: ValidationInfo) -> Any:
-        """true and false are no numbers, though Python counts with them."""
-        if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
-            return value
-        if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):
-            raise ValueError("true and false mean nothing here; give a value of the kind that the API's description names")
-        return value
 
 
 @with_fields(VIEW)
@@ -119,7 +105,7 @@ class EnvironmentIn(Strict):
 @with_fields(SHOT)
 @with_fields(WORK)
 @with_fields({name: SETTINGS[name] for name in ("width", "height", *OPTIONAL)}, of_scene=True)
-class JobIn(Strict):
+class JobIn(QueueIn):
     """A request for a picture. Quality is asked for by spp, noise or seconds; whichever comes first ends it."""
 
     scene: str = Field(description="a scene's id", max_length=100)
@@ -204,7 +190,7 @@ Coordinate = Annotated[int, Field(ge=0, le=1 << 20)]
 Focus = tuple[Coordinate, Coordinate, Annotated[int, Field(ge=1, le=1 << 20)], Annotated[int, Field(ge=1, le=1 << 20)]]
 
 
-class JobPatch(Strict):
+class JobPatch(QueuePatch):
     """What can change in a job. Of frames, as in a request: 10-20 or 7,9."""
 
     state: Literal["running", "paused", "cancelled"] | None = None
@@ -333,7 +319,7 @@ class TakenOut(BaseModel):
     spp: float = Field(description="samples that it had, of a pixel on the average")
 
 
-class JobOut(BaseModel):
+class JobOut(QueueOut):
     """A job and how far it is."""
 
     id: str

@@ -13,6 +13,7 @@ from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.history import History
 from service.scheduling.plan import Range
+from service.scheduling.shares import share_of
 from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
@@ -58,6 +59,9 @@ class ActiveJob:
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority
+        self.share = share_of(row.user)
+        self.max_slots = row.max_slots
+        self.urgency = math.inf  # its deadline, where it is expected to miss that
         self.kind = row.kind
         self.spp, self.noise, self.seconds = row.spp, row.noise, row.seconds
         self.shot = Shot.of(row.shot)

@@ -20,7 +20,7 @@ from service.errors import FarmError
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.answers import Answers, TellTiles
 from service.scheduling.aside import MadeAside
-from service.scheduling.bulkhead import Bulkheads
+from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
@@ -37,6 +37,7 @@ from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
 from service.scheduling.trust import Trust
 from service.scheduling.vectors import Vectors
+from service.scheduling.waiting import Waiting
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from service.store.blobs import BlobStore
@@ -50,6 +51,8 @@ __all__ = ["Engine"]
 BLOCK_MS = 200
 READ_BYTES = 1 << 20  # at a time, of results of some megabytes
 PAUSE_AFTER_FAULT_S = 0.5
+SERVICE_KEY = "rayfarm:service"  # when the service last wrote into Redis, in seconds since 1970
+SERVICE_KEY_TTL_S = 10
 
 log = logging.getLogger(__name__)
 
@@ -93,9 +96,13 @@ class Engine:
         self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
+        self._waiting = Waiting(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
-            *(self._vectors, self.logs, self._bulkheads, self._changes, change, let_go),
+            *(self._vectors, self.logs, self._bulkheads, self._changes),
+            waiting=self._waiting,
+            tell=change,
+            let_go=let_go,
         )
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
@@ -110,6 +117,7 @@ class Engine:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self._fault: str | None = self._board.latest.fault
+        self._refused: str | None = None  # why Redis takes nothing down
 
     def start(self) -> None:
         """Begin: what the database says is unfinished is taken up."""
@@ -178,7 +186,7 @@ class Engine:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self._fault = self._fault_of(self._step)
+            self._fault = self._fault_of(self._step) or self._refused
             if self._fault_of(self._publish) or self._fault:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
@@ -229,6 +237,7 @@ class Engine:
         self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
         self.logs.sweep(jobs)
+        self._changes.note("shares", "")
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
         for job in self._records.active_jobs():
@@ -242,6 +251,9 @@ class Engine:
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.forgive(id)
                     self._scheduler.distrusted.discard(id)
+            elif what == "shares":
+                if not self._bulkheads.run(what, Step.CHANGE, self._renew_shares, needs_database=True):
+                    continue
             elif id in self._bulkheads.verdicts:
                 continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
@@ -250,7 +262,11 @@ class Engine:
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
                 self._keeper.look(job)  # a picture that goes on was the job's own until now
 
+    def _renew_shares(self) -> None:
+        self._scheduler.shares.terms = self._records.shares()
+
     def _each_second(self) -> None:
+        self._refused = self._fault_of(self._write)
         self.logs.flush()
         self._answers.review()
         self._denoising.review()
@@ -258,6 +274,7 @@ class Engine:
         self._environments.review()
         self._scheduler.review(self._results)
         self.trust.review()
+        self._waiting.review()
         for scene, kind in self._preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._moments.review(self._scheduler.jobs, self._results):
@@ -267,6 +284,10 @@ class Engine:
             if job.state == "running" or job.done:
                 self._lifecycle.record(job)
                 self._board.change("job", job.id)
+
+    def _write(self) -> None:
+        """A full or read-only Redis is noticed before there is something to hand out. Raises redis.RedisError."""
+        self._redis.set(SERVICE_KEY, time.time(), ex=SERVICE_KEY_TTL_S)
 
     def _shots(self) -> list[tuple[ActiveJob, str | None]]:
         """The shots that are being rendered, in turn, and for which kind of workers."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -33,6 +34,7 @@ class Lease:
     answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
+    charged_s: float = 0.0  # to its share, for what it takes of a slot
     message: str = ""  # with which it was sent: its own, unless it went with others
 
     def __post_init__(self) -> None:
@@ -83,6 +85,11 @@ class Leases:
     def of(self, owner: str) -> list[Lease]:
         """The leases of a job or a scene."""
         return [lease for lease in self._all.values() if lease.owner == owner]
+
+    def held(self) -> Counter[str]:
+        """How many messages with batches of each job are out, those whose results were not read yet included."""
+        out = {(lease.owner, lease.message) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
+        return Counter(owner for owner, _ in out)
 
     def messages(self, kind: str) -> int:
         """How many messages with batches are out with workers of a kind, those whose results were not read yet included: where

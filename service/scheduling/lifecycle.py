@@ -32,6 +32,7 @@ from service.scheduling.reproduce import reproduce
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
 from service.scheduling.vectors import Vectors
+from service.scheduling.waiting import Waiting
 from service.shot import Shot
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, Scene, blobs_of
@@ -57,6 +58,7 @@ class Lifecycle:
         logs: JobLogs,
         bulkheads: Bulkheads,
         changes: Changes,
+        waiting: Waiting,
         tell: Tell,
         let_go: LetGo,
     ) -> None:
@@ -70,6 +72,7 @@ class Lifecycle:
         self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
+        self._waiting = waiting
         self._tell = tell
         self._let_go = let_go
         self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
@@ -120,14 +123,16 @@ class Lifecycle:
             self._records.progress(job)
         if row.state != job.state and "paused" in (row.state, job.state):
             job.history.happened("paused" if row.state == "paused" else "resumed")
-        job.state, job.priority = row.state, row.priority
+        job.state, job.priority, job.max_slots = row.state, row.priority, row.max_slots
         job.focus_on(row.focus)
         if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
             job.ask(row.spp, row.noise, row.seconds)
 
     def _take_up(self, row: Job) -> None:
-        """Begin or go on with a job, as soon as its scene is ready."""
+        """Begin or go on with a job, as soon as its scene is ready and what it comes after is finished."""
+        if self._waiting.holds(row.id):
+            return
         scene = self._records.scene(row.stage)
         if scene is None:
             self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
@@ -201,7 +206,7 @@ class Lifecycle:
         job.history.left(self._scheduler.connected())
         if job.shot is None:
             next(iter(job.frames.values())).renew_noise()
-        job.history.measured(job.active_s, job.samples, job.noise_now)
+        job.history.measured(job.active_s, job.samples, job.noise_now, is_over)
         gone = job.release()
         self._records.progress(job)
         if gone:

@@ -7,14 +7,16 @@ import time
 from dataclasses import asdict, replace
 from typing import Any
 
-from sqlalchemy import func, select, update
+from sqlalchemy import delete, func, or_, select, update
+from sqlalchemy.orm import aliased
 
 from renderer.errors import SettingsError
 from service.intake.resolve import resolve
 from service.scheduling.active_job import ActiveJob
+from service.scheduling.shares import Terms
 from service.shot import Shot
 from service.store.database import Sessions
-from service.store.models import ACTIVE, Environment, Frame, Job, Reference, Scene
+from service.store.models import ACTIVE, FINAL, Environment, Frame, Job, Reference, Scene, ShareTerms, Wait
 from worker.contract import SceneInfo
 
 __all__ = ["Records"]
@@ -83,6 +85,35 @@ class Records:
         """Whether a job has a frame of this key."""
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
+
+    def waits(self, job: str) -> bool:
+        """Whether a job waits for others."""
+        with self._sessions() as session:
+            return session.scalar(select(Wait.other).where(Wait.job == job).limit(1)) is not None
+
+    def all_waiting(self) -> set[str]:
+        """The jobs that wait for others and are not over."""
+        with self._sessions() as session:
+            return set(session.scalars(select(Wait.job).join(Job, Job.id == Wait.job).where(Job.state.in_(ACTIVE)).distinct()))
+
+    def ended_waits(self) -> list[tuple[str, str, str | None, str | None]]:
+        """Jobs that wait for one that is over: which, for which, and the name and the state of that; None: it was deleted."""
+        other = aliased(Job)
+        query = select(Wait.job, Wait.other, other.name, other.state).join(Job, Job.id == Wait.job)
+        query = query.join(other, other.id == Wait.other, isouter=True)
+        query = query.where(Job.state.in_(ACTIVE), or_(other.id.is_(None), other.state.in_(FINAL)))
+        with self._sessions() as session:
+            return [(job, id, name, state) for job, id, name, state in session.execute(query)]
+
+    def shares(self) -> dict[str, Terms]:
+        """The terms of the shares that have any."""
+        with self._sessions() as session:
+            return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
+
+    def waited(self, other: str) -> None:
+        """A job is finished: none waits for it any more."""
+        with self._sessions.begin() as session:
+            session.execute(delete(Wait).where(Wait.other == other))
 
     def frames(self, job: str) -> list[Frame]:
         """The frames of a job, in their order."""
@@ -176,6 +207,8 @@ class Records:
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))
                 row.state, row.error = "failed", f"No frame can be rendered. {first.error}"
+            else:  # here, as it may be deleted a moment later
+                session.execute(delete(Wait).where(Wait.other == job.id))
             return True
 
     def failed(self, id: str, error: str, reproduce: str | None = None) -> bool:

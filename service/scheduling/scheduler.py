@@ -4,13 +4,13 @@ back."""
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
-from heapq import heapify, heappop, heappush
-from itertools import count, groupby
+from itertools import count
 
 import redis
 
@@ -24,16 +24,19 @@ from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
+from service.scheduling.shares import Line, Shares
 from service.scheduling.suspicion import Suspicion
 from service.scheduling.together import together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from worker.contract import render_queue
+from worker.log_lines import ids
 
 __all__ = ["Scheduler"]
 
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
+AHEAD_EVERY_S = 1.0
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
@@ -53,11 +56,13 @@ class Scheduler:
         self._bulkheads = bulkheads
         self.leases = Leases()
         self.jobs: dict[str, ActiveJob] = {}
+        self.shares = Shares()
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust.py
         self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
         self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
+        self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out
         self.lost = 0  # batches that were handed out again
 
     def fill(self, start: Start) -> None:
@@ -68,14 +73,17 @@ class Scheduler:
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
             room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
-            turns = [list(equals) for _, equals in groupby(self._in_turn(kind), lambda job: job.priority)]
-            if room <= 0 or not turns:
+            turns = self._by_priority(kind) if room > 0 else {}
+            if not turns:
                 continue
             self._sent.clear()
             try:
                 with self._dispatcher.at_once():
-                    for equals in turns:
-                        room -= self._share(equals, kind, slots, room, start)
+                    held = self.leases.held()
+                    shares_held = self.held_by_shares(held)
+                    for priority in sorted(turns, reverse=True):
+                        line = self.shares.line(kind, turns[priority], held, shares_held)
+                        room -= self._serve(line, kind, slots, room, start)
                         if room <= 0:
                             break
             except QueueError:
@@ -87,36 +95,31 @@ class Scheduler:
         for lease in self._sent:
             job = self.jobs.get(lease.owner)
             if self.leases.end(lease.id) is not None and job is not None and lease.batch is not None:
+                self.shares.correct(lease.kind, job.share, -lease.charged_s)
                 job.lose(lease.batch)
 
-    def _share(self, jobs: list[ActiveJob], kind: str, slots: int, room: int, start: Start) -> int:
-        """Hand out up to `room` batches of jobs of one priority; returns how many.
-
-        Always of the job that has the fewest in hand, and of these of the one that has waited longest: batches take about the
-        same time, so the jobs get about the same share of the workers.
-        """
-        in_hand = Counter(owner for owner, _ in {(lease.owner, lease.message) for lease in self.leases})
-        turns = [(in_hand[job.id], job.served, i, job) for i, job in enumerate(jobs)]
-        heapify(turns)
+    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start) -> int:
+        """Hand out up to `room` messages to jobs of one priority; returns how many."""
         handed_out = 0
-        while turns and handed_out < room:
-            held, _, i, job = heappop(turns)
-            if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until:
+        while handed_out < room and (job := line.next()) is not None:
+            if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
                 continue
-            served = job.served
-            hand_out = partial(self._hand_out, job, kind, slots, start)
+            sent = len(self._sent)
+            hand_out = partial(self._hand_out, job, kind, slots, start, line.left)
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
-            if job.served != served:
-                handed_out += 1
-                heappush(turns, (held + 1, job.served, i, job))
+            if new := self._sent[sent:]:
+                messages = len({lease.message for lease in new})
+                handed_out += messages
+                line.gave(job, messages, sum(lease.charged_s for lease in new))
         return handed_out
 
-    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start) -> None:
-        """Hand out the next batch of a job, or some of them, if it has any for workers of this kind. Raises QueueError."""
+    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
+        """Hand out the next batch of a job, or some of them, in at most so many messages, if it has any for workers of this kind.
+        Raises QueueError."""
         if not start(job, kind):
             return
         batch_s, in_turn = self._pace.batch_s(slots), self._pace.of_a_tile(slots)
-        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn)
+        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn, most)
         try:
             while groups:
                 self._send(job, kind, groups[0])
@@ -135,6 +138,7 @@ class Scheduler:
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
             leases.append(Lease(job.id, kind, batch, patience, expected))
+            leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
         works = [work_of(job, kind, lease.id, batch) for lease, batch in zip(leases, batches, strict=True)]
         if len(works) == 1:
             self._dispatcher.send_batch(works[0], kind)
@@ -159,6 +163,8 @@ class Scheduler:
         ended = self.leases.end(lease)
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.lose(ended.batch)
+        if ended is not None and batch is not None:
+            self.shares.correct(ended.kind, job.share, seconds - ended.charged_s)
         if batch is None:
             return
         job.history.rendered_by(worker)
@@ -198,7 +204,7 @@ class Scheduler:
         if self.leases.end(lease) is None:
             return
         if job.handed_back != why:
-            log.info("job %s: %s", job.id, why)
+            log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
             job.history.log.say(f"{_named(batch)} is handed out again: {why}")
         job.handed_back = why
         job.lose(batch)
@@ -218,7 +224,7 @@ class Scheduler:
                 taken = self._dispatcher.take_back(render_queue(kind), {lease.message for lease in mine})
                 mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
             except redis.RedisError as error:
-                log.warning("batches of job %s stay in the queue: %s", job.id, error)
+                log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
         for lease in mine:
             self.leases.end(lease.id)
             if lease.batch is not None:
@@ -253,7 +259,7 @@ class Scheduler:
         others = self._others(worker)
         failures = self.suspicion.of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
-            log.warning("%s is set aside after %d failures", worker, failures)
+            log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
             why = (
                 f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
             )
@@ -272,7 +278,8 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.losses += blame
         job.history.happened("lost", lease.holder or "")
-        log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch)
+        known = ids(job=job.id, batch=lease.id, worker=lease.holder)
+        log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch, extra=known)
         job.history.log.say(f"that was {_named(batch)}, lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
@@ -305,13 +312,26 @@ class Scheduler:
         """The names of the workers that report themselves."""
         return set(self._workers.roster.reports)
 
+    def held_by_shares(self, held: Counter[str]) -> Counter[str]:
+        """How many messages with batches of each share's jobs are out. held: of each job."""
+        found: Counter[str] = Counter()
+        for id, messages in held.items():
+            if (job := self.jobs.get(id)) is not None:
+                found[job.share] += messages
+        return found
+
     def ahead(self) -> dict[str, int]:
-        """Of every job that waits for others: how many jobs of a higher priority are rendered before it."""
+        """Of every job that waits for others: how many jobs of a higher priority are rendered before it. At most a second old."""
+        if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
+            self._ahead = time.monotonic(), self._find_ahead()
+        return self._ahead[1]
+
+    def _find_ahead(self) -> dict[str, int]:
         found = {}
         for kind in {report.kind for report in self._workers.roster.ready()}:
             before = 0
-            for _, equals in groupby(self._in_turn(kind), lambda job: job.priority):
-                same = [job.id for job in equals]
+            for _, equals in sorted(self._by_priority(kind).items(), reverse=True):
+                same = [job.id for job in equals if not job.done]
                 found.update(dict.fromkeys(same, before))
                 before += len(same)
         return {id: before for id, before in found.items() if before}
@@ -330,12 +350,16 @@ class Scheduler:
     def _kinds(self) -> set[str]:
         return {lease.kind for lease in self.leases}
 
-    def _in_turn(self, kind: str) -> list[ActiveJob]:
-        """The jobs that workers of a kind may render: higher priority first, then older first."""
-        jobs = [job for job in self.jobs.values() if job.state in ("queued", "running") and not job.done]
-        jobs = [job for job in jobs if kind == self.kind_for(job)]
-        jobs.sort(key=lambda job: (-job.priority, job.created, job.id))
-        return jobs
+    def _by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
+        """The jobs that workers of a kind may render."""
+        found: dict[int, list[ActiveJob]] = {}
+        best = self._workers.roster.best_kind()
+        for job in self.jobs.values():
+            if job.state in ("queued", "running"):
+                of = best if job.kind is None and job.shot is None else self.kind_for(job)
+                if of == kind:
+                    found.setdefault(job.priority, []).append(job)
+        return found
 
 
 def _named(batch: Range) -> str:

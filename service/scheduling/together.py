@@ -13,9 +13,11 @@ SHARE = 0.5  # of what a batch may take: a slot has two messages, and what waits
 MOST = 32
 
 
-def together(job: ActiveJob, batch_seconds: float, slots: int, kind: str, several: bool, of_a_tile: int = 1) -> list[list[Range]]:
+def together(
+    job: ActiveJob, batch_seconds: float, slots: int, kind: str, several: bool, of_a_tile: int = 1, most: int = 2
+) -> list[list[Range]]:
     """What a job hands out next, by messages; none where it has nothing. several: whether the workers take such.
-    of_a_tile: how many of one tile may follow each other.
+    of_a_tile: how many of one tile may follow each other. most: messages.
 
     A batch of which nobody knows how long it takes goes alone, and so does one that had trouble: others must not suffer for it.
     """
@@ -32,7 +34,10 @@ def together(job: ActiveJob, batch_seconds: float, slots: int, kind: str, severa
         if batch is None:
             break
         if not _is_known(job, batch):
-            groups.append([batch])
+            if most > 1:
+                groups.append([batch])
+            else:
+                job.lose(batch)
             break
         expected += job.expected_s(batch)
         groups[0].append(batch)

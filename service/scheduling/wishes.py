@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
 from renderer.errors import SettingsError
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import Conflict, FilmLost, Invalid
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
-from service.store.models import ACTIVE, FINAL, Job
+from service.store.models import ACTIVE, FINAL, Job, Wait
 
-__all__ = ["ask_for_samples", "begins_anew", "focus_on", "set_state"]
+__all__ = ["ask_for_samples", "begins_anew", "focus_on", "set_state", "wait_no_longer_in_vain"]
 
 
 def ask_for_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
@@ -54,6 +57,12 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
         job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
         if is_anew:
             job.kind, job.active_s = None, 0.0
+
+
+def wait_no_longer_in_vain(jobs: list[str], session: Session) -> None:
+    """Jobs are to be rendered although something that they were to come after was never finished: that is let go."""
+    going_on = select(Job.id).where(Job.state.in_(ACTIVE))
+    session.execute(delete(Wait).where(Wait.job.in_(jobs), Wait.other.not_in(going_on)))
 
 
 def focus_on(job: Job, focus: tuple[int, int, int, int] | None) -> None:

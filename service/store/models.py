@@ -19,7 +19,10 @@ __all__ = [
     "Key",
     "Reference",
     "Scene",
+    "ShareTerms",
     "User",
+    "Wait",
+    "WorkerTerms",
     "blobs_of",
 ]
 
@@ -118,6 +121,11 @@ class Job(Base):
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
     checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
+    user: Mapped[str | None] = mapped_column(String(64))  # who asked for it; None: a farm that asks nobody who they are
+    max_slots: Mapped[int | None] = mapped_column(Integer)  # that may work on it at a time
+    deadline: Mapped[float | None] = mapped_column(Float)  # by when it is wanted
+    late: Mapped[float | None] = mapped_column(Float)  # since when it is expected to miss that; None: it is not
+    needs: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # of a worker: service/scheduling/needs.py
     picture: Mapped[str | None] = mapped_column(
         String(64)
     )  # equal for jobs of which one's samples are the other's: intake/picture.py
@@ -127,6 +135,34 @@ class Job(Base):
     def stage(self) -> str:
         """The scene whose compiled form is rendered."""
         return self.lit or self.scene
+
+
+class Wait(Base):
+    """A job that begins only when another is finished. The row goes when that is; see service/scheduling/waiting.py."""
+
+    __tablename__ = "waits"
+
+    job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    other: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)  # which may be deleted meanwhile
+
+
+class ShareTerms(Base):
+    """What somebody's jobs get of the slots, where an administrator has said so: service/scheduling/shares.py."""
+
+    __tablename__ = "shares"
+
+    name: Mapped[str] = mapped_column(String(80), primary_key=True)  # as share_of says it
+    weight: Mapped[float] = mapped_column(Float)
+    max_slots: Mapped[int | None] = mapped_column(Integer)
+
+
+class WorkerTerms(Base):
+    """What was asked of a worker, by its name: also of one that is away, for when it comes back."""
+
+    __tablename__ = "worker_terms"
+
+    name: Mapped[str] = mapped_column(String(255), primary_key=True)
+    terms: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.terms.Terms
 
 
 class Environment(Base):

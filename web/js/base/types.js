@@ -76,7 +76,10 @@
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
  * @property {boolean} [pinned] kept, whatever its age
+ * @property {Wait[]} [waits_for] the jobs that it comes after and that are not finished
  * @property {{job: string, spp: number} | null} [taken] with what of an earlier one of the same picture it began
+ *
+ * @typedef {{id: string, name: string | null, state: JobState | null}} Wait name and state: null where it was deleted
  *
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *

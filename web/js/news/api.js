@@ -16,6 +16,7 @@ import { t } from "../base/words.js";
 /**
  * @typedef {object} JobChange of frames as text: 10-20 or 7,9
  * @property {"running" | "paused" | "cancelled"} [state]
+ * @property {string[]} [after] the jobs that it goes on waiting for
  * @property {number} [spp]
  * @property {number} [more]
  * @property {string} [frames] that spp or more are for

@@ -1,0 +1,108 @@
+"""What a job says of its place among others: what it comes after, and what became of that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Annotated
+
+from pydantic import BaseModel, Field
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.api.strict import Strict
+from service.errors import Conflict, NotFound
+from service.store.models import ACTIVE, Job, Wait
+
+__all__ = ["QueueIn", "QueueOut", "QueuePatch", "WaitOut", "wait_for", "wait_for_fewer", "waits_of", "waits_sentence"]
+
+MOST_BEFORE = 1000
+MOST_NAMED = 500  # jobs in one query
+SHOWN = 3
+
+JobIds = Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length=MOST_BEFORE)]
+
+
+MaxSlots = Annotated[int | None, Field(ge=1, le=1_000_000, description="slots that render it at a time, at most; null: no limit")]
+
+
+class QueueIn(Strict):
+    """Of a request for a picture."""
+
+    after: JobIds = Field(
+        [],
+        description="ids of jobs: it begins when they are finished; where one fails, is cancelled or deleted, so does it fail",
+    )
+
+    max_slots: MaxSlots = None
+
+
+class QueuePatch(Strict):
+    """Of what can change in a job."""
+
+    max_slots: MaxSlots = None
+    after: JobIds | None = Field(None, description="which of the jobs that it waits for it is to wait for on; []: none of them")
+
+
+class WaitOut(BaseModel):
+    """A job that another waits for."""
+
+    id: str
+    name: str | None = Field(description="null: it was deleted")
+    state: str | None
+
+
+class QueueOut(BaseModel):
+    """Of a job."""
+
+    after: list[str] = Field(description="ids of the jobs that it was to come after, as it was asked for")
+    user: str | None = Field(description="who asked for it; null where the farm asks nobody who they are")
+    max_slots: int | None = Field(description="that render it at a time, at most")
+    waits_for: list[WaitOut] = Field(description="those of them that are not finished")
+
+
+def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
+    """Let a new job wait for these; those that are finished it need not wait for. Raises NotFound and Conflict."""
+    for id in dict.fromkeys(after):
+        other = session.get(Job, id)
+        if other is None:
+            raise NotFound(f"after: there is no job {id[:60]!r}. A job can come after those that are there.")
+        if other.state in ACTIVE:
+            session.add(Wait(job=job.id, other=id))
+        elif other.state != "finished":
+            raise Conflict(f"after: the job {id} ({other.name}) has {_ended(other.state)}. Nothing can come after it.")
+
+
+def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
+    """Let a job wait for these alone of those that it waits for. Raises Conflict."""
+    waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
+    unknown = [other for other in after if other not in waits]
+    if unknown:  # a job that is there may be waited for by the other
+        raise Conflict(f"after: the job does not wait for {unknown[0][:60]!r}. One that is there can only wait for fewer.")
+    for other, wait in waits.items():
+        if other not in after:
+            session.delete(wait)
+
+
+def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
+    """What jobs wait for, by their ids."""
+    ids = [job.id for job in jobs if job.state in ACTIVE and job.request.get("after")]
+    found: dict[str, list[WaitOut]] = {}
+    for at in range(0, len(ids), MOST_NAMED):
+        query = select(Wait.job, Wait.other, Job.name, Job.state).join(Job, Job.id == Wait.other, isouter=True)
+        query = query.where(Wait.job.in_(ids[at : at + MOST_NAMED])).order_by(Wait.job, Job.created)
+        for job, other, name, state in session.execute(query):
+            found.setdefault(job, []).append(WaitOut(id=other, name=name, state=state))
+    return found
+
+
+def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
+    """What a job waits for, in words; None where that is nothing."""
+    if not waits:
+        return None
+    named = ", ".join(wait.name or wait.id for wait in waits[:SHOWN])
+    more = f" and {len(waits) - SHOWN} more" if len(waits) > SHOWN else ""
+    return f"Waits until {named}{more} {'is' if len(waits) == 1 else 'are'} finished."
+
+
+def _ended(state: str) -> str:
+    return "been cancelled" if state == "cancelled" else "failed"

@@ -1,0 +1,96 @@
+"""/api/shares: what each user's jobs get of the slots."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+from pydantic import BaseModel, Field
+from sqlalchemy import func, select
+
+from service.access.users import NAME
+from service.api.strict import Strict
+from service.errors import Invalid
+from service.farm import Farm, FarmDependency
+from service.scheduling.shares import EVERYBODY, Terms, share_of
+from service.store.models import ACTIVE, Job, ShareTerms, User
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/shares", tags=["shares"])
+
+SHARE = re.compile(rf"{EVERYBODY}|user:{NAME.pattern}")
+
+Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs that are nobody's; else user:NAME")]
+
+
+class ShareIn(Strict):
+    """What a share is to get."""
+
+    weight: float = Field(1.0, gt=0.0, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
+    max_slots: int | None = Field(None, ge=1, le=1_000_000, description="at most, of all its jobs at a time; null: no limit")
+
+
+class ShareOut(BaseModel):
+    """What a share gets, and has now."""
+
+    share: str
+    weight: float
+    max_slots: int | None
+    slots: int = Field(description="that work on its jobs now")
+    jobs: int = Field(description="that are not over")
+
+
+@router.get("", response_model=list[ShareOut])
+def list_shares(farm: FarmDependency) -> list[ShareOut]:
+    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name."""
+    with farm.sessions() as session:
+        terms = {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
+        by_user = select(Job.user, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user)
+        jobs = {share_of(user): number for user, number in session.execute(by_user)}
+        names = {share_of(user) for user in session.scalars(select(User.name))}
+    slots = _slots(farm)
+    return [_out(share, terms.get(share, Terms()), slots, jobs) for share in sorted(names | terms.keys() | jobs.keys())]
+
+
+@router.put("/{share}", response_model=ShareOut)
+def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
+    """Give a share other terms, from the next batch on. What was handed out before comes back first."""
+    if not SHARE.fullmatch(share):
+        raise Invalid(f"share: there is no {share[:60]!r}. It is {EVERYBODY}, or user:NAME.")
+    with farm.sessions.begin() as session:
+        session.merge(ShareTerms(name=share, weight=asked.weight, max_slots=asked.max_slots))
+    return _changed(share, farm)
+
+
+@router.delete("/{share}", response_model=ShareOut)
+def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
+    """Let a share have what all have by themselves: the weight 1, and no limit."""
+    with farm.sessions.begin() as session:
+        if (row := session.get(ShareTerms, share)) is not None:
+            session.delete(row)
+    return _changed(share, farm)
+
+
+def _changed(share: str, farm: Farm) -> ShareOut:
+    farm.engine.changed("shares", "")
+    found = next((each for each in list_shares(farm) if each.share == share), None)
+    return found or _out(share, Terms(), Counter(), {})
+
+
+def _slots(farm: Farm) -> Counter[str]:
+    """How many slots work on jobs of each share."""
+    busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
+    with farm.sessions() as session:
+        rows = session.execute(select(Job.id, Job.user).where(Job.id.in_(list(busy)))).all()
+    found: Counter[str] = Counter()
+    for id, user in rows:
+        found[share_of(user)] += busy[id]
+    return found
+
+
+def _out(share: str, terms: Terms, slots: Counter[str], jobs: dict[str, int]) -> ShareOut:
+    now = {"slots": slots[share], "jobs": jobs.get(share, 0)}
+    return ShareOut(share=share, weight=terms.weight, max_slots=terms.max_slots, **now)

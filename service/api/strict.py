@@ -1,0 +1,25 @@
+"""Bodies of requests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
+
+__all__ = ["Strict"]
+
+
+class Strict(BaseModel):
+    """A body in which unknown fields are an error: a misspelt option must not be ignored."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth(cls, value: Any, field: ValidationInfo) -> Any:
+        """true and false are no numbers, though Python counts with them."""
+        if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
+            return value
+        if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):
+            raise ValueError("true and false mean nothing here; give a value of the kind that the API's description names")
+        return value

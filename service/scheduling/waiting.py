@@ -1,0 +1,56 @@
+"""Jobs that come after others. What they wait for stands in the database alone (store/models.py: Wait), and is looked at about
+each second: so it does not matter how the others end, or in whose life.
+
+A job whose forerunner is finished waits for it no longer, whatever becomes of that later. One whose forerunner fails, is
+cancelled or is deleted before it was finished fails too, with a sentence that names it; and so do those that wait for this one.
+"""
+
+from __future__ import annotations
+
+from service.scheduling.bulkhead import Bulkheads, Step
+from service.scheduling.changes import Changes
+from service.scheduling.records import Records
+
+__all__ = ["Waiting"]
+
+ALL = "jobs that wait"
+
+
+class Waiting:
+    """Lives in the engine's thread."""
+
+    def __init__(self, records: Records, bulkheads: Bulkheads, changes: Changes) -> None:
+        self._records = records
+        self._bulkheads = bulkheads
+        self._changes = changes
+        self._held: set[str] = set()
+
+    def holds(self, job: str) -> bool:
+        """Whether a job is not to begin yet. It is noted as changed once it may."""
+        if not self._records.waits(job):
+            self._held.discard(job)
+            return False
+        self._held.add(job)
+        return True
+
+    def review(self) -> None:
+        """Once a second: let those go on that have nothing more to wait for, and fail those that wait in vain."""
+        if self._held:
+            self._bulkheads.run(ALL, Step.CHANGE, self._review, needs_database=True)
+
+    def _review(self) -> None:
+        for job, other, name, state in self._records.ended_waits():
+            if state == "finished":
+                self._records.waited(other)
+                continue
+            ended = {None: "was deleted", "cancelled": "was cancelled"}.get(state, "failed")
+            called = f"{name} ({other})" if name else other
+            self._records.failed(
+                job,
+                f"It was to come after the job {called}, which {ended} before it was finished. "
+                "Setting this job to running renders it all the same.",
+            )
+            self._changes.note("job", job)
+        for job in self._held - self._records.all_waiting():
+            self._held.discard(job)
+            self._changes.note("job", job)

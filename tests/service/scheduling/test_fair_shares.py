@@ -1,0 +1,82 @@
+"""Shares and limits through the real service: what the workers are really given."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+import httpx
+import pytest
+
+from service.access.roles import Role
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker
+from worker.contract import RenderBatch, render_queue
+
+
+def submit_as(service: Service, user: str, scene: str, **request: object) -> str:
+    """A job of somebody's, by a token as `rayfarm token` makes it."""
+    if not any(each.name == user for each in service.farm.access.users.listed()):
+        service.farm.access.users.add(user, Role.SUBMIT, None)
+    secret, _ = service.farm.access.keys.make("token", user, Role.SUBMIT)
+    with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {secret}"}, verify=False) as http:
+        asked = {"scene": scene, "width": 64, "height": 48, "tile_size": 16, "spp": 100_000, **request}
+        answer = http.post("/api/jobs", json=asked)
+    assert answer.status_code == 201, answer.text
+    return str(answer.json()["id"])
+
+
+def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    refused = service.http.put("/api/shares/somebody", json={})
+    assert (refused.status_code, "everybody, or user:NAME" in refused.json()["detail"]) == (422, True)
+    service.http.put("/api/shares/user:anna", json={"weight": 3}).raise_for_status()
+    worker.on_batch = lambda batch: time.sleep(0.002)
+    anna = submit_as(service, "anna", scene)
+    bens = [submit_as(service, "ben", scene) for _ in range(3)]
+    assert service.job(anna)["user"] == "anna"
+    had: Counter[str] = Counter()
+
+    def of_batches() -> float:
+        """Slot seconds as the worker reports them, since every job has its first samples."""
+        had.clear()
+        batches = list(worker.batches)
+        begun = max(next((i for i, batch in enumerate(batches) if batch.job == job), 1 << 30) for job in (anna, *bens))
+        for batch in batches[begun + 100 :]:
+            had["anna" if batch.job == anna else "ben"] += 0.001 * batch.count
+        return sum(had.values())
+
+    until(lambda: of_batches() > 30, "each has had its share", 60, lambda: had)
+    assert had["anna"] / had["ben"] == pytest.approx(3, rel=0.2)
+    rows = {row["share"]: row for row in service.http.get("/api/shares").raise_for_status().json()}
+    assert {name: (row["weight"], row["jobs"]) for name, row in rows.items()} == {"user:anna": (3, 1), "user:ben": (1, 3)}
+    assert service.http.delete("/api/shares/user:anna").raise_for_status().json()["weight"] == 1
+    for job in (anna, *bens):
+        service.patch(job, state="cancelled")
+
+
+def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Service) -> None:
+    waiting: list[int] = []
+    with service.worker(slots=8) as worker:
+
+        def look(batch: RenderBatch) -> None:
+            """What is out beside the one in hand: eight slots would have sixteen."""
+            waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
+
+        scene = service.ready_scene()
+        worker.on_batch = look
+        service.wait_for(service.submit(scene, spp=64, max_slots=2), "finished")
+        assert max(waiting) == 1, "the second"
+        waiting.clear()
+        service.http.put("/api/shares/user:anna", json={"max_slots": 3}).raise_for_status()
+        jobs = [submit_as(service, "anna", scene, spp=64) for _ in range(3)]
+        for job in jobs:
+            service.wait_for(job, "finished")
+        assert max(waiting) == 2
+        waiting.clear()
+        job = submit_as(service, "ben", scene, max_slots=1)
+        until(lambda: len(waiting) > 20, "it is under way with one slot")
+        assert max(waiting) == 0
+        service.patch(job, max_slots=None)
+        until(lambda: max(waiting) > 8, "all slots take part")
+        service.patch(job, state="cancelled")
