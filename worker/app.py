@@ -14,8 +14,10 @@ from worker import context, tasks
 from worker.broker import celery_config
 from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
+from worker.jointly import hand_in
 from worker.log_lines import by_json
 from worker.process import die_with_parent
+from worker.slot import slot
 from worker.turns import STRATEGY
 
 __all__ = ["make_app", "run"]
@@ -67,7 +69,10 @@ def run(worker: context.WorkerContext) -> int:
         loglevel="WARNING",
     )
     celery.start()
+    hand_in(celery.app, worker)
     Reporter(worker.redis_url).leave(worker.name)
+    if worker.pieces is not None:
+        worker.pieces.close()
     return int(celery.exitcode or 0)
 
 
@@ -82,7 +87,7 @@ def _child_starts(**_: Any) -> None:
     worker = context.current()
     die_with_parent(worker.pid)
     worker.after_fork()
-    worker.board.write(tasks._slot(), {})
+    worker.board.write(slot(), {})
 
 
 def _child_ends(**_: Any) -> None:

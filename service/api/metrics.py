@@ -59,6 +59,8 @@ class _Collector:
             yield CounterMetricFamily(f"rayfarm_batches_{name}", text, view.counts.get(name, 0))
         text = "Workers that were set aside as they rendered something else than others"
         yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
+        text = "Results of workers, each of a batch or of some whose sums they added up"
+        yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 

@@ -230,6 +230,11 @@ class ActiveJob:
         frame = self.frames.get(batch.frame)
         return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
+    @property
+    def knows_cost(self) -> bool:
+        """Whether a batch has come back, and so told how long others take."""
+        return self._pixel_cost > 0.0
+
     def expected_s(self, batch: Range) -> float:
         """How long a batch is expected to take on one slot; 0 where nothing is known."""
         rect = self.film.tiles[batch.tile]

@@ -108,15 +108,20 @@ class Answers:
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
         self._took_in = 0.0
-        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed
+        self._batches = 0  # whose sums were read with the latest results
+        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; results of them
 
     def take_in(self, block_ms: int) -> None:
         """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
         self._gather()
         with self._pace.busy():
             entries = self._results.read(block_ms)
+            begun = time.monotonic()
             self._take_in(entries)
-        self._pace.took_in(sum(entry.result is not None and entry.result.sums is not None for entry in entries))
+        results = sum(entry.result is not None and entry.result.sums is not None for entry in entries)
+        self.counts["results"] += results
+        self._pace.took_in(results, self._batches, time.monotonic() - begun)
+        self._batches = 0
 
     def look_for_unread(self) -> None:
         """See how many results nobody has read yet. Raises redis.RedisError."""
@@ -161,7 +166,9 @@ class Answers:
             self._stored.append(entry)
             return
         if isinstance(message, BatchDone):
-            self._scheduler.arrived(message.job, message.batch)
+            self._batches += len(message.pieces)
+            for piece in message.pieces:
+                self._scheduler.arrived(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
             self._preparing.arrived(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
@@ -197,8 +204,11 @@ class Answers:
         for each, (_, sums) in zip(arrived, rendered, strict=True):
             if each.taken and each.batch is not None:
                 self._trust.taken(job, each.message, each.batch, sums)
-            self.counts["merged" if each.taken else "dropped"] += 1
-            self._scheduler.came_back(job, each.message.batch, each.batch, each.message.seconds, each.message.worker)
+            pieces = each.message.pieces
+            self.counts["merged" if each.taken else "dropped"] += len(pieces)
+            for piece in pieces:
+                batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
+                self._scheduler.came_back(job, piece.batch, batch, piece.seconds, each.message.worker)
             if each.taken and each.batch is not None:
                 job.frames[each.batch.frame].bad_samples += each.message.bad_count
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)

@@ -26,7 +26,7 @@ from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
 from service.scheduling.shares import Line, Shares
 from service.scheduling.suspicion import Suspicion
-from service.scheduling.together import together, work_of
+from service.scheduling.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from worker.contract import render_queue
@@ -36,6 +36,7 @@ __all__ = ["Scheduler"]
 
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
+UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
 AHEAD_EVERY_S = 1.0
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
@@ -72,7 +73,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
+            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.turns(kind))
             turns = self._by_priority(kind) if room > 0 else {}
             if not turns:
                 continue
@@ -99,52 +100,56 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start) -> int:
-        """Hand out up to `room` messages to jobs of one priority; returns how many."""
+        """Hand out work for up to `room` slots to jobs of one priority; returns for how many."""
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
                 continue
+            if not job.knows_cost and line.held >= max(UNMEASURED, len(job.film.tiles)):
+                continue  # of many slots, one sample each: they would cost more than they are worth
             sent = len(self._sent)
             hand_out = partial(self._hand_out, job, kind, slots, start, line.left)
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
-                messages = len({lease.message for lease in new})
-                handed_out += messages
-                line.gave(job, messages, sum(lease.charged_s for lease in new))
+                taken = len({lease.turn for lease in new})
+                handed_out += taken
+                line.gave(job, taken, sum(lease.charged_s for lease in new))
         return handed_out
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
-        """Hand out the next batch of a job, or some of them, in at most so many messages, if it has any for workers of this kind.
+        """Hand out the next batch of a job, or some of them, for at most so many slots, if it has any for workers of this kind.
         Raises QueueError."""
         if not start(job, kind):
             return
-        batch_s, in_turn = self._pace.batch_s(slots), self._pace.of_a_tile(slots)
-        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn, most)
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots)
+        several, joint = roster.takes_several(kind), roster.takes_joint(kind)
+        handfuls = together(job, Hands(kind, slots, batch_s, several, joint, self._pace.of_a_tile(slots, joint), most))
         try:
-            while groups:
-                self._send(job, kind, groups[0])
-                groups.pop(0)
+            while handfuls:
+                self._send(job, kind, handfuls[0])
+                handfuls.pop(0)
         except BaseException:
-            for batch in (batch for group in groups for batch in group):
+            for batch in (batch for handful in handfuls for batch in handful.batches):
                 job.lose(batch)
             raise
 
-    def _send(self, job: ActiveJob, kind: str, batches: list[Range]) -> None:
+    def _send(self, job: ActiveJob, kind: str, handful: Handful) -> None:
         """Hand out batches in one message. Raises QueueError; then none of them is."""
-        leases: list[Lease] = []
+        batches, leases = handful.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
             expected += job.expected_s(batch)
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
-            leases.append(Lease(job.id, kind, batch, patience, expected))
+            leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
             leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
-        works = [work_of(job, kind, lease.id, batch) for lease, batch in zip(leases, batches, strict=True)]
-        if len(works) == 1:
-            self._dispatcher.send_batch(works[0], kind)
+            leases[-1].message = leases[0].id
+        if handful.is_joint:
+            self._dispatcher.send_joint(joint_work_of(job, leases, batches, self._pace.hold_s(expected / len(batches))), kind)
+        elif len(leases) == 1:
+            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), kind)
         else:
-            for lease in leases:
-                lease.message = leases[0].id
+            works = [work_of(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
             self._dispatcher.send_batches(works, kind, leases[0].id)
         self._sent += leases
         for lease in leases:
@@ -306,7 +311,7 @@ class Scheduler:
         return not lease.doubled and time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
 
     def _has_idle_slots(self, kind: str) -> bool:
-        return self._workers.roster.slots(kind) > self.leases.messages(kind)
+        return self._workers.roster.slots(kind) > self.leases.turns(kind)
 
     def connected(self) -> set[str]:
         """The names of the workers that report themselves."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import logging
 import random
 import time
-import uuid
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -22,6 +21,7 @@ import redis
 
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.dispatch import Dispatcher, QueueError
+from service.scheduling.leases import Lease
 from service.scheduling.merging import batch_of
 from service.scheduling.messages import BatchDone
 from service.scheduling.plan import Range
@@ -80,8 +80,8 @@ class Trust:
         for message, sums in answers:
             check = next((each for each in self._open if message.batch in each.asked), None)
             if message.worker in self._scheduler.distrusted:
-                for lease in _leases_of(message):
-                    self._scheduler.came_back(job, lease, None, 0.0, message.worker)
+                for piece in message.pieces:
+                    self._scheduler.came_back(job, piece.batch, None, 0.0, message.worker)
             elif check is not None:
                 self._answered(job, check, message, sums)
             else:
@@ -205,10 +205,10 @@ class Trust:
         if frame is None or check.kind not in frame.compiled:  # of a shot, what the frame was compiled to is gone
             self._close(check)
             return
-        lease = uuid.uuid4().hex
-        check.asked.add(lease)
+        lease = Lease(job.id, check.kind, check.batch, check.patience_s)  # of our own: the plan has this batch already
+        check.asked.add(lease.id)
         check.waits_since = time.monotonic()
-        self._dispatcher.send_batch(work_of(job, check.kind, lease, check.batch), check.kind)
+        self._dispatcher.send_batch(work_of(job, lease, check.batch), check.kind)
 
     def _ready(self, kind: str) -> set[str]:
         ready = {report.name for report in self._workers.roster.ready() if report.kind == kind}
@@ -224,7 +224,3 @@ class Trust:
         self._scheduler.checks.update(check.job for check in self._open)
         if self._wrong:
             self._scheduler.checks.update(list(self._scheduler.jobs))
-
-
-def _leases_of(message: BatchDone) -> list[str]:
-    return [message.batch]

@@ -88,6 +88,10 @@ class Roster:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
+    def takes_joint(self, kind: str) -> bool:
+        """Whether all workers of a kind add up what their slots render of a tile."""
+        return all(report.adds for report in self.reports.values() if report.kind == kind)
+
     def denoising_kind(self) -> str | None:
         """The kind of the workers that can denoise, with most slots; None where none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])
