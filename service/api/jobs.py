@@ -100,7 +100,11 @@ def create_job(
         max_slots=request.max_slots,
     )
     try:
-        with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
+        with (
+            farm.lighting.held(rendered),
+            _begun(job, request.fresh or bool(request.verify), farm) as samples,
+            farm.sessions.begin() as session,
+        ):
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)

@@ -14,7 +14,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 from worker.contract import RenderBatch
 from worker.sums import pack_sums
 
-LONG_S = 60.0
+LONG_S = 120.0
 
 
 def liar(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
@@ -119,7 +119,7 @@ def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) ->
 def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service: Service) -> None:
     with service.worker(name="alone") as alone:
         scene = service.ready_scene()
-        service.wait_for(service.submit(scene, verify=1), "finished")
+        service.wait_for(service.submit(scene, verify=1), "finished", LONG_S)
         assert sum(b.count * b.tile.w * b.tile.h for b in alone.batches) == 64 * 48 * 8
     ends, _ = workers_of(service, "one", "two")
     with ends:
