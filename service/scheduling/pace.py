@@ -87,7 +87,9 @@ class Pace:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.
 
         joint: by the workers, before they come back."""
-        return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_JOINT if joint else MOST_OF_A_TILE)
+        if joint:
+            return min(2 * slots // SLOTS_ALONE, MOST_JOINT) if slots > SLOTS_ALONE else 1
+        return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_OF_A_TILE)
 
     @staticmethod
     def hold_s(batch_s: float) -> float:
