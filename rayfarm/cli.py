@@ -16,6 +16,8 @@ from rayfarm.commands import (
     gc,
     info,
     jobs,
+    project,
+    quota,
     render,
     shares,
     submit,
@@ -49,7 +51,25 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, watch, user, token, info, compare, backup, doctor, gc, bench):
+for command in (
+    up,
+    worker,
+    render,
+    submit,
+    jobs,
+    shares,
+    watch,
+    user,
+    project,
+    quota,
+    token,
+    info,
+    compare,
+    backup,
+    doctor,
+    gc,
+    bench,
+):
     command.register(app)
 
 

@@ -44,6 +44,7 @@ FORMATS = (
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
+    *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
     Format(".dae", "collada", names_files=True, moves=True),
@@ -64,10 +65,6 @@ _FROM_BLENDER = 'In Blender, open it and choose File > Export > glTF 2.0, with "
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
     ".blend": _FROM_BLENDER,
-    **dict.fromkeys(
-        (".usd", ".usda", ".usdc", ".usdz"),
-        "Export glTF (.glb) from the program it comes from. " + _BY_BLENDER.replace("for it", "> Universal Scene Description"),
-    ),
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
     ".c4d": "In Cinema 4D, choose File > Export > glTF",
     **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),
@@ -94,7 +91,9 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
     The best suffix wins, then the shallowest path, then a name that does not say it is an auxiliary, then the shortest, then
     the alphabet. Raises SceneError where none is a scene.
     """
-    rank = {suffix: i for i, suffix in enumerate(SCENE_SUFFIXES)}
+    readers = [format.reader for format in FORMATS]
+    # A USD scene's layers may be of all of USD's kinds: the kind does not tell which is at the top.
+    rank = {format.suffix: readers.index("usd") if format.reader == "usd" else i for i, format in enumerate(FORMATS)}
     found = []
     for name in names:
         path = PurePosixPath(name)

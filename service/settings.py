@@ -40,6 +40,16 @@ class Settings(BaseSettings):
     port: int = 8000
     login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
     print_link: bool = False  # to standard output, at the start: the one that lets the owner in
+    oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none
+    oidc_client: str = ""  # its id for this farm, and
+    oidc_secret: str = ""  # what it knows it by, or
+    oidc_secret_file: Path | None = None  # a file with that
+    oidc_name: str = ""  # what people call the provider
+    oidc_scopes: str = "openid profile email"
+    oidc_name_claim: str = "preferred_username"
+    oidc_role_claim: str = "groups"
+    oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
+    oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
@@ -61,6 +71,10 @@ class Settings(BaseSettings):
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
     reuse_films: bool = True  # a job begins with what an earlier one of the same picture has rendered
+
+    quota_bytes: int | None = Field(default=None, ge=0)  # of disk, for the uploads and films of one user; empty: no limit
+    quota_jobs: int | None = Field(default=None, ge=0)  # of one user, unfinished at a time
+    quota_samples_day: int | None = Field(default=None, ge=0)  # of the jobs that one user asks for within a day
 
     keep_films_days: float | None = Field(default=None, ge=0)  # of jobs that are over and not pinned; empty: for ever
     keep_films_bytes: int | None = Field(default=None, ge=0)  # of disk, for all films together: the oldest go; empty: no limit

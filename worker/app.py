@@ -17,6 +17,7 @@ from worker.heartbeat import Heartbeat, Reporter
 from worker.jointly import hand_in
 from worker.log_lines import by_json
 from worker.process import die_with_parent
+from worker.queue_reading import be_patient
 from worker.slot import slot
 from worker.turns import STRATEGY
 
@@ -27,6 +28,7 @@ SHUTDOWN_S = 600  # a warm shutdown waits for the tasks in hand; past this the w
 
 def make_app(worker: context.WorkerContext) -> Celery:
     """The application that takes this worker's tasks."""
+    be_patient()
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
     app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}

@@ -55,6 +55,9 @@ def submit(
     every: options.Every = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
+    project: Annotated[
+        str, typer.Option(metavar="NAME", help="Whose members alone see it; everybody who is let in unless told.")
+    ] = "",
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
     after: Annotated[
         list[str] | None,
@@ -120,13 +123,15 @@ def submit(
         raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
     environment = picture.environment().image
     with farm_client(server) as farm:
-        uploaded = farm.upload(belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name)
+        uploaded = farm.upload(
+            belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name, project=project
+        )
         ready = _prepared(farm, uploaded)
         for warning in options.told(ready.warnings, picture.environment()):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
         if environment is not None:
-            asked["environment"]["image"] = farm.upload_environment(environment).id
+            asked["environment"]["image"] = farm.upload_environment(environment, project).id
         if variant is not None:
             asked["variant"] = variant
         if shot is not None:

@@ -270,6 +270,7 @@ class SceneOut(BaseModel):
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
 
 
 class BadSampleOut(BaseModel):
@@ -324,6 +325,7 @@ class JobOut(QueueOut):
 
     id: str
     scene: str
+    project: str = Field(default="", description="its scene's: whose members see it; empty: everybody who is let in")
     name: str
     state: JobState
     message: str | None = Field(description="why it does not go on at the moment")

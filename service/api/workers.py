@@ -5,8 +5,10 @@ from __future__ import annotations
 import redis
 from fastapi import APIRouter
 
+from service.api.closed import seen_slots
 from service.api.describe import worker_out
 from service.api.schemas import WorkerOut, WorkerPatch
+from service.api.visit import VisitDependency
 from service.errors import NotFound, Unavailable
 from service.farm import FarmDependency
 from service.scheduling.workers import BY_A_PERSON
@@ -17,11 +19,17 @@ router = APIRouter(prefix="/api/workers", tags=["workers"])
 
 
 @router.get("", response_model=list[WorkerOut])
-def list_workers(farm: FarmDependency) -> list[WorkerOut]:
-    """The workers that are connected, by name: slots, processor, speed, and what each slot does now."""
+def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut]:
+    """The workers that are connected, by name: slots, processor, speed, and what each slot does now.
+
+    Of a slot that works for a project that you do not see: {"hidden": true}.
+    """
     view = farm.engine.snapshot
     roster = view.roster
-    return [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
+    found = [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
+    for worker in found:
+        worker.current = seen_slots(worker.current, visit.sight, farm.access.projects)
+    return found
 
 
 @router.patch("/{name}", response_model=WorkerOut)

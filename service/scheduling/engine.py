@@ -70,6 +70,7 @@ class Engine:
         tell: Tell,
         tell_tiles: TellTiles,
         let_go: LetGo,
+        suspect: Callable[[str], None],
     ) -> None:
         self.films = films
         self._records = records
@@ -103,6 +104,7 @@ class Engine:
             waiting=self._waiting,
             tell=change,
             let_go=let_go,
+            suspect=suspect,
         )
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(

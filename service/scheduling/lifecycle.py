@@ -34,6 +34,7 @@ from service.scheduling.snapshot import Tell
 from service.scheduling.vectors import Vectors
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
+from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.contract import SceneInfo
@@ -61,7 +62,9 @@ class Lifecycle:
         waiting: Waiting,
         tell: Tell,
         let_go: LetGo,
+        suspect: Callable[[str], None],
     ) -> None:
+        """suspect: told of a job that its film has ended; what can be mended of that is mended beside."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -75,6 +78,7 @@ class Lifecycle:
         self._waiting = waiting
         self._tell = tell
         self._let_go = let_go
+        self._suspect = suspect
         self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
 
     def apply(self, what: str, id: str) -> bool:
@@ -269,6 +273,8 @@ class Lifecycle:
                 self._records.progress(job)
                 self._give_back(job)
             self._tell("job", id)
+            if FILM in verdict.error:
+                self._suspect(id)
         else:
             self.prepare_failed(id, None, verdict.error)
 

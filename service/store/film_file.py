@@ -46,6 +46,7 @@ class FilmFile:
 
     def __init__(self, path: Path, shape: FilmShape) -> None:
         """Open the file, and make it where it is not there."""
+        self._is_held = False  # by another program, at the last try
         with film_faults():
             os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # SQLite makes its -wal and -shm alike
             self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_PATIENCE_S)
@@ -161,7 +162,7 @@ class FilmFile:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        self._database.execute("BEGIN IMMEDIATE")
+        self._begin()
         try:
             yield
             self._database.execute("COMMIT")
@@ -169,6 +170,21 @@ class FilmFile:
             with contextlib.suppress(sqlite3.Error):  # after some faults SQLite has rolled back by itself
                 self._database.rollback()
             raise
+
+    def _begin(self) -> None:
+        """Begin to write. A film that was held is not waited for again: many would leave the engine no time for other jobs."""
+        try:
+            self._database.execute("BEGIN IMMEDIATE")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY and not self._is_held:
+                self._wait_for_locks(0.0)
+            raise
+        if self._is_held:
+            self._wait_for_locks(LOCK_PATIENCE_S)
+
+    def _wait_for_locks(self, seconds: float) -> None:
+        self._is_held = not seconds
+        self._database.execute(f"PRAGMA busy_timeout={round(seconds * 1000)}").close()
 
 
 def _sums(row: tuple[Any, ...]) -> bytes:
