@@ -14,6 +14,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
+from worker.redis_tls import as_told, trusting
 
 __all__ = ["OWNER_TOKEN", "Settings"]
 
@@ -101,6 +102,11 @@ class Settings(BaseSettings):
     def _absolute(cls, value: Path) -> Path:
         return value.expanduser().resolve()
 
+    @field_validator("redis_url")
+    @classmethod
+    def _over_tls(cls, value: str) -> str:
+        return trusting(value)
+
     @field_validator("blobs")
     @classmethod
     def _bucket(cls, value: str) -> str:
@@ -131,7 +137,7 @@ class Settings(BaseSettings):
     @property
     def worker_redis_url(self) -> str:
         """The Redis that workers are sent to."""
-        return self.public_redis_url or self.redis_url
+        return as_told(self.public_redis_url or self.redis_url)
 
     @property
     def is_loopback(self) -> bool:
