@@ -51,7 +51,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (
+COMMANDS = (
     up,
     worker,
     render,
@@ -69,7 +69,8 @@ for command in (
     doctor,
     gc,
     bench,
-):
+)
+for command in COMMANDS:
     command.register(app)
 
 

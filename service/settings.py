@@ -14,6 +14,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
+from worker.redis_tls import as_told, trusting
 
 __all__ = ["OWNER_TOKEN", "Settings"]
 
@@ -84,6 +85,7 @@ class Settings(BaseSettings):
         default=7.0, ge=0
     )  # films that rest are read so often, and what is missing is rendered; 0: never
 
+    verify: float = Field(default=0.0, ge=0, le=1)  # the share of batches that is rendered twice, by different workers
     batch_seconds: float = 0.5
     batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
     results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out
@@ -99,6 +101,11 @@ class Settings(BaseSettings):
     @classmethod
     def _absolute(cls, value: Path) -> Path:
         return value.expanduser().resolve()
+
+    @field_validator("redis_url")
+    @classmethod
+    def _over_tls(cls, value: str) -> str:
+        return trusting(value)
 
     @field_validator("blobs")
     @classmethod
@@ -130,7 +137,7 @@ class Settings(BaseSettings):
     @property
     def worker_redis_url(self) -> str:
         """The Redis that workers are sent to."""
-        return self.public_redis_url or self.redis_url
+        return as_told(self.public_redis_url or self.redis_url)
 
     @property
     def is_loopback(self) -> bool:

@@ -51,6 +51,7 @@ from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler, named
 from service.scheduling.snapshot import Tell
 from service.scheduling.tile_log import words_of
+from service.scheduling.trust import Trust
 from service.scheduling.vectors import Vectors
 from worker.log_lines import ids
 
@@ -88,6 +89,7 @@ class Answers:
         tell: Tell,
         tell_tiles: TellTiles,
         pace: Pace,
+        trust: Trust,
         settled: Callable[[ActiveJob], None],
         logs: JobLogs,
     ) -> None:
@@ -104,6 +106,7 @@ class Answers:
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._pace = pace
+        self._trust = trust
         self._settled = settled
         self._logs = logs
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
@@ -197,6 +200,7 @@ class Answers:
 
     def _merge(self, id: str, rendered: list[tuple[BatchDone, bytes]]) -> None:
         job = self._scheduler.jobs[id]
+        rendered = self._trust.sort_out(job, rendered)
         begun = time.time()
         arrived = merge(job, rendered)
         traces.merged(job, begun, len(rendered), (each for message, _ in rendered for each in message.traceparents))
@@ -204,7 +208,9 @@ class Answers:
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
         tiles: dict[int, set[int]] = {}
-        for each in arrived:
+        for each, (_, sums) in zip(arrived, rendered, strict=True):
+            if each.taken and each.batch is not None:
+                self._trust.taken(job, each.message, each.batch, sums)
             pieces = each.message.pieces
             self.counts["merged" if each.taken else "dropped"] += len(pieces)
             for piece in pieces:

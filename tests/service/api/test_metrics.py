@@ -29,7 +29,6 @@ def test_every_number_that_alerts_and_dashboard_ask_for_is_told(service: Service
     asked = {name for expression in expressions for name in re.findall(r"rayfarm_\w+", expression)}
     assert len(asked) >= 15
     assert asked <= told
-    assert told - asked == {"rayfarm_film_samples"}, "what is told is shown"
 
 
 def test_what_waits_for_the_first_worker_wants_a_slot_and_what_is_done_none(service: Service) -> None:
