@@ -73,7 +73,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     ...(fresh.checked && { fresh: true }),
   });
   const fresh = h("input", { type: "checkbox" });
-  const anew = h("label", { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") }, fresh, t("From the first sample"));
+  const anew = h("label", { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") }, fresh, t("Render anew, from the first sample"));
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
   const isFree = may("submit");
   render.disabled = !isFree;
