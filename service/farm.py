@@ -8,6 +8,7 @@ import logging
 import os
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
@@ -96,6 +97,7 @@ class Farm:
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
             suspect=lambda job: self.patrol.suspect(job),
         )
+        self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
@@ -164,13 +166,16 @@ class Farm:
 
     def _let_go(self, hashes: Counter[str]) -> None:
         """Blobs are referred to no longer: remove those that nobody else refers to, without holding up who says so."""
-        self._collector.submit(self._collect, hashes)
+        self._in_background(lambda: self.garbage.let_go(hashes))
 
-    def _collect(self, hashes: Counter[str]) -> None:
+    def _in_background(self, action: Callable[[], object]) -> None:
+        self._collector.submit(self._guarded, action)
+
+    def _guarded(self, action: Callable[[], object]) -> None:
         try:
-            self.garbage.let_go(hashes)
+            action()
         except FarmError as error:
-            log.warning("what nobody needs stays for now: %s", error)
+            log.warning("what was to be written down is not: %s", error)
 
 
 def open_blobs(settings: Settings) -> BlobStore:

@@ -85,6 +85,7 @@ class Settings(BaseSettings):
         default=7.0, ge=0
     )  # films that rest are read so often, and what is missing is rendered; 0: never
 
+    verify: float = Field(default=0.0, ge=0, le=1)  # the share of batches that is rendered twice, by different workers
     batch_seconds: float = 0.5
     batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
     results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out

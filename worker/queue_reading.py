@@ -8,9 +8,9 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from kombu.transport import TRANSPORT_ALIASES, redis
+from kombu.transport import redis
 
-__all__ = ["PatientTransport", "be_patient"]
+__all__ = ["be_patient"]
 
 log = logging.getLogger(__name__)
 
@@ -26,13 +26,6 @@ class PatientChannel(redis.Channel):
             return True  # something was read
 
 
-class PatientTransport(redis.Transport):
-    """Redis' transport with such channels."""
-
-    Channel = PatientChannel
-
-
 def be_patient() -> None:
     """Have this process read all its queues so."""
-    for name in ("redis", "rediss"):
-        TRANSPORT_ALIASES[name] = f"{__name__}:{PatientTransport.__name__}"
+    redis.Transport.Channel = PatientChannel

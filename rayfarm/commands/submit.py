@@ -66,6 +66,12 @@ def submit(
     max_slots: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
     ] = None,
+    verify: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help="Share of its batches that two workers render, to be compared.", rich_help_panel=QUEUE
+        ),
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
     ] = False,
@@ -134,6 +140,8 @@ def submit(
         asked |= {name: value for name, value in queue.items() if value}
         if fresh:
             asked["fresh"] = True
+        if verify is not None:
+            asked["verify"] = verify
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
         if job.taken is not None:

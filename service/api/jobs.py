@@ -75,7 +75,7 @@ def create_job(
     request: JobIn, farm: FarmDependency, response: Response, visit: VisitDependency, idempotency_key: Key = None
 ) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
-    asked = request.model_dump(mode="json", exclude=None if request.fresh else {"fresh"})
+    asked = request.model_dump(mode="json", exclude=_left_out(request))
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response, visit.sight)
     if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
@@ -104,7 +104,11 @@ def create_job(
         max_slots=request.max_slots,
     )
     try:
-        with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
+        with (
+            farm.lighting.held(rendered),
+            _begun(job, request.fresh or bool(request.verify), farm) as samples,
+            farm.sessions.begin() as session,
+        ):
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             farm.quotas.check_job(visit.caller, session, _samples_of(job, len(_keys(request))))
@@ -259,6 +263,11 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
     if not delete_many([id], farm):
         raise no_job(id)
+
+
+def _left_out(request: JobIn) -> set[str]:
+    """What says nothing where it is not asked for: a request of before these were there is the same one."""
+    return {name for name in ("fresh", "verify") if not getattr(request, name)} - ({"verify"} if request.verify == 0 else set())
 
 
 @contextmanager

@@ -134,6 +134,9 @@ class JobIn(QueueIn):
         max_length=200,
         description="of the scene's materials, by name or number; empty: the file's own",
     )
+    verify: float | None = Field(
+        None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
+    )
     fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
 
     @field_validator("camera", mode="before")

@@ -11,6 +11,7 @@ from service.api.schemas import WorkerOut, WorkerPatch
 from service.api.visit import VisitDependency
 from service.errors import NotFound, Unavailable
 from service.farm import FarmDependency
+from service.scheduling.workers import BY_A_PERSON
 
 __all__ = ["router"]
 
@@ -37,7 +38,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
     report = farm.engine.snapshot.roster.reports.get(name)
     if report is None:
         raise _no_worker(name)
-    why = None if change.state == "running" else "Paused by a person."
+    why = None if change.state == "running" else BY_A_PERSON
     try:
         farm.engine.order(name, why)
     except redis.RedisError as error:

@@ -78,6 +78,8 @@ class ActiveJob:
         self.trouble: dict[Range, Trouble] = {}
         self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
         self.rests_until = 0.0
+        self.verify = 0.0  # the share of its batches that is rendered twice
+        self.checks: Mapping[str, int] = {}  # of a job: decisions about its batches that are not made yet; it does not end before
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
         self.rendered, self.rendered_s = 0, 0.0  # samples in this life of the service, and seconds that slots took for them
@@ -107,6 +109,8 @@ class ActiveJob:
     @property
     def done(self) -> bool:
         """Whether the job has all that was asked for; frames that failed are left out."""
+        if self.checks.get(self.id):
+            return False
         if self.shot is None:
             (frame,) = self.frames.values()
             if frame.plan.done:

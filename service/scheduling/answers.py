@@ -48,6 +48,7 @@ from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
+from service.scheduling.trust import Trust
 from service.scheduling.vectors import Vectors
 from worker.log_lines import ids
 
@@ -85,6 +86,7 @@ class Answers:
         tell: Tell,
         tell_tiles: TellTiles,
         pace: Pace,
+        trust: Trust,
         settled: Callable[[ActiveJob], None],
     ) -> None:
         """settled: told of a job whose plan knows of all that the film has."""
@@ -100,6 +102,7 @@ class Answers:
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._pace = pace
+        self._trust = trust
         self._settled = settled
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
@@ -192,12 +195,15 @@ class Answers:
 
     def _merge(self, id: str, rendered: list[tuple[BatchDone, bytes]]) -> None:
         job = self._scheduler.jobs[id]
+        rendered = self._trust.sort_out(job, rendered)
         arrived = merge(job, rendered)
         answers = self._kept[id]
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
         tiles: dict[int, set[int]] = {}
-        for each in arrived:
+        for each, (_, sums) in zip(arrived, rendered, strict=True):
+            if each.taken and each.batch is not None:
+                self._trust.taken(job, each.message, each.batch, sums)
             pieces = each.message.pieces
             self.counts["merged" if each.taken else "dropped"] += len(pieces)
             for piece in pieces:

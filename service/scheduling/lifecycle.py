@@ -153,9 +153,15 @@ class Lifecycle:
             for key in shot.anew:
                 film.forget(key)
             self._records.forgot(row.id, shot.anew)
+        verify = row.request.get("verify")
+        film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
+        for worker in self._scheduler.distrusted:
+            film.take_back(worker)
         frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
+        job.verify = self._scheduler.verify if verify is None else verify
+        job.checks = self._scheduler.checks
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         job.history = History.of(self._records.history(row.id))
@@ -165,6 +171,12 @@ class Lifecycle:
         if job.shot is not None:
             self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
         self.record(job)
+
+    def again(self, job: ActiveJob) -> None:
+        """Take a job up anew: what some worker has sent of it is not believed any more, and is rendered again."""
+        self._bulkheads.run(job.id, Step.RECORD, lambda: self._records.progress(job), needs_database=True)
+        self._drop(job)
+        self._changes.note("job", job.id)
 
     def start(self, job: ActiveJob, kind: str) -> bool:
         """Whether the job can be rendered by workers of this kind now; if so its kind is fixed."""

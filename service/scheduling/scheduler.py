@@ -51,6 +51,7 @@ class Scheduler:
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
         self._pace = pace
+        self.verify = settings.verify  # the share of batches that is rendered twice, unless a job says otherwise
         self._dispatcher = dispatcher
         self._workers = workers
         self._bulkheads = bulkheads
@@ -58,6 +59,8 @@ class Scheduler:
         self.jobs: dict[str, ActiveJob] = {}
         self.shares = Shares()
         self.suspicion = Suspicion()
+        self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust.py
+        self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
         self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
         self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out

@@ -4,7 +4,7 @@ import { fill, h } from "./base/dom.js";
 import { chooseProject } from "./base/project.js";
 import { followFarm, lost } from "./news/farm.js";
 import { lookAtProjects } from "./news/projects.js";
-import { mustLogIn, session } from "./news/session.js";
+import { may, mustLogIn, session } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { emptyPage } from "./shell/hints.js";
@@ -51,6 +51,7 @@ function viewFor([section, id, other]) {
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 
 function start() {
+  document.documentElement.dataset.may = may("submit") ? "submit" : "view";
   const markSection = buildShell();
   /** @type {View | null} */
   let shown = null;

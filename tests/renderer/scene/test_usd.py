@@ -140,6 +140,18 @@ def test_instances_of_one_prototype_share_its_mesh(tmp_path):
     assert [i.transform[:3, 3].tolist() for i in found.instances] == [[0, 2, 0], [1, 2, 0], [2, 2, 0]]
 
 
+def test_shapes_of_the_same_size_and_references_within_a_file_share_one_mesh(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    made.DefinePrim("/a", "Cylinder")
+    for k in range(3):
+        made.DefinePrim(f"/b{k}").GetReferences().AddInternalReference("/a")
+    made.DefinePrim("/c", "Cylinder").GetAttribute("height").Set(5.0)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert (len(found.meshes), len(found.instances)) == (2, 5)
+    assert not any("among the files" in w for w in found.warnings)
+
+
 def test_a_point_instancer_puts_its_prototypes_where_usd_says(tmp_path):
     made = stage(tmp_path / "a.usda", "Z", 0.1)
     rng = np.random.default_rng(5)

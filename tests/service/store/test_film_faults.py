@@ -121,7 +121,10 @@ def sql(*statements: str) -> Callable[[Path], None]:
         (sql("UPDATE part SET sums = NULL"), "damaged"),
         (sql("UPDATE part SET count = NULL"), "damaged"),
         (sql("UPDATE part SET tile = 99"), "damaged"),
-        (sql("INSERT INTO part SELECT frame, tile, first + 1, count, bad, sums, checksum FROM part"), "covered already"),
+        (
+            sql("INSERT INTO part SELECT frame, tile, first + 1, count, bad, sums, checksum, workers, ranges FROM part"),
+            "covered already",
+        ),
         (sql("UPDATE shape SET width = 7"), "another picture"),
         (sql(f"PRAGMA user_version = {VERSION + 1}"), f"version {VERSION + 1}.*up to version {VERSION}"),
         (lambda path: (path.unlink(), path.mkdir()), "cannot be written|damaged"),
@@ -201,7 +204,7 @@ def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path:
     """Folding writes sums that were remembered. Where the file has others, they stay."""
     sneaked = part(film, 0, 2 + FOLD_AT, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
-    sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL)", (sneaked.first, sneaked.sums))
+    sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL, NULL, NULL)", (sneaked.first, sneaked.sums))
     sql_rows.commit()
     sql_rows.close()
     for first in range(2, 2 + FOLD_AT):

@@ -25,6 +25,7 @@ const WORDS = {
   resumed: () => t("Resumed"),
   lost: (name) => (name ? t("A batch did not come back from {name}; tried again", { name }) : t("A batch did not come back; tried again")),
   healed: () => t("Its film was damaged; what is missing is rendered again"),
+  distrusted: (name) => t("{name} rendered something else than others; what it sent is rendered again", { name }),
   failed: (words) => t("A batch failed, and is tried again. {words}", { words }),
 };
 

@@ -96,7 +96,7 @@ function dropZone() {
     ),
     h(
       "div",
-      { class: "row" },
+      { class: "row for-submit" },
       h(
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },

@@ -6,6 +6,7 @@ sublayers, references and payloads are replaced by the layers that were found fo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -19,7 +20,7 @@ from renderer.scene.readers.names import number_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
 
-__all__ = ["Stage", "muted", "open_stage"]
+__all__ = ["Stage", "muted", "open_stage", "telling"]
 
 MAX_LAYERS = 5000
 
@@ -52,6 +53,16 @@ def muted() -> Iterator[None]:
         yield
     finally:
         delegate.TakeUncoalescedDiagnostics()
+
+
+@contextmanager
+def telling(main: str) -> Iterator[None]:
+    """Has USD's own faults end in a sentence of ours."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        reason = _reason(error, "")
+        raise SceneError(f"{main}: is damaged{f' ({reason})' if reason else ''}; export it again") from None
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
@@ -102,7 +113,7 @@ class _Opener:
         while waiting:
             beside = waiting.pop()
             layer = self.opened[beside]
-            for reference in layer.GetCompositionAssetDependencies():
+            for reference in filter(None, layer.GetCompositionAssetDependencies()):  # those within a layer have no path
                 found = self._found(reference, beside)
                 if found is not None and found not in self.opened:
                     try:
@@ -171,6 +182,6 @@ def _place(error: Any) -> str:
 
 def _reason(error: Exception, path: str) -> str:
     """USD's own words, without what they say of its sources and of this machine's folders."""
-    said = str(error).replace(path, "").splitlines()
+    said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", str(error).replace(path, "") if path else str(error)).splitlines()
     last = next((line for line in said if " in file " in line), said[0] if said else "")
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]

@@ -38,14 +38,10 @@ def is_light(prim: Any) -> bool:
 def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
     """What a light's intensity, exposure, colour and temperature give. size: what it is divided by where it is normalised."""
 
-    def said(attribute: Any, default: float) -> float:
-        value = attribute.Get(time)
-        return default if value is None or not math.isfinite(value) else float(value)
-
-    scale = said(light.GetIntensityAttr(), 1.0) * 2.0 ** min(said(light.GetExposureAttr(), 0.0), 60.0)
+    scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
     color = np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
     if light.GetEnableColorTemperatureAttr().Get(time):
-        kelvin = min(max(said(light.GetColorTemperatureAttr(), 6500.0), 1000.0), 10000.0)
+        kelvin = min(max(_number(light.GetColorTemperatureAttr(), time, 6500.0), 1000.0), 10000.0)
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), np.float64)
     if light.GetNormalizeAttr().Get(time) and size > 0:
         scale /= size
@@ -63,7 +59,7 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
     place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
     forward = _direction(-world[:3, 2])
     if prim.IsA(UsdLux.DistantLight):
-        angle = min(max(float(UsdLux.DistantLight(prim).GetAngleAttr().Get(time)), 0.0), 180.0)
+        angle = min(max(_number(UsdLux.DistantLight(prim).GetAngleAttr(), time), 0.0), 180.0)
         cone = math.pi * math.sin(math.radians(angle / 2)) ** 2
         irradiance = radiance_of(light, time, cone) if cone > 0 else radiance_of(light, time)
         r, g, b = (c * (cone or 1.0) for c in irradiance)
@@ -72,7 +68,7 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
-        radius = float(sphere.GetRadiusAttr().Get(time)) * (x * y * z) ** (1 / 3)
+        radius = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
         area = 4 * math.pi * radius**2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
@@ -85,12 +81,12 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
         return Lamp(_aimed(Light("point", rgb, place, forward, radius * unit, name=name), found, unit))
     if prim.IsA(UsdLux.RectLight):
         rect = UsdLux.RectLight(prim)
-        width, height = float(rect.GetWidthAttr().Get(time)), float(rect.GetHeightAttr().Get(time))
+        width, height = _number(rect.GetWidthAttr(), time), _number(rect.GetHeightAttr(), time)
         _cone(prim, time, notes, False)
         shape = _sized(quad(name), _TURN, width / 2, height / 2)
         return _shining(shape, light, time, width * x * height * y, name, rect.GetTextureFileAttr())
     if prim.IsA(UsdLux.DiskLight):
-        radius = float(UsdLux.DiskLight(prim).GetRadiusAttr().Get(time))
+        radius = _number(UsdLux.DiskLight(prim).GetRadiusAttr(), time)
         area = math.pi * radius**2 * x * y
         aimed = _cone(prim, time, notes, True)
         if aimed is not None:
@@ -99,7 +95,7 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
         return _shining(_sized(disk(name), _TURN, radius, radius), light, time, area, name, None)
     if prim.IsA(UsdLux.CylinderLight):
         cylinder = UsdLux.CylinderLight(prim)
-        radius, length = float(cylinder.GetRadiusAttr().Get(time)), float(cylinder.GetLengthAttr().Get(time))
+        radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
         _cone(prim, time, notes, False)
         if cylinder.GetTreatAsLineAttr().Get(time):
             notes.add("Lights that are to be lines have the body that they say", name)
@@ -109,6 +105,12 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
         return _shining(tube, light, time, area, name, None)
     notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
     return None
+
+
+def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
+    """A number at a time; the default where it is none, or not finite."""
+    value = attribute.Get(time)
+    return default if value is None or not math.isfinite(value) else float(value)
 
 
 def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, image: Any) -> Lamp | None:
@@ -157,14 +159,13 @@ def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, fl
     file = shaping.GetShapingIesFileAttr().Get(time)
     if file is not None and file.path:
         notes.add("IES profiles of lights are left out", name)
-    angle, softness = shaping.GetShapingConeAngleAttr().Get(time), shaping.GetShapingConeSoftnessAttr().Get(time)
-    angle = 90.0 if angle is None else min(max(float(angle), 0.01), 180.0)
+    angle = min(max(_number(shaping.GetShapingConeAngleAttr(), time, 90.0), 0.01), 180.0)
     if not shaping.GetShapingConeAngleAttr().HasAuthoredValue() or angle >= 180:
         return None
     if not is_known:
         notes.add("The cones of rectangular and cylindrical lights are left out", name)
         return None
-    soft = min(max(float(softness or 0.0), 0.0), 1.0)
+    soft = min(max(_number(shaping.GetShapingConeSoftnessAttr(), time), 0.0), 1.0)
     return angle * (1 - soft), angle
 
 

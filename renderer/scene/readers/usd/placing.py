@@ -175,9 +175,12 @@ class Placing:
             if radius > 0:
                 self._sphere(each, radius, surface.number, each.moves or varies)
             return
-        mesh = shape_of(prim, self._time)
-        if mesh is not None:
-            self._show([self._add(mesh, surface, varies)], each)
+        sizes = tuple(str(prim.GetAttribute(name).Get(self._time)) for name in _SIZES if prim.HasAttribute(name))
+        key = ("shape", str(prim.GetTypeName()), sizes, surface, self._key(prim) if varies else None)
+        if key not in self._numbers:
+            mesh = self._files.recall(("usd shape", key[1], sizes), lambda: shape_of(prim, self._time))
+            self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
+        self._show(self._numbers[key], each)
 
     def _sphere(self, each: Placed, radius: float, material: int, moves: bool) -> None:
         x, y, z = (float(v) for v in each.places[0][:3, 3])
@@ -187,9 +190,11 @@ class Placing:
         prim = each.prim
         surface = self._surface(prim)
         varies = UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying()
-        mesh = tubes_of(prim, self._time, self._notes, surface.color)
-        if mesh is not None:
-            self._show([self._add(mesh, surface, varies)], each)
+        key = ("curves", self._key(prim), surface)
+        if key not in self._numbers:
+            mesh = tubes_of(prim, self._time, self._notes, surface.color)
+            self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
+        self._show(self._numbers[key], each)
 
     def _points(self, each: Placed) -> None:
         prim = each.prim
@@ -258,7 +263,7 @@ class Placing:
                 self._show([self._add(lamp.mesh, surface)], one)
 
 
-_SIZES = ("radius", "height", "size", "width", "length", "radiusTop", "radiusBottom")
+_SIZES = ("radius", "height", "size", "width", "length", "radiusTop", "radiusBottom", "axis")
 
 
 def _scale(place: Matrix) -> float | None:

@@ -11,7 +11,7 @@ from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.names import number_of
-from renderer.scene.readers.usd.layers import Stage, muted, open_stage
+from renderer.scene.readers.usd.layers import Stage, muted, open_stage, telling
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.placing import Placing
 from renderer.scene.readers.usd.prims import walk
@@ -27,7 +27,7 @@ _CLIP = "animation"
 def read_stage(files: SceneFiles, main: str, description: SceneDescription, variant: str | None, moment: Moment) -> None:
     """Adds the stage of a file to the description. Raises SceneError."""
     shelf = TextureShelf(description, files)
-    with muted():
+    with telling(main), muted():
         sources = files.recall(("usd files", main), lambda: Sources(files))
         stage, variants = files.recall(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
         description.variants = variants

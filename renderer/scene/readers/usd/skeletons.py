@@ -115,6 +115,9 @@ class Skeletons:
         indices = blend.ComputeBlendShapePointIndices()
         result = points.copy()
         for weight, shape, sub in zip(sub_weights, blend_indices, sub_indices, strict=True):
+            if sub >= len(offsets) or shape >= len(indices):
+                self._notes.add("Blend shapes that are damaged are left out", str(skinning.GetPrim().GetPath()))
+                continue
             moved = np.asarray(offsets[sub], np.float64).reshape(-1, 3)
             which = np.asarray(indices[shape], np.int64)
             if len(which) == 0:
