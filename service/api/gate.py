@@ -84,6 +84,8 @@ class Gate:
             await refuse(refusal, scope, receive, send)
             return
         if thing is not None and not await _sees(access, sight, thing):
+            if caller is not None and caller.is_known and method != "WS" and method not in SAFE_METHODS:
+                await _write_down(access, caller, address, f"{method} {pattern}", path, 404)
             await _not_there(thing, scope, receive, send)
             return
         if method == "WS" or pattern in STAYS_OPEN:
