@@ -7,6 +7,8 @@ cancelled or is deleted before it was finished fails too, with a sentence that n
 
 from __future__ import annotations
 
+import time
+
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.changes import Changes
 from service.scheduling.records import Records
@@ -14,6 +16,7 @@ from service.scheduling.records import Records
 __all__ = ["Waiting"]
 
 ALL = "jobs that wait"
+REVIEW_S = 0.1  # of the engine's second, for a long chain that falls: then others have their turn
 
 
 class Waiting:
@@ -39,18 +42,26 @@ class Waiting:
             self._bulkheads.run(ALL, Step.CHANGE, self._review, needs_database=True)
 
     def _review(self) -> None:
-        for job, other, name, state in self._records.ended_waits():
+        until = time.monotonic() + REVIEW_S
+        while (ended := self._records.ended_waits()) and self._end(ended) and time.monotonic() < until:
+            pass  # what fails now may have others behind it
+        for job in self._held - self._records.all_waiting():
+            self._held.discard(job)
+            self._changes.note("job", job)
+
+    def _end(self, waits: list[tuple[str, str, str | None, str | None]]) -> bool:
+        """Let go on, or fail, who waits for what is over; whether any failed."""
+        failed = False
+        for job, other, name, state in waits:
             if state == "finished":
                 self._records.waited(other)
                 continue
             ended = {None: "was deleted", "cancelled": "was cancelled"}.get(state, "failed")
             called = f"{name} ({other})" if name else other
-            self._records.failed(
+            failed |= self._records.failed(
                 job,
                 f"It was to come after the job {called}, which {ended} before it was finished. "
                 "Setting this job to running renders it all the same.",
             )
             self._changes.note("job", job)
-        for job in self._held - self._records.all_waiting():
-            self._held.discard(job)
-            self._changes.note("job", job)
+        return failed

@@ -72,6 +72,15 @@ def test_what_waits_in_vain_fails_with_what_waits_for_it(service: Service, worke
     assert service.job(second)["finished"] <= service.job(third)["started"], "and still one after the other"
 
 
+def test_a_long_chain_falls_at_once(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    first = last = submit_paused(service, scene, seed=1)
+    for _ in range(60):
+        last = service.submit(scene, after=[last])
+    service.patch(first, state="cancelled")
+    service.wait_for(last, "failed", 30.0)  # at one a second it would take a minute
+
+
 def test_a_job_may_be_told_to_wait_no_longer(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first, other = submit_paused(service, scene, seed=1), submit_paused(service, scene, seed=1)
