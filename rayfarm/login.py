@@ -39,9 +39,12 @@ def farm_client(server: str | None) -> Client:
 
 
 def owner_token(data: Path) -> str:
-    """What lets the owner of a data folder in; empty where it cannot be read."""
+    """What lets the owner of a data folder in: what $RAYFARM_OWNER_TOKEN says, else what is kept there; empty where it cannot
+    be read."""
     from service.settings import OWNER_TOKEN
 
+    if told := os.environ.get("RAYFARM_OWNER_TOKEN"):
+        return told
     with contextlib.suppress(OSError):
         return (data / OWNER_TOKEN).read_text().strip()
     return ""

@@ -1,0 +1,17 @@
+"""By what the commands on the farm's own machine are let in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rayfarm.login import owner_token
+
+
+def test_the_owners_token_is_what_the_service_was_told_else_what_it_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert owner_token(tmp_path) == ""
+    (tmp_path / "owner-token").write_text("kept\n")
+    assert owner_token(tmp_path) == "kept"
+    monkeypatch.setenv("RAYFARM_OWNER_TOKEN", "told")
+    assert owner_token(tmp_path) == "told"
