@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
-from sqlalchemy import ColumnElement, case, delete, func, select
+from sqlalchemy import ColumnElement, Float, case, cast, delete, func, select
 from sqlalchemy.orm import Session
 
 from service.access.roles import Caller
@@ -19,10 +19,11 @@ from service.errors import NoRoom, NotFound, OverQuota
 from service.store.database import Sessions
 from service.store.models import ACTIVE, Environment, Frame, Job, Key, Quota, Reference, Scene, Spent, User
 
-__all__ = ["DAY_S", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend"]
+__all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend"]
 
 DAY_S = 86400.0
 SOON_S = 60.0  # when somebody who has too many jobs may ask again
+MOST = (1 << 63) - 1  # that is told of, and may be set
 OTHERS = "or ask who runs the farm for more"
 
 
@@ -153,12 +154,13 @@ class Quotas:
         since = time.time() - DAY_S
         asked = case((Frame.target > Frame.samples, Frame.target), else_=Frame.samples)
         of_jobs = (
-            select(func.sum(case((Job.state.in_(ACTIVE), asked), else_=Frame.samples)))
+            # as floats: of integers, SQLite adds up no more than 2**63
+            select(func.sum(cast(case((Job.state.in_(ACTIVE), asked), else_=Frame.samples), Float)))
             .join(Job, Frame.job == Job.id)
             .where(_is(Job, whose), (Job.created > since) | Job.state.in_(ACTIVE))
         )
         gone = select(func.sum(Spent.samples)).where(_is(Spent, whose), Spent.created > since)
-        return int(session.scalar(of_jobs) or 0) + int(session.scalar(gone) or 0)
+        return min(int(session.scalar(of_jobs) or 0) + int(session.scalar(gone) or 0), MOST)
 
     def _frees_after(self, whose: str, session: Session) -> float:
         oldest = session.scalar(select(func.min(Job.created)).where(_is(Job, whose), Job.created > time.time() - DAY_S))

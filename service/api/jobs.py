@@ -122,7 +122,8 @@ def create_job(
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
-            session.add_all(Frame(job=job.id, number=key, samples=samples) for key in _keys(request))
+            target = _samples_of(job, 1)  # which quotas count from now on, also while nothing of it is rendered
+            session.add_all(Frame(job=job.id, number=key, samples=samples, target=target) for key in _keys(request))
             session.flush()
             answer = job_out(job, session, farm.engine)
     except IntegrityError:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.quotas import Allowance, Limits
+from service.access.quotas import MOST, Allowance, Limits
 from service.api.visit import VisitDependency
 from service.farm import FarmDependency
 
@@ -16,7 +16,6 @@ __all__ = ["router"]
 
 router = APIRouter(tags=["access"])
 
-MOST = (1 << 63) - 1
 Amount = Annotated[int | None, Field(ge=0, le=MOST)]
 Of = Literal["users", "tokens"]
 

@@ -12,6 +12,7 @@ import httpx
 import pytest
 
 from service.access.roles import Role
+from service.store.models import Frame
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller
 from tests.service.conftest import OBJ, Service, until
@@ -102,6 +103,21 @@ def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: ht
         refused = asked(bea, scene, spp=8)
         assert (refused.status_code, f"{2 * SAMPLES:,} more" in refused.json()["detail"]) == (429, True)
         assert asked(bea, scene).status_code == 201
+
+
+def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "hal") as hal:
+        scene = scene_of(hal)
+        may(chief, "users/hal", samples_day=1 << 40)
+        first = asked(hal, scene, spp=1 << 20, frames="0-1").raise_for_status().json()["id"]
+        waits = asked(hal, scene, after=[first]).raise_for_status().json()["id"]  # nobody takes it up before the first is over
+        assert used(hal)["samples_day"] == (2 << 30) + SAMPLES
+        may(chief, "users/hal", samples_day=(2 << 30) + 2 * SAMPLES - 1)
+        assert asked(hal, scene, after=[first]).status_code == 429
+        with service.farm.sessions.begin() as session:
+            session.add_all(Frame(job=waits, number=n, target=1 << 62) for n in (2, 4, 6))
+        assert used(hal)["samples_day"] == (1 << 63) - 1, "more than a database adds up"
+        assert hal.delete(f"/api/jobs/{waits}").status_code == hal.delete(f"/api/jobs/{first}").status_code == 204
 
 
 def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> None:
