@@ -146,6 +146,10 @@ class Job:
     after: list[str] = field(default_factory=list)  # ids of the jobs that it was to come after
     user: str | None = None  # who asked for it
     max_slots: int | None = None  # that render it at a time, at most
+    deadline: float | None = None  # unix time by which it is wanted
+    expected: float | None = None  # when it is to be ready by the forecast, where it has a deadline
+    late: float | None = None  # since when it is expected to miss that
+    warning: str | None = None  # what somebody may want to do something about
     waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
 
     @property

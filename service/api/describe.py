@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +15,7 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
-from service.api.queue_fields import WaitOut, waits_of, waits_sentence
+from service.api.queue_fields import WaitOut, waits_of, waits_sentence, warning_of
 from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, MeasuredOut, SceneOut, SceneStatus, ShotOut, WorkerOut
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
@@ -149,12 +150,15 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "user", "max_slots"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
+                *("user", "max_slots", "deadline", "late"),
             )
         },
         message=_message(job, view, waits) or _holes(job, about),
         after=job.request.get("after") or [],
         waits_for=waits,
+        expected=live.expected if live else None,
+        warning=warning_of(job, live.expected if live else None, time.time()),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,

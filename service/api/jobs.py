@@ -23,6 +23,7 @@ from service.api.problem import Problem
 from service.api.queue_fields import wait_for, wait_for_fewer
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.api.visit import VisitDependency
+from service.clock import deadline_of
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
@@ -48,7 +49,9 @@ class HistoryEvent(BaseModel):
     """Something that happened."""
 
     at: float = Field(description="unix time")
-    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed")
+    kind: str = Field(
+        description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed, late, in-time"
+    )
     words: str = Field(description="of whom, or why")
 
 
@@ -96,6 +99,7 @@ def create_job(
         idempotency_key=idempotency_key or None,
         user=visit.caller.name if visit.caller is not None and visit.caller.is_known else None,
         max_slots=request.max_slots,
+        deadline=None if request.deadline is None else deadline_of(request.deadline),
     )
     try:
         with farm.lighting.held(rendered), farm.sessions.begin() as session:
@@ -228,6 +232,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             focus_on(job, change.focus)
         if "max_slots" in change.model_fields_set:
             job.max_slots = change.max_slots
+        if "deadline" in change.model_fields_set:
+            job.deadline, job.late = None if change.deadline is None else deadline_of(change.deadline), None
         if change.after is not None:
             wait_for_fewer(id, change.after, session)
         if change.state is not None:

@@ -61,7 +61,10 @@ class ActiveJob:
         self.priority = row.priority
         self.share = share_of(row.user)
         self.max_slots = row.max_slots
-        self.urgency = math.inf  # its deadline, where it is expected to miss that
+        self.deadline = row.deadline
+        self.expected: float | None = None  # when it is to be ready, where it has a deadline
+        self.urgency = math.inf if row.late is None or row.deadline is None else row.deadline  # which it is expected to miss
+        self.foretold_s = 0.0  # of a slot, for a sample of a pixel, by the scene's latest picture; 0: there was none
         self.kind = row.kind
         self.spp, self.noise, self.seconds = row.spp, row.noise, row.seconds
         self.shot = Shot.of(row.shot)
@@ -166,6 +169,16 @@ class ActiveJob:
             return by_time
         by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether it is expected to miss its deadline, or has missed it."""
+        return self.urgency < math.inf
+
+    @property
+    def sample_s(self) -> float:
+        """What a slot takes for a sample of a pixel; 0 where nobody knows."""
+        return self._pixel_cost or self.foretold_s
 
     @property
     def slots_wanted(self) -> int:

@@ -22,6 +22,7 @@ from service.scheduling.answers import Answers, TellTiles
 from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.changes import Changes
+from service.scheduling.deadlines import Deadlines
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
@@ -100,6 +101,7 @@ class Engine:
             tell=change,
             let_go=let_go,
         )
+        self._deadlines = Deadlines(records, self._with_database, change)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
@@ -253,6 +255,9 @@ class Engine:
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
                 self._keeper.look(job)  # a picture that goes on was the job's own until now
 
+    def _with_database(self, id: str, action: Callable[[], object]) -> bool:
+        return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
+
     def _renew_shares(self) -> None:
         self._scheduler.shares.terms = self._records.shares()
 
@@ -268,6 +273,8 @@ class Engine:
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
+        slots = sum(report.slots for report in self._workers.roster.ready())
+        self._deadlines.review(list(self._scheduler.jobs.values()), slots, time.time())
         for job in list(self._scheduler.jobs.values()):
             job.tick(job.state == "running" and bool(self._scheduler.leases.of(job.id)))
             if job.state == "running" or job.done:

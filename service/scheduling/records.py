@@ -115,6 +115,18 @@ class Records:
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
 
+    def late(self, id: str, since: float | None) -> bool:
+        """Write down since when a job is expected to miss its deadline; None: it is not. False where it is over or gone."""
+        with self._sessions.begin() as session:
+            changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE)).values(late=since))
+            return bool(changed.rowcount)  # type: ignore[attr-defined]
+
+    def overdue(self, now: float) -> list[str]:
+        """The unfinished jobs whose deadline has passed and that are not known to be late."""
+        with self._sessions() as session:
+            query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
+            return list(session.scalars(query))
+
     def frames(self, job: str) -> list[Frame]:
         """The frames of a job, in their order."""
         with self._sessions() as session:
@@ -204,6 +216,8 @@ class Records:
             if measured is not None:
                 session.execute(update(Scene).where(Scene.id == row.scene).values(measured=measured))
             row.state, row.finished, row.active_s = "finished", time.time(), job.active_s
+            if row.deadline is not None:
+                row.late = None if row.finished <= row.deadline else row.late or row.finished
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))
                 row.state, row.error = "failed", f"No frame can be rendered. {first.error}"

@@ -76,6 +76,11 @@
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
  * @property {boolean} [pinned] kept, whatever its age
+ * @property {string | null} [user] who asked for it
+ * @property {number | null} [max_slots] that render it at a time, at most
+ * @property {number | null} [deadline] by when it is wanted, unix seconds
+ * @property {number | null} [expected] when it is to be ready by the forecast, where it has a deadline
+ * @property {number | null} [late] since when it is expected to miss that
  * @property {Wait[]} [waits_for] the jobs that it comes after and that are not finished
  *
  * @typedef {{id: string, name: string | null, state: JobState | null}} Wait name and state: null where it was deleted

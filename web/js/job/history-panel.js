@@ -23,6 +23,8 @@ const WORDS = {
   paused: () => t("Paused"),
   resumed: () => t("Resumed"),
   lost: (name) => (name ? t("A batch did not come back from {name}; tried again", { name }) : t("A batch did not come back; tried again")),
+  late: () => t("Expected after its deadline"),
+  "in-time": () => t("Expected by its deadline again"),
   healed: () => t("Its film was damaged; what is missing is rendered again"),
   failed: (words) => t("A batch failed, and is tried again. {words}", { words }),
 };

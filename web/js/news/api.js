@@ -17,6 +17,9 @@ import { t } from "../base/words.js";
  * @typedef {object} JobChange of frames as text: 10-20 or 7,9
  * @property {"running" | "paused" | "cancelled"} [state]
  * @property {string[]} [after] the jobs that it goes on waiting for
+ * @property {string | null} [deadline] an ISO time
+ * @property {number | null} [max_slots]
+ * @property {number} [priority]
  * @property {number} [spp]
  * @property {number} [more]
  * @property {string} [frames] that spp or more are for
