@@ -199,7 +199,11 @@ def run_tests(python, arguments):
     processes = min(max(os.cpu_count() or 1, 2), 4)
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
-    return subprocess.call([str(python), "-m", "pytest", "-n", str(processes), *arguments], cwd=str(ROOT), env=environment)
+    # Four thousand tests of real processes, on a machine that has other work too: one that fails is run once more, and is named
+    # at the end. To pass only then is a fault of the test or of the code (CONTRIBUTING.md); pytest by itself runs nothing twice.
+    again = ["--reruns", "1", "-rfERs"]
+    command = [str(python), "-m", "pytest", "-n", str(processes), *again, *arguments]
+    return subprocess.call(command, cwd=str(ROOT), env=environment)
 
 
 def run_peers(python, arguments):
@@ -274,12 +278,12 @@ def need_chromium():
 
 
 def need_postgresql():
-    """The migrations are tested on a server of this machine's own; Debian keeps its programs off the PATH."""
+    """Jobs and migrations are tested on a server of this machine's own too; Debian keeps its programs off the PATH."""
     if shutil.which("pg_ctl") or list(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl")):
         return
     if os.environ.get("RAYFARM_TEST_DATABASE_URL") or (may_install() and apt_install("postgresql")):
         return
-    say("No PostgreSQL is installed: migrations are tested on SQLite alone. On Debian: apt install postgresql")
+    say("No PostgreSQL is installed: jobs and migrations are tested on SQLite alone. On Debian: apt install postgresql")
 
 
 def need_typescript():

@@ -15,6 +15,18 @@ __all__ = ["BadSample", "Camera", "Environment", "Frame", "Job", "Scene", "Shot"
 T = TypeVar("T")
 
 
+class _ShowsItself:
+    """What a notebook shows as a picture that grows, where it came from a farm's client."""
+
+    def _repr_mimebundle_(self, **asked: Any) -> Any:
+        from rayfarm.library.shown import has_widgets, show
+
+        farm = getattr(self, "_farm", None)
+        if farm is None or not has_widgets():
+            return {"text/plain": repr(self)}
+        return show(self, farm=farm)._repr_mimebundle_(**asked)
+
+
 @dataclass(frozen=True)
 class Camera:
     """A camera of a scene. `view` is what `Client.submit` takes as view."""
@@ -24,7 +36,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(_ShowsItself):
     """An uploaded scene. status: preparing, ready or failed."""
 
     id: str
@@ -113,7 +125,7 @@ class Wait:
 
 
 @dataclass(frozen=True)
-class Job:
+class Job(_ShowsItself):
     """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
 
     id: str
@@ -151,6 +163,7 @@ class Job:
     late: float | None = None  # since when it is expected to miss that
     warning: str | None = None  # what somebody may want to do something about
     waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
+    taken: dict[str, Any] | None = None  # with what it began: `job` and its `spp`
 
     @property
     def is_over(self) -> bool:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.commands import backup, bench, doctor, gc, info, jobs, render, shares, submit, token, up, user, worker
+from rayfarm.commands import backup, bench, doctor, gc, info, jobs, render, shares, submit, token, up, user, watch, worker
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from renderer.errors import RayfarmError
@@ -27,12 +27,13 @@ app = typer.Typer(
     [bold]On another[/bold]        rayfarm worker --join URL                 adds its cores to the farm
     [bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
     [bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
+    [bold]To see it grow[/bold]    rayfarm watch                             in the terminal
     [bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           also while it runs
     [bold]Is it well?[/bold]       rayfarm doctor                            what is wrong here, in sentences
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, user, token, info, backup, doctor, gc, bench):
+for command in (up, worker, render, submit, jobs, shares, watch, user, token, info, backup, doctor, gc, bench):
     command.register(app)
 
 

@@ -19,7 +19,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import httpx
 
@@ -29,6 +29,9 @@ from renderer.frames import frame_text
 from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
 from worker.trust import trust
 
+if TYPE_CHECKING:
+    from websockets.sync.client import ClientConnection
+
 __all__ = ["TOKEN_VARIABLE", "Client", "ClientError"]
 
 TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
@@ -37,6 +40,7 @@ POLL_S = 0.3
 AWAY_S = 60.0
 ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
 MAX_PICTURE = 8 << 30
+MAX_MESSAGE = 64 << 20  # of a live picture: its largest tile, and all frames of a long shot
 PROBLEM = "application/problem+json"
 SAMPLES_HEADER = "X-Samples"  # every picture of a farm has it
 FRAMES_HEADER = "X-Frames"  # and every film
@@ -80,6 +84,7 @@ class Client:
             verify = trust(certificate)
         except (OSError, ValueError) as error:
             raise ClientError(f"The farm's certificate cannot be read: {error}.") from None
+        self._verify = verify
         self._http = httpx.Client(
             verify=verify,
             base_url=self.url if is_address(self.url) else "",
@@ -248,6 +253,31 @@ class Client:
             raise self._other(answer)
         return data
 
+    def socket(self, path: str) -> ClientConnection:
+        """A WebSocket of the API, as /api/jobs/{id}/live.
+
+        with farm.socket(f"/api/jobs/{job.id}/live") as live: print(live.recv())
+        """
+        from websockets.exceptions import InvalidHandshake, InvalidStatus, InvalidURI
+        from websockets.sync.client import connect
+
+        headers = {"Authorization": told} if (told := self._http.headers.get("Authorization")) else None
+        secure = self._verify if self.url.startswith("https") and not isinstance(self._verify, bool) else None
+        try:
+            return connect(
+                f"ws{self.url.removeprefix('http')}{path}",
+                additional_headers=headers,
+                ssl=secure,
+                compression=None,
+                max_size=MAX_MESSAGE,
+                open_timeout=20,
+            )
+        except InvalidStatus as error:
+            status = error.response.status_code
+            raise ClientError(f"{self.url} refuses the live picture ({status}). Is its token right?", status) from None
+        except (OSError, TimeoutError, InvalidHandshake, InvalidURI) as error:
+            raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
+
     def _poll(self, ask: Callable[[], T], timeout_s: float | None) -> Iterator[T]:
         """Answers, a moment apart, until the time is over. A service that is away is asked again for a minute."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
@@ -285,9 +315,11 @@ class Client:
         if not isinstance(data, dict):
             raise self._other(answer)
         try:
-            return read(cls, data)
+            found = read(cls, data)
         except ValueError as error:
             raise self._other(answer, error) from None
+        object.__setattr__(found, "_farm", self)  # who shows it in a notebook
+        return found
 
     def _data(self, answer: _Answer) -> Any:
         try:

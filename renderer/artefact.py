@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import io
 import os
 import re
 import sys
@@ -18,7 +19,7 @@ import zipfile
 from pathlib import Path
 from typing import IO
 
-__all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "unpack"]
+__all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "signed_anew", "unpack"]
 
 MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth of that
 _MAX_UNPACKED = 4 * MAX_BYTES
@@ -67,6 +68,11 @@ def is_signed(file: IO[bytes], key: str) -> bool:
     expected = file.read(_SIGNATURE)
     file.seek(0)
     return hmac.compare_digest(expected, _signature(file, key))
+
+
+def signed_anew(artefact: bytes, key: str) -> bytes:
+    """The same with this key's signature in place of the one that it has."""
+    return _signature(io.BytesIO(artefact), key) + artefact[_SIGNATURE:]
 
 
 def unpack(file: IO[bytes], key: str, folder: Path) -> int:

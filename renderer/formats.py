@@ -37,6 +37,7 @@ FORMATS = (
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
+    Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".dae", "other", names_files=True),
     Format(".obj", "obj", names_files=True),
     Format(".ply", "other", names_files=True),
@@ -53,14 +54,13 @@ _FROM_BLENDER = 'In Blender, open it and choose File > Export > glTF 2.0, with "
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
     ".blend": _FROM_BLENDER,
-    ".fbx": f"Export glTF (.glb) from the program it comes from. {_BY_BLENDER}",
     **dict.fromkeys(
         (".usd", ".usda", ".usdc", ".usdz"),
         "Export glTF (.glb) from the program it comes from. " + _BY_BLENDER.replace("for it", "> Universal Scene Description"),
     ),
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
     ".c4d": "In Cinema 4D, choose File > Export > glTF",
-    **dict.fromkeys((".ma", ".mb"), f"In Maya, export FBX (File > Export All). {_BY_BLENDER}"),
+    **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
     ".3ds": _BY_BLENDER.replace("for it", "> 3D Studio"),

@@ -13,6 +13,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import IO, Annotated
 
+import redis
 from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -20,13 +21,16 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.access.access import Access
+from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
+from service.keeping.reuse import Reuse
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
+from service.scheduling.workers import Roster
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.database import connect
@@ -66,6 +70,8 @@ class Farm:
         except BaseException:
             self._lock.close()
             raise
+        queue = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
+        self.redis_users = RedisUsers(queue, self.access.keys, settings.token, self.instance)
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
@@ -90,8 +96,13 @@ class Farm:
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
         self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.changed, self.rules)
-        self.desk = Desk(settings, lambda: self.engine.snapshot.roster, self.engine.prepare, self._let_go)
-        self.explaining = Explaining(settings, lambda: self.engine.snapshot.roster)
+
+        def roster() -> Roster:
+            return self.engine.snapshot.roster
+
+        self.reuse = Reuse(self.sessions, self.films, roster, settings.data, settings.min_free_bytes)
+        self.desk = Desk(settings, roster, self.engine.prepare, self._let_go)
+        self.explaining = Explaining(settings, roster)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Clean up after an earlier life and begin."""
@@ -102,6 +113,7 @@ class Farm:
         except FarmError as error:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
+        self.redis_users.start()
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
@@ -110,6 +122,7 @@ class Farm:
     def stop(self) -> None:
         """End in order."""
         self.broadcast.close()
+        self.redis_users.stop()
         self.outbox.stop()
         self.patrol.stop()
         self.retention.stop()

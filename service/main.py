@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import logging
 import signal
 import socket
 from collections.abc import AsyncIterator
@@ -26,6 +27,7 @@ from service.pages import Pages, WebPages
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
 from service.watching.memory import keep_one_heap
+from worker.log_lines import as_json, by_json
 
 __all__ = ["create_app"]
 
@@ -35,6 +37,8 @@ DOCS = Path(__file__).parent / "docs_page"
 def create_app(settings: Settings | None = None) -> FastAPI:
     """The service as an ASGI application; settings come from the environment where none are given."""
     settings = settings or Settings()
+    if by_json():
+        as_json("service")
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -47,7 +51,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         farm.start(asyncio.get_running_loop())
         if settings.print_link and farm.access.needs_login:
             where = f"http://{socket.gethostname()}:{settings.port}"
-            print(f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}")
+            said = f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}"
+            logging.getLogger("service").warning(said) if by_json() else print(said)
         gc.freeze()  # modules and routes: each full collection looked through them for 100 ms, while every request waited
         with _streams_end_with_the_server(farm.broadcast):
             try:

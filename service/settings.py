@@ -60,6 +60,8 @@ class Settings(BaseSettings):
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
 
+    reuse_films: bool = True  # a job begins with what an earlier one of the same picture has rendered
+
     keep_films_days: float | None = Field(default=None, ge=0)  # of jobs that are over and not pinned; empty: for ever
     keep_films_bytes: int | None = Field(default=None, ge=0)  # of disk, for all films together: the oldest go; empty: no limit
     keep_compiled_days: float | None = Field(default=None, ge=0)  # of scenes that nobody used since; they are made again

@@ -21,7 +21,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
 # there is one farm, which nobody else disturbs.
-SHARE_THE_FARM = ("tests/e2e/", "tests/chaos/test_kernels.py", "tests/rayfarm/test_with_farm.py")
+SHARE_THE_FARM = (
+    "tests/e2e/",
+    "tests/chaos/test_kernels.py",
+    "tests/rayfarm/test_with_farm.py",
+    "tests/rayfarm/library/test_on_farm.py",
+)
 # Begun first, in this order: what needs no kernel while they are compiled, then what takes longest.
 FIRST = (
     "tests/test_static.py",

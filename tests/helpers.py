@@ -108,7 +108,8 @@ def start_farm(data: Path, workers: int, until: bytes = b"Ready", **environment:
 
 
 def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:
-    """A farm by a command of one's own, which keeps its data in `data`."""
+    """A farm by a command of one's own, which keeps its data in `data`. It renders whatever it is asked for, also again."""
+    environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:
         process = subprocess.Popen(

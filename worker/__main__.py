@@ -30,6 +30,7 @@ from worker.errors import RefusedError, WorkerError
 from worker.files import memory_budget
 from worker.joining import Joining
 from worker.link import Link, check_redis_url
+from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.ready import get_ready
 from worker.status import SlotBoard
 
@@ -39,16 +40,21 @@ EXIT_REFUSED = 3
 def main() -> int:
     """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
     options = _options()
+    if options.log_format:
+        os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
     try:
         return _work(options)
     except WorkerError as error:
-        print(f"rayfarm worker: {error}", file=sys.stderr)
+        if by_json():
+            logging.getLogger("worker").error("%s", error)
+        else:
+            print(f"rayfarm worker: {error}", file=sys.stderr)
         return EXIT_REFUSED
 
 
 def _work(options: argparse.Namespace) -> int:
+    tail, lines = logs.set_up()
     _check(options)
-    tail = logs.set_up()
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -83,6 +89,8 @@ def _work(options: argparse.Namespace) -> int:
         started=started,
         tail=tail,
     )
+    if lines is not None:
+        lines.always["worker"] = joined.name
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
 
@@ -98,6 +106,9 @@ def _options() -> argparse.Namespace:
         help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL",
     )
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
+    parser.add_argument(
+        "--log-format", choices=FORMATS, help=f"json: each line of the log an object, for programs; ${FORMAT_VARIABLE}"
+    )
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
     return parser.parse_args()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import warnings
 from typing import Any
@@ -13,6 +14,7 @@ from worker import context, tasks
 from worker.broker import celery_config
 from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
+from worker.log_lines import by_json
 from worker.process import die_with_parent
 from worker.turns import STRATEGY
 
@@ -47,6 +49,8 @@ def run(worker: context.WorkerContext) -> int:
     # Celery warns root because of pickle; only JSON is accepted here.
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
+    if by_json():
+        signals.setup_logging.connect(_keep_log)
     signals.worker_process_init.connect(_child_starts)
     signals.worker_process_shutdown.connect(_child_ends)
     signals.worker_shutting_down.connect(_shutting_down)
@@ -65,6 +69,12 @@ def run(worker: context.WorkerContext) -> int:
     celery.start()
     Reporter(worker.redis_url).leave(worker.name)
     return int(celery.exitcode or 0)
+
+
+def _keep_log(**_: Any) -> None:
+    """Celery would give some of its loggers handlers of their own, which write text. What matters of theirs are warnings."""
+    for name in ("celery", "kombu", "amqp"):
+        logging.getLogger(name).setLevel(logging.WARNING)
 
 
 def _child_starts(**_: Any) -> None:

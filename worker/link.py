@@ -207,6 +207,8 @@ class Link:
             return
         status, request = response.status_code, response.request
         is_service = response.headers.get("Content-Type", "").startswith(PROBLEM)
+        if status == 403 and is_service and request.url.path.startswith("/api/farm/kernels/"):
+            raise RefusedError(self._detail(response) or f"{self.service} takes no kernels of this worker")
         if status in (401, 403):
             raise TokenError(
                 f"{self.service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm."

@@ -1,4 +1,7 @@
-"""A worker's log: lines on standard error. What Redis or the network do is a line too, and no page of the libraries' insides."""
+"""A worker's log: lines on standard error, or objects (worker/log_lines.py).
+
+What Redis or the network do is a line too, and no page of the libraries' insides.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +10,30 @@ import sys
 
 import redis
 
+from worker.log_lines import JsonLines, as_json, by_json, level
 from worker.log_tail import LogTail
 
 __all__ = ["set_up"]
 
+TEXT = "%(asctime)s %(levelname)s %(message)s"
 
-def set_up() -> LogTail:
-    """Log to standard error, from here on and in every slot; returns the end of the log."""
-    handler = logging.StreamHandler(sys.stderr)
+
+def set_up() -> tuple[LogTail, JsonLines | None]:
+    """Log to standard error, from here on and in every slot; returns the end of the log, and what formats objects."""
     tail = LogTail()
-    for each in (handler, tail):
+    tail.setFormatter(logging.Formatter(TEXT))
+    lines = as_json("worker") if by_json() else None
+    root = logging.getLogger()
+    if lines is None:
+        handler = logging.StreamHandler(sys.stderr)
+        handler.setFormatter(logging.Formatter(TEXT))
+        root.addHandler(handler)
+        root.setLevel(level())
+        logging.getLogger("httpx").setLevel(logging.WARNING)
+    root.addHandler(tail)
+    for each in root.handlers:
         each.addFilter(_in_a_line)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", handlers=[handler, tail])
-    logging.getLogger("httpx").setLevel(logging.WARNING)
-    return tail
+    return tail, lines
 
 
 def _in_a_line(record: logging.LogRecord) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -34,10 +35,12 @@ from worker.errors import RefusedError, Trouble, WorkError
 from worker.explain import explain_pixel, say
 from worker.explained import EXPLAIN, ExplainPixel
 from worker.frames import prepare_frames
+from worker.log_lines import about, ids
 from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood, render
 from worker.scenes import discard_damaged
+from worker.told import named, told_about
 from worker.vectors import frame_vectors, vectors_failure
 from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from worker.viewport import Answering, prepare_view_frame, render_view
@@ -52,16 +55,20 @@ log = logging.getLogger(__name__)
 
 def register(app: Celery) -> None:
     """Give the application its tasks."""
-    app.task(_prepare, name=PREPARE, bind=True)
-    app.task(_prepare_frames, name=PREPARE_FRAMES, bind=True)
-    app.task(_render_batch, name=RENDER_BATCH, bind=True)
-    app.task(_render_batches, name=RENDER_BATCHES, bind=True)
-    app.task(_denoise, name=DENOISE, bind=True)
-    app.task(_vectors, name=VECTORS, bind=True)
-    app.task(_render_view, name=RENDER_VIEW, bind=True)
-    app.task(_view_frame, name=VIEW_FRAME, bind=True)
-    app.task(_environment, name=ENVIRONMENT, bind=True)
-    app.task(_explain, name=EXPLAIN, bind=True)
+    tasks: dict[str, Callable[[Any, Any], None]] = {
+        PREPARE: _prepare,
+        PREPARE_FRAMES: _prepare_frames,
+        RENDER_BATCH: _render_batch,
+        RENDER_BATCHES: _render_batches,
+        DENOISE: _denoise,
+        VECTORS: _vectors,
+        RENDER_VIEW: _render_view,
+        VIEW_FRAME: _view_frame,
+        ENVIRONMENT: _environment,
+        EXPLAIN: _explain,
+    }
+    for name, task in tasks.items():
+        app.task(told_about(task), name=name, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -72,7 +79,8 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
     """Render batches in turn, and send the sums of each as soon as they are there."""
     for batch in batches:
-        _render(task, context.current(), batch)
+        with about(**named(batch)):
+            _render(task, context.current(), batch)
 
 
 def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> None:
@@ -94,6 +102,9 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
                 discard_damaged(worker.cache, work.compiled)
         result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
         worker.results.send(result)
+        if log.isEnabledFor(logging.DEBUG):
+            about_it = ids(**{name: result.event.get(name) for name in ("first", "count", "seconds", "error")})
+            log.debug("%s", result.event["type"], extra=about_it)
         _survived(task, worker, work.batch)
         speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
         worker.board.write(_slot(), {}, speed if result.sums is not None else 0.0)

@@ -73,6 +73,9 @@ def submit(
     max_slots: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
     ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
+    ] = False,
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
 
@@ -135,8 +138,14 @@ def submit(
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
         queue = {"after": after, "max_slots": max_slots, "deadline": wanted}
         asked |= {name: value for name, value in queue.items() if value}
+        if fresh:
+            asked["fresh"] = True
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
+        if job.taken is not None:
+            of = f" of {job.spp}" if job.spp and job.noise is None else ""
+            sentence = f"Taken from job {job.taken['job']}: {job.taken['spp']:g}{of} samples. --fresh renders it anew"
+            err.print(sentence, markup=False, soft_wrap=True)
         if wait:
             _wait(farm, job.id, output, aov, denoise, shot)
         else:

@@ -9,8 +9,8 @@ import typer
 from rich.table import Table
 
 from rayfarm import options
-from rayfarm.console import err, out
-from rayfarm.login import farm_client
+from rayfarm.console import PROGRAM, err, out
+from rayfarm.login import farm_client, public_url, server_url
 
 __all__ = ["register"]
 
@@ -42,6 +42,9 @@ def make(
         made = farm.call("POST", "/api/tokens", name=name, role=role, days=days or None)
     err.print(f"Token {made['id']} for {name!r}; it is shown this once:", markup=False)
     print(made["secret"])
+    if role == "worker":
+        where = public_url(server_url(server))
+        err.print(f"On that machine: RAYFARM_TOKEN=... {PROGRAM} worker --join {where}", markup=False, soft_wrap=True)
 
 
 @tokens.command("list")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rayfarm import options
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores, has_screen
@@ -56,6 +57,7 @@ def up(
         typer.Option(dir_okay=False, exists=True, help="Speak HTTPS: the certificate and those that sign it, as PEM."),
     ] = None,
     tls_key: Annotated[Path | None, typer.Option(dir_okay=False, exists=True, help="The certificate's key, as PEM.")] = None,
+    log_format: options.LogFormat = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
     """Start the farm on this machine: a Redis of its own, the service, one worker slot per core, and the page.
@@ -73,6 +75,7 @@ def up(
     from rayfarm.local.state import locked
     from service.places import default_data_folder
 
+    options.use_log_format(log_format)
     os.umask(0o077)  # what a farm keeps is its user's alone
     tls = _tls(tls_cert, tls_key)
     signals = StopSignals()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import sys
 import time
@@ -10,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from rayfarm import options
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores
@@ -34,6 +37,7 @@ def worker(
     ] = None,
     slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; one per core unless told.")] = None,
     name: Annotated[str | None, typer.Option(help="What the farm calls this machine; its host name unless told.")] = None,
+    log_format: options.LogFormat = None,
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
 
@@ -49,6 +53,7 @@ def worker(
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
     from renderer.places import cache_home
 
+    options.use_log_format(log_format)
     if "://" not in join:
         join = f"http://{join}"
     if not is_address(join):
@@ -83,12 +88,19 @@ def worker(
         while not signals.stop():
             shown = _follow(log, shown)
             if supervisor.tend() is not None:
-                raise CommandError(part.last_words(1).removeprefix("rayfarm worker: "))
+                raise CommandError(_sentence(part.last_words(1)))
             time.sleep(0.2)
     finally:
         supervisor.stop(signals.hurry)
         _follow(log, shown)
         log.unlink(missing_ok=True)
+
+
+def _sentence(line: str) -> str:
+    """What a worker's last line says."""
+    with contextlib.suppress(ValueError, TypeError, KeyError):
+        return str(json.loads(line)["message"])
+    return line.removeprefix("rayfarm worker: ")
 
 
 def _follow(log: Path, shown: int) -> int:

@@ -16,7 +16,18 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
 from service.api.queue_fields import WaitOut, waits_of, waits_sentence, warning_of
-from service.api.schemas import BadSampleOut, FrameOut, FrameState, JobOut, MeasuredOut, SceneOut, SceneStatus, ShotOut, WorkerOut
+from service.api.schemas import (
+    BadSampleOut,
+    FrameOut,
+    FrameState,
+    JobOut,
+    MeasuredOut,
+    SceneOut,
+    SceneStatus,
+    ShotOut,
+    TakenOut,
+    WorkerOut,
+)
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
@@ -170,6 +181,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
         environment=_light_of(job),
         variant=job.request.get("variant"),
         pinned=bool(job.pinned),
+        taken=TakenOut(**job.taken) if job.taken else None,
         frames=frames,
         shot=about,
     )

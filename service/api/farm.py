@@ -1,4 +1,4 @@
-"""/api/farm: what workers need of the service. They show the farm's token."""
+"""/api/farm: what workers need of the service. They show the farm's token, or one of their own."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.describe import UNREADABLE
 from service.api.lookup import find_job
+from service.api.visit import VisitDependency
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
 from service.intake.uploads import gathered
@@ -33,10 +34,16 @@ router = APIRouter(prefix="/api/farm", tags=["farm"])
 
 
 @router.get("/join")
-def join(farm: FarmDependency) -> dict[str, str]:
-    """Where the queue is, and how a worker on this machine recognises the service's own files."""
+def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
+    """Where the queue is, and how a worker on this machine recognises the service's own files.
+
+    A worker with a token of its own gets a password of its own, too.
+    """
     data = str(farm.settings.data) if farm.blobs.is_local else ""
-    return {"redis_url": farm.settings.worker_redis_url, "instance": farm.instance, "data_dir": data}
+    redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
+    if key is not None:
+        redis_url = farm.redis_users.address_for(key, redis_url)
+    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data}
 
 
 @router.get("/scenes/{id}/manifest")

@@ -20,7 +20,7 @@ from service.api.hosts import LOOPBACK_NAMES, name_of
 from service.api.needs import Need, need_of
 from service.api.problem import Problem
 from service.api.security import SAFE_METHODS, refuse
-from service.api.visit import VISIT, Visit, address_of
+from service.api.visit import VISIT, Visit, address_of, shown_secret
 from service.errors import FarmError, Unavailable
 
 __all__ = ["LOG_IN", "Gate", "cookie_name"]
@@ -33,7 +33,7 @@ OWNERS = (
     "This says who else is let in, so it wants to know who asks: show the token that lies in owner-token in the data folder "
     "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so."
 )
-WORKERS = "Workers show the farm's token: Authorization: Bearer TOKEN. `rayfarm up` prints it."
+WORKERS = "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it."
 ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
 FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip")  # whoever sends these is a proxy, and others are behind it
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
@@ -96,9 +96,8 @@ def _path(scope: Scope) -> str:
 
 def _shown(headers: Headers, cookie: str) -> str:
     """The secret that a request shows; a token counts before a cookie."""
-    scheme, _, token = headers.get("authorization", "").partition(" ")
-    if scheme.lower() == "bearer" and token.strip():
-        return token.strip()
+    if token := shown_secret(headers):
+        return token
     return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
 
 

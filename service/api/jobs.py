@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import time
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -75,7 +77,7 @@ def create_job(
     request: JobIn, farm: FarmDependency, visit: VisitDependency, response: Response, idempotency_key: Key = None
 ) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
-    asked = request.model_dump(mode="json")
+    asked = request.model_dump(mode="json", exclude=None if request.fresh else {"fresh"})
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
         return _repeat(earlier, asked, farm, response)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
@@ -102,13 +104,13 @@ def create_job(
         deadline=None if request.deadline is None else deadline_of(request.deadline),
     )
     try:
-        with farm.lighting.held(rendered), farm.sessions.begin() as session:
+        with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
-            session.add_all(Frame(job=job.id, number=key) for key in _keys(request))
+            session.add_all(Frame(job=job.id, number=key, samples=samples) for key in _keys(request))
             session.flush()
             answer = job_out(job, session, farm.engine)
     except IntegrityError:
@@ -252,6 +254,23 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
     if not delete_many([id], farm):
         raise no_job(id)
+
+
+@contextmanager
+def _begun(job: Job, is_fresh: bool, farm: Farm) -> Iterator[int]:
+    """A job begins with what an earlier one of the same picture has: so many samples, all pixels together; unless that fails
+    which is done with it."""
+    samples = 0
+    if not is_fresh and farm.settings.reuse_films and job.shot is None:
+        with farm.sessions() as session:
+            _check(job, session.get(Scene, job.scene), farm)
+        samples = farm.reuse.begin(job)
+    try:
+        yield samples
+    except BaseException:
+        if samples:
+            farm.films.delete(job.id)
+        raise
 
 
 def _keys(request: JobIn) -> list[int]:

@@ -31,6 +31,7 @@ __all__ = [
     "SceneStatus",
     "ShotOut",
     "SkyIn",
+    "TakenOut",
     "ViewModel",
     "WorkerOut",
     "WorkerPatch",
@@ -133,6 +134,7 @@ class JobIn(QueueIn):
         max_length=200,
         description="of the scene's materials, by name or number; empty: the file's own",
     )
+    fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
 
     @field_validator("camera", mode="before")
     @classmethod
@@ -307,6 +309,13 @@ class ShotOut(BaseModel):
     forecast: float | None = Field(description="the greatest that it is expected to end with")
 
 
+class TakenOut(BaseModel):
+    """What a job began with: the film of an earlier one of the same picture."""
+
+    job: str = Field(description="from which it was taken; it may be deleted by now")
+    spp: float = Field(description="samples that it had, of a pixel on the average")
+
+
 class JobOut(QueueOut):
     """A job and how far it is."""
 
@@ -339,6 +348,7 @@ class JobOut(QueueOut):
     environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
     variant: str | None = Field(description="as it was asked for")
     pinned: bool = Field(description="kept, whatever its age")
+    taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
     frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
     shot: ShotOut | None = Field(description="null: a still")
 

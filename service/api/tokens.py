@@ -97,6 +97,7 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
     is_admin = caller.role >= Role.ADMIN
     if is_admin and any(row.id == id for row in farm.access.keys.listed("worker")):
         farm.access.keys.withdraw("worker", id)
+        farm.redis_users.look_now()
     else:
         farm.access.keys.withdraw("token", id, None if is_admin else caller.name)
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import Depends
+from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 
 from service.access.roles import Caller
 
-__all__ = ["VISIT", "Visit", "VisitDependency", "address_of"]
+__all__ = ["VISIT", "Visit", "VisitDependency", "address_of", "shown_secret"]
 
 VISIT = "rayfarm.visit"  # in the scope
 
@@ -27,6 +28,12 @@ class Visit:
 def address_of(connection: HTTPConnection) -> str:
     """The address that a request came from."""
     return connection.client.host if connection.client else ""
+
+
+def shown_secret(headers: Headers) -> str:
+    """The token that a request shows; empty where it shows none."""
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    return token.strip() if scheme.lower() == "bearer" else ""
 
 
 async def get_visit(connection: HTTPConnection) -> Visit:

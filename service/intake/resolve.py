@@ -9,6 +9,7 @@ from renderer.cameras import camera_number
 from renderer.errors import SettingsError
 from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
+from service.intake.picture import picture_of
 from service.shot import Shot
 from service.store.models import Job, Scene
 
@@ -30,7 +31,7 @@ def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     """Fill in the job's settings, sample count and tile size. Raises SettingsError where the scene cannot give them.
 
-    A still with an open shutter becomes a shot of one frame.
+    A still with an open shutter becomes a shot of one frame. What else has the same picture, its row says from now on.
     """
     request = job.request
     info = scene.info or {}
@@ -44,6 +45,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
     job.settings = settings.to_json()
+    job.picture = picture_of(job)
 
 
 def frame_settings(

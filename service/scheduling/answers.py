@@ -49,6 +49,7 @@ from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
 from service.scheduling.vectors import Vectors
+from worker.log_lines import ids
 
 __all__ = ["Answers", "TellTiles"]
 
@@ -245,7 +246,7 @@ class Answers:
                 self._lifecycle.frame_answered(message)
             case FramesReturned():
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
-                    log.info("job %s: %s", job.id, message.error)
+                    log.info("job %s: %s", job.id, message.error, extra=ids(job=job.id, worker=message.worker))
                     job.history.log.say(message.error)
                     self._moments.returned(job, message.work)
                     self._tell("job", job.id)

@@ -24,6 +24,7 @@ from sqlalchemy import exc
 from renderer.errors import SettingsError
 from service.errors import FarmError, FilmWaits, NoRoom, Unavailable
 from service.scheduling.dispatch import QueueError
+from worker.log_lines import about, ids
 
 __all__ = ["Bulkheads", "Step", "Verdict"]
 
@@ -92,7 +93,8 @@ class Bulkheads:
     def _attempt(self, id: str, step: Step, action: Callable[[], object], needs_database: bool) -> bool:
         began = time.monotonic()
         try:
-            action()
+            with about(owner=id):
+                action()
         except (redis.RedisError, QueueError):
             raise
         except FilmWaits as error:
@@ -145,7 +147,7 @@ class Bulkheads:
         sentence = f"Waits: {why[:1].lower()}{why[1:]}"
         waits = self._waits.setdefault(id, {})
         if step not in waits:
-            log.warning("%s: %s (%s)", id, sentence, step)
+            log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))
         now = time.monotonic()
         waits[step] = _Wait(sentence, now + min(max(RETRY_S, SHARE_OF_A_FAULT * (now - began)), RETRY_AT_MOST_S))
 
@@ -155,7 +157,7 @@ class Bulkheads:
             self.database_fault = None
         waits = self._waits.get(id)
         if waits is not None and waits.pop(step, None) is not None:
-            log.warning("%s goes on (%s)", id, step)
+            log.warning("%s goes on (%s)", id, step, extra=ids(owner=id))
             if not waits:
                 del self._waits[id]
 
@@ -165,7 +167,7 @@ class Bulkheads:
         elif isinstance(error, SettingsError):
             sentence = f"This job cannot go on: {error}. Make a new one."
         else:
-            log.error("%s cannot go on (%s)", id, step, exc_info=error)
+            log.error("%s cannot go on (%s)", id, step, exc_info=error, extra=ids(owner=id))
             sentence = (
                 f"This job met a fault of the service ({type(error).__name__}: {error}), whose log says more. "
                 "Setting it to running tries again."

@@ -51,6 +51,8 @@ __all__ = ["Engine"]
 BLOCK_MS = 200
 READ_BYTES = 1 << 20  # at a time, of results of some megabytes
 PAUSE_AFTER_FAULT_S = 0.5
+SERVICE_KEY = "rayfarm:service"  # when the service last wrote into Redis, in seconds since 1970
+SERVICE_KEY_TTL_S = 10
 
 log = logging.getLogger(__name__)
 
@@ -114,6 +116,7 @@ class Engine:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self._fault: str | None = self._board.latest.fault
+        self._refused: str | None = None  # why Redis takes nothing down
 
     def start(self) -> None:
         """Begin: what the database says is unfinished is taken up."""
@@ -182,7 +185,7 @@ class Engine:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self._fault = self._fault_of(self._step)
+            self._fault = self._fault_of(self._step) or self._refused
             if self._fault_of(self._publish) or self._fault:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
@@ -262,6 +265,7 @@ class Engine:
         self._scheduler.shares.terms = self._records.shares()
 
     def _each_second(self) -> None:
+        self._refused = self._fault_of(self._write)
         self.logs.flush()
         self._answers.review()
         self._denoising.review()
@@ -280,6 +284,10 @@ class Engine:
             if job.state == "running" or job.done:
                 self._lifecycle.record(job)
                 self._board.change("job", job.id)
+
+    def _write(self) -> None:
+        """A full or read-only Redis is noticed before there is something to hand out. Raises redis.RedisError."""
+        self._redis.set(SERVICE_KEY, time.time(), ex=SERVICE_KEY_TTL_S)
 
     def _shots(self) -> list[tuple[ActiveJob, str | None]]:
         """The shots that are being rendered, in turn, and for which kind of workers."""

@@ -15,6 +15,7 @@ MOST_EVENTS = 100  # of the latest; the first stays
 STEP = 1.04  # a point follows when so many times the samples are in
 SENTENCES = {
     "begun": "rendering begins on workers of {}",
+    "taken": "begins with what job {} has rendered",
     "picture": "every tile has a sample",
     "worker": "{} renders it",
     "left": "{} has left",
@@ -54,10 +55,11 @@ class History:
         """For the row."""
         return {"points": self.points, "events": self.events}
 
-    def measured(self, seconds: float, samples: int, noise: float | None) -> None:
-        """So far it is now: noted where that is a step further."""
+    def measured(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
+        """So far it is now: noted where that is a step further, and at the end where it is further at all."""
         last = self.points[-1] if self.points else None
-        if samples <= 0 or (last is not None and samples < STEP * (last[1] or 0)):
+        has = (last[1] or 0) if last is not None else 0
+        if samples <= has or (samples < STEP * has and not is_end):
             return
         if len(self.points) >= MOST_POINTS:
             del self.points[1::2]  # what is early is seen well enough: the axes are logarithmic

@@ -6,12 +6,14 @@ Batches that were handed out and came back are counted where they pass, which co
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import time
 from datetime import UTC, datetime
 from pathlib import Path
 
 from service.store.whole import PRIVATE, PRIVATE_FOLDER, write_whole
+from worker.log_lines import ids
 
 __all__ = ["KEPT", "JobLog", "JobLogs"]
 
@@ -20,6 +22,8 @@ LARGEST = 2 * KEPT  # bytes of a file; then all but the last of it is dropped
 LONGEST = 1000  # characters of a line
 MOST_LINES = 2000  # that wait for a disk which takes none; the oldest go
 FLUSH_EVERY_S = 1.0
+
+_service_log = logging.getLogger(__name__)
 
 
 class JobLog:
@@ -90,6 +94,9 @@ class JobLogs:
         for job, log in list(self._logs.items()):
             text = log.take()
             if text:
+                if _service_log.isEnabledFor(logging.INFO):
+                    for line in text.splitlines():
+                        _service_log.info("%s", line.partition(" ")[2], extra=ids(job=job))
                 with contextlib.suppress(OSError):
                     self._append(self._path(job), text.encode(errors="replace"))
 

@@ -199,7 +199,7 @@ class Lifecycle:
         job.history.left(self._scheduler.connected())
         if job.shot is None:
             next(iter(job.frames.values())).renew_noise()
-        job.history.measured(job.active_s, job.samples, job.noise_now)
+        job.history.measured(job.active_s, job.samples, job.noise_now, is_over)
         gone = job.release()
         self._records.progress(job)
         if gone:

@@ -30,6 +30,7 @@ from service.scheduling.together import together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
 from worker.contract import render_queue
+from worker.log_lines import ids
 
 __all__ = ["Scheduler"]
 
@@ -200,7 +201,7 @@ class Scheduler:
         if self.leases.end(lease) is None:
             return
         if job.handed_back != why:
-            log.info("job %s: %s", job.id, why)
+            log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
             job.history.log.say(f"{_named(batch)} is handed out again: {why}")
         job.handed_back = why
         job.lose(batch)
@@ -220,7 +221,7 @@ class Scheduler:
                 taken = self._dispatcher.take_back(render_queue(kind), {lease.message for lease in mine})
                 mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
             except redis.RedisError as error:
-                log.warning("batches of job %s stay in the queue: %s", job.id, error)
+                log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
         for lease in mine:
             self.leases.end(lease.id)
             if lease.batch is not None:
@@ -255,7 +256,7 @@ class Scheduler:
         others = self._others(worker)
         failures = self.suspicion.of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
-            log.warning("%s is set aside after %d failures", worker, failures)
+            log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
             why = (
                 f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
             )
@@ -274,7 +275,8 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.losses += blame
         job.history.happened("lost", lease.holder or "")
-        log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch)
+        known = ids(job=job.id, batch=lease.id, worker=lease.holder)
+        log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch, extra=known)
         job.history.log.say(f"that was {_named(batch)}, lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:

@@ -14,7 +14,7 @@ from service.store.film_faults import damaged, film_faults
 from service.store.film_file import ROWS
 from service.store.film_version import FilmShape, Row, is_up_to_date, is_whole
 
-__all__ = ["film_samples", "rows_left"]
+__all__ = ["film_samples", "opened", "rows_left"]
 
 PATIENCE_S = 5.0
 
@@ -26,7 +26,7 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
     """
     tiles = tiles_of(shape.width, shape.height, shape.tile_size)
     found: Counter[int] = Counter()
-    with film_faults(), closing(_opened(path)) as database:
+    with film_faults(), closing(opened(path)) as database:
         rows = ROWS if is_up_to_date(database, shape) else ROWS.replace("checksum", "NULL")
         for *row, known in database.execute(rows):
             frame, tile, first, count = row[:4]
@@ -39,7 +39,7 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
 def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
     """The rows of a damaged film that can still be read and are what was written; none where that cannot be made out."""
     try:
-        with closing(_opened(path)) as database:
+        with closing(opened(path)) as database:
             if not is_up_to_date(database, shape):
                 return
             (last,) = database.execute("SELECT coalesce(max(rowid), 0) FROM part").fetchone()
@@ -54,5 +54,6 @@ def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
         return
 
 
-def _opened(path: Path) -> sqlite3.Connection:
+def opened(path: Path) -> sqlite3.Connection:
+    """A connection of one's own to a film that is there."""
     return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=PATIENCE_S)

@@ -14,6 +14,7 @@ from weakref import WeakValueDictionary
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmLost
 from service.store.film_check import film_samples, rows_left
+from service.store.film_copy import copy_film
 from service.store.film_faults import film_faults
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_version import FilmShape
@@ -55,6 +56,11 @@ class FilmStore(Protocol):
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
+
+    def copy(self, job: str, other: str, settings: RenderSettings, tile_size: int, most: int) -> int:
+        """Make a job's film of what another's has of frame 0; returns its samples, all pixels together.
+
+        Raises FilmLost where that has samples from number `most` on, or is damaged, and FilmWaits; then nothing was made."""
 
     def size(self, job: str) -> int:
         """The bytes of disk that a job's film takes; 0 where it has none."""
@@ -142,6 +148,12 @@ class FilmFolder:
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """See FilmStore."""
         return film_samples(self._path(job), self._shape(settings, tile_size))
+
+    def copy(self, job: str, other: str, settings: RenderSettings, tile_size: int, most: int) -> int:
+        """See FilmStore."""
+        self.open(other, settings, tile_size)  # which brings one of an older release up to date
+        with film_faults():
+            return copy_film(self._path(other), self._path(job), self._shape(settings, tile_size), most)
 
     def size(self, job: str) -> int:
         """See FilmStore."""

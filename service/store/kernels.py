@@ -8,8 +8,8 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from renderer.artefact import is_name, is_signed
-from service.errors import Invalid
+from renderer.artefact import is_name, is_signed, signed_anew
+from service.errors import Invalid, NotFound
 from service.store.whole import PRIVATE_FOLDER, write_whole
 
 __all__ = ["KernelStore"]
@@ -31,6 +31,14 @@ class KernelStore:
         """The file of this name, where there is one."""
         path = self._folder / name
         return path if is_name(name) and path.is_file() else None
+
+    def signed_for(self, name: str, key: str) -> bytes:
+        """The artefact of this name, signed with another key. Raises NotFound where there is none that is whole."""
+        path = self.find(name)
+        data = b"" if path is None else path.read_bytes()
+        if not is_signed(io.BytesIO(data), self._token):
+            raise NotFound("The farm has no whole kernels of this name; compile them.")
+        return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
         """Keep an artefact, whole or not at all. Raises Invalid where its name or its signature is not right."""

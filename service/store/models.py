@@ -90,6 +90,7 @@ class Job(Base):
         Index("jobs_listed", "created", "id", "state", "scene", "name"),
         Index("jobs_by_state", "state", "created", "id", "scene", "name"),
         Index("jobs_ended", "finished", "id"),
+        Index("jobs_by_picture", "picture", "created"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -125,6 +126,10 @@ class Job(Base):
     deadline: Mapped[float | None] = mapped_column(Float)  # by when it is wanted
     late: Mapped[float | None] = mapped_column(Float)  # since when it is expected to miss that; None: it is not
     needs: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # of a worker: service/scheduling/needs.py
+    picture: Mapped[str | None] = mapped_column(
+        String(64)
+    )  # equal for jobs of which one's samples are the other's: intake/picture.py
+    taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
 
     @property
     def stage(self) -> str:

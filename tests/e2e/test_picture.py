@@ -153,6 +153,14 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
     light = rgbe9995.unpack(rgbe9995.pack(film))
     luminance = light @ np.array([0.2126, 0.7152, 0.0722], np.float32)
 
+    # What the cursor stands on is told without moving the picture under it.
+    stage = page.locator("canvas.film")
+    box = stage.bounding_box()
+    page.mouse.move(*at(page, 100.5, 64.5))
+    expect(page.get_by_role("status", name="Pixel under the cursor").first).to_contain_text("100, 64")
+    assert stage.bounding_box() == box
+    page.mouse.move(5, 5)
+
     # Pinned: exact, on the page and in its address; a second click lets it go. They would be in the screen's pixels.
     pins = page.get_by_label("Pinned pixels")
     for x, y in ((3, 4), (100, 64)):

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tests.service.conftest import redis_server, service
+from tests.service.conftest import redis_server, service, worker
 
-__all__ = ["redis_server", "service"]
+__all__ = ["redis_server", "service", "worker"]

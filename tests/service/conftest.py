@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,20 @@ from service.settings import Settings
 from service.store.models import Base
 from tests.helpers import running_redis
 from tests.service.peer_worker import PeerWorker
+from tests.service.store.postgres import PostgresServer, find_postgres
 
 TOKEN = "the farm's token"
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+DATABASES = ("sqlite", "postgresql")
+# The files, here, whose tests with a service are run on either database.
+ON_BOTH = (
+    "scheduling/test_jobs.py",
+    "scheduling/test_shots.py",
+    "scheduling/test_history.py",
+    "scheduling/test_database_faults.py",
+    "keeping/test_retention.py",
+    "store/test_garbage.py",
+)
 
 
 class Service:
@@ -32,7 +44,8 @@ class Service:
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
         _empty(redis_server)
-        self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, "batch_deadline": 2.0, **settings}
+        own = {"batch_deadline": 2.0, "reuse_films": False}  # a test that asks for a picture wants to see it rendered
+        self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, **own, **settings}
         self.start()
 
     def start(self) -> None:
@@ -119,15 +132,72 @@ def _empty(server: running_redis) -> None:
         client.flushall()
 
 
+class Databases:
+    """Where the tests of this process get their databases from: by name, `sqlite` or `postgresql`."""
+
+    def __init__(self) -> None:
+        self.given = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # one that may be emptied: then all tests have that
+        self._server: PostgresServer | None = None
+
+    def server(self) -> PostgresServer:
+        """The PostgreSQL of this process, started when it is first asked for."""
+        if self._server is None:
+            binaries = find_postgres()
+            if binaries is None:
+                pytest.skip("PostgreSQL is not installed: this is tested on SQLite alone. On Debian: apt install postgresql")
+            self._server = PostgresServer(binaries)
+        return self._server
+
+    @contextmanager
+    def new(self, name: str) -> Iterator[str]:
+        """The address of an empty farm's database for as long as the block lasts; '' where it is SQLite in the data folder."""
+        if self.given:
+            empty_database(self.given)
+            yield self.given
+        elif name == "sqlite":
+            yield ""
+        else:
+            server = self.server()
+            url = server.new()
+            yield url
+            server.drop(url)
+
+    def stop(self) -> None:
+        if self._server is not None:
+            self._server.stop()
+
+
+def empty_database(url: str) -> None:
+    """Remove the farm's tables."""
+    engine = create_engine(url)
+    Base.metadata.drop_all(engine)
+    with engine.begin() as connection:
+        connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
+    engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def databases() -> Iterator[Databases]:
+    found = Databases()
+    yield found
+    found.stop()
+
+
 @pytest.fixture
-def service(tmp_path: Path, redis_server: running_redis) -> Iterator[Service]:
-    database = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # a PostgreSQL that may be emptied; SQLite where not set
-    if database:
-        engine = create_engine(database)
-        Base.metadata.drop_all(engine)
-        with engine.begin() as connection:
-            connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
-        engine.dispose()
+def database(request: pytest.FixtureRequest, databases: Databases) -> Iterator[str]:
+    """A database of the test's own: SQLite, or in the files of ON_BOTH either in turn."""
+    with databases.new(getattr(request, "param", "sqlite")) as url:
+        yield url
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    where = metafunc.definition.path.relative_to(Path(__file__).parent).as_posix()
+    if "database" in metafunc.fixturenames and where in ON_BOTH and not os.environ.get("RAYFARM_TEST_DATABASE_URL"):
+        metafunc.parametrize("database", DATABASES, indirect=True)
+
+
+@pytest.fixture
+def service(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[Service]:
     service = Service(tmp_path / "data", redis_server, database_url=database)
     yield service
     service.stop()

@@ -2,6 +2,7 @@
 
 by_format.py which of them reads a file, by the table in renderer/formats.py
 gltf/       glTF 2.0, .gltf and .glb
+fbx/        FBX, by ufbx
 obj.py      Wavefront OBJ: obj_lines.py has its statements, mtl.py and mtl_maps.py its materials
 yaml/       our own scene files (docs/scene-format.md), with shapes.py for what they name and no file holds, and metals.py
 other.py    what trimesh reads: Collada, PLY, STL, OFF

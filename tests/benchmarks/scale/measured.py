@@ -91,7 +91,13 @@ class Served:
     def __enter__(self) -> Served:
         self.redis.start()
         self.store = redis.Redis.from_url(self.redis.url)
-        told = {"DATA": str(self.folder / "data"), "REDIS_URL": self.redis.url, "TOKEN": self.token, "PORT": str(self.port)}
+        told = {
+            "DATA": str(self.folder / "data"),
+            "REDIS_URL": self.redis.url,
+            "TOKEN": self.token,
+            "PORT": str(self.port),
+            "REUSE_FILMS": "false",
+        }
         environment = os.environ | {f"RAYFARM_{name}": value for name, value in told.items()} | self._more
         uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
         uvicorn += ["--port", str(self.port), "--timeout-graceful-shutdown", "2", "--ws-per-message-deflate", "false"]

@@ -15,21 +15,24 @@ from service.farm import Farm
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.many_jobs import many_jobs
-from tests.service.conftest import Service
+from tests.service.conftest import Databases, Service
 
 N = 10_000
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])
+def service(
+    tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis, databases: Databases, request: pytest.FixtureRequest
+) -> Iterator[Service]:
     data = tmp_path_factory.mktemp("many") / "data"
     data.mkdir()
-    farm = Farm(Settings(data=data, redis_url=redis_server.url, token="token"))
-    many_jobs(farm.sessions, N)
-    farm.stop()
-    service = Service(data, redis_server, film_check_days=0)  # its jobs have no films
-    yield service
-    service.stop()
+    with databases.new(request.param) as url:
+        farm = Farm(Settings(data=data, redis_url=redis_server.url, token="token", database_url=url))
+        many_jobs(farm.sessions, N)
+        farm.stop()
+        service = Service(data, redis_server, film_check_days=0, database_url=url)  # its jobs have no films
+        yield service
+        service.stop()
 
 
 @contextmanager

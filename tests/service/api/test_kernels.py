@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from renderer.artefact import pack
+from service.access.roles import OWNER, Role
 from service.store.kernels import KEPT
 from tests.service.conftest import TOKEN, Service
 
@@ -48,6 +49,19 @@ def test_what_is_not_signed_with_the_token_is_not_kept(service: Service, tmp_pat
         assert "signed" in answer.json()["detail"]
     assert service.http.get(url, headers=SHOWN).status_code == 404
     assert not list((Path(service.options["data"]) / "kernels").iterdir())
+
+
+def test_a_worker_with_a_token_of_its_own_fetches_what_others_made_and_hands_in_nothing(service: Service, tmp_path: Path) -> None:
+    url = f"/api/farm/kernels/{NAME}"
+    assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
+    own = service.farm.access.keys.make("worker", OWNER, Role.NOBODY, "attic")[0]
+    shown = {"Authorization": f"Bearer {own}"}
+    assert service.http.get(url, headers=shown).content == artefact(tmp_path, own)
+    answer = service.http.put(url, content=artefact(tmp_path, own), headers=shown)
+    assert (answer.status_code, "own token" in answer.json()["detail"]) == (403, True)
+    stored = Path(service.options["data"]) / "kernels" / NAME
+    stored.write_bytes(stored.read_bytes()[:-1] + b"x")  # somebody at the disk: that is not signed for others
+    assert service.http.get(url, headers=shown).status_code == 404
 
 
 def test_strangers_neither_fetch_nor_hand_in(service: Service, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from service.keeping.restore import restore
 from service.keeping.target import target_at
 from service.store.models import Key
 from tests.helpers import running_redis
-from tests.service.conftest import OBJ, Service, until
+from tests.service.conftest import OBJ, Databases, Service, until
 from tests.service.peer_worker import expected_digest
 from worker.contract import RenderBatch
 
@@ -37,6 +37,12 @@ def beside(data: Path, job: str) -> dict[str, bytes]:
         for path in (data / folder).rglob("[!.]*")
         if path.is_file() and job in path.relative_to(data).as_posix()
     }
+
+
+@pytest.fixture(autouse=True)
+def sqlite_alone(databases: Databases) -> None:
+    if databases.given:
+        pytest.skip("a PostgreSQL is backed up by its own tools, and RAYFARM_TEST_DATABASE_URL names one")
 
 
 @pytest.mark.parametrize("name", ["copy", "copy.tar.gz"])

@@ -16,8 +16,10 @@ import pytest
 from service.errors import FilmWaits
 from service.scheduling import bulkhead
 from service.scheduling.records import Records
+from service.store.database import connect
 from service.store.film_file import FilmFile
 from service.store.films import Film
+from service.store.models import Job
 from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
@@ -279,9 +281,12 @@ def test_settings_of_a_newer_release_end_their_job_and_the_others_go_on(service:
     worker.on_batch = slow
     newer, other = under_way(service, worker), under_way(service, worker, seed=1)
     service.stop()
-    with sqlite3.connect(service.options["data"] / "rayfarm.sqlite") as database:
-        database.execute("UPDATE jobs SET settings = json_set(settings, '$.wavelengths', 31) WHERE id = ?", (newer,))
-    database.close()
+    engine, sessions = connect(service.farm.settings.database)
+    with sessions.begin() as session:
+        row = session.get(Job, newer)
+        assert row is not None and row.settings is not None
+        row.settings = row.settings | {"wavelengths": 31}
+    engine.dispose()
     service.start()
     assert "wavelengths" in service.wait_for(newer, "failed")["error"]
     service.wait_for(other, "finished")

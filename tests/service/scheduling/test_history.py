@@ -23,6 +23,16 @@ def test_it_stays_small_and_keeps_its_ends() -> None:
     assert History.of(history.to_json()).to_json() == history.to_json()
 
 
+def test_the_end_is_a_point_though_it_is_no_step_further() -> None:
+    history = History()
+    history.measured(1.0, 1000, 0.1)
+    history.measured(1.1, 1001, 0.1)
+    assert [samples for _, samples, _ in history.points] == [1000]
+    for _ in range(2):
+        history.measured(1.1, 1001, 0.1, is_end=True)
+    assert [samples for _, samples, _ in history.points] == [1000, 1001]
+
+
 def test_workers_come_and_go_once_each() -> None:
     history = History()
     for _ in range(3):

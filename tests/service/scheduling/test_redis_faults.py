@@ -51,6 +51,19 @@ def test_a_redis_that_refuses_costs_only_time(
     until(lambda: service.http.get("/readyz").status_code == 200, "it is ready again")
 
 
+@pytest.mark.parametrize("spoil", [full, read_only])
+def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
+    service: Service, spoil: Callable[[redis.Redis, bool], None]
+) -> None:
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        spoil(store, True)
+        try:
+            until(lambda: service.http.get("/readyz").status_code == 503, "the service says so")
+        finally:
+            spoil(store, False)
+    until(lambda: service.http.get("/readyz").status_code == 200, "it is ready again")
+
+
 def test_every_call_to_redis_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: Counter[str] = Counter()
     monkeypatch.setattr(engine, "PAUSE_AFTER_FAULT_S", 0.05)

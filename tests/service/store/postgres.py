@@ -1,4 +1,4 @@
-"""A PostgreSQL server of this machine, for the length of a test."""
+"""A PostgreSQL server of this machine's own, for the length of a process of tests, and databases on it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,21 @@ import pwd
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 
-from rayfarm.local.farm import free_port
+from sqlalchemy import create_engine, text
+from sqlalchemy.engine import URL
+from sqlalchemy.exc import OperationalError
 
-__all__ = ["find_postgres", "running_postgres"]
+from service.store.database import connect
+from worker.process import spawn_guard
+
+__all__ = ["PostgresServer", "find_postgres"]
+
+PATIENCE_S = 60.0
+# Nobody reads it again: neither the disk nor the planner need be waited for.
+QUICK = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "autovacuum=off", "jit=off")
 
 
 def find_postgres() -> Path | None:
@@ -21,31 +31,74 @@ def find_postgres() -> Path | None:
     return next((path.parent for path in sorted(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"), reverse=True)), None)
 
 
-class running_postgres:  # noqa: N801 - used like a function
-    """An empty server on a free port of loopback. PostgreSQL refuses to be root: then it runs as nobody."""
+class PostgresServer:
+    """A server that is reached by a socket in a folder of its own, so that no port can be taken already.
+
+    PostgreSQL refuses to be root: then it runs as nobody. It ends with this process, however that ends.
+    """
 
     def __init__(self, binaries: Path) -> None:
-        self._binaries = binaries
         self._folder = Path(tempfile.mkdtemp(prefix="postgres-"))  # a short path: the name of a socket has 107 bytes
-        self._data = self._folder / "data"
-        self._user = pwd.getpwnam("nobody") if os.geteuid() == 0 else None
-        if self._user is not None:
-            os.chown(self._folder, self._user.pw_uid, self._user.pw_gid)
+        user = pwd.getpwnam("nobody") if os.geteuid() == 0 else None
+        if user is not None:
+            os.chown(self._folder, user.pw_uid, user.pw_gid)
+        who = {} if user is None else {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
+        data = str(self._folder / "data")
+        self._log = (self._folder / "log").open("wb")
+        quiet = {"cwd": self._folder, "stdin": subprocess.DEVNULL, "stdout": self._log, "stderr": self._log, **who}
+        initdb = [str(binaries / "initdb"), "-D", data, "-U", "farm", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"]
+        subprocess.run(initdb, check=True, **quiet)  # type: ignore[call-overload]
+        command = [str(binaries / "postgres"), "-D", data, "-k", str(self._folder), "-h", ""]
+        command += [f"--{name}" for name in QUICK]
+        self._process = subprocess.Popen(command, preexec_fn=spawn_guard(), **quiet)  # type: ignore[call-overload]
+        self._made = 0
+        self._wait()
+        self._administrator = create_engine(self.url("postgres"), isolation_level="AUTOCOMMIT")
+        self.new_empty("template_of_tests")
+        connect(self.url("template_of_tests"))[0].dispose()
 
-    def start(self) -> str:
-        """Start it; its URL."""
-        port = free_port("127.0.0.1")
-        self._run("initdb", "-D", str(self._data), "-U", "farm", "-A", "trust", "--no-sync")
-        options = f"-h 127.0.0.1 -p {port} -k {self._folder} -F"
-        self._run("pg_ctl", "-D", str(self._data), "-l", str(self._folder / "log"), "-o", options, "-w", "start")
-        return f"postgresql+psycopg://farm@127.0.0.1:{port}/postgres"
+    def url(self, name: str) -> str:
+        """The address of one of its databases."""
+        return URL.create("postgresql+psycopg", "farm", database=name, query={"host": str(self._folder)}).render_as_string()
+
+    def new(self) -> str:
+        """Make a database with the farm's tables, which are copied and not made anew; its address."""
+        self._made += 1
+        name = f"farm_{self._made}"
+        self._do(f"CREATE DATABASE {name} TEMPLATE template_of_tests")
+        return self.url(name)
+
+    def new_empty(self, name: str) -> str:
+        """Make a database without tables; its address."""
+        self._do(f"CREATE DATABASE {name}")
+        return self.url(name)
+
+    def drop(self, url: str) -> None:
+        """Remove a database, also under those who still hold it open."""
+        self._do(f"DROP DATABASE {url.rpartition('/')[2].partition('?')[0]} WITH (FORCE)")
 
     def stop(self) -> None:
         """Stop it, and remove what it wrote."""
-        self._run("pg_ctl", "-D", str(self._data), "-m", "immediate", "-w", "stop")
-        shutil.rmtree(self._folder)
+        self._administrator.dispose()
+        self._process.kill()
+        self._process.wait()
+        self._log.close()
+        shutil.rmtree(self._folder, ignore_errors=True)  # its own processes end a moment later
 
-    def _run(self, program: str, *arguments: str) -> None:
-        who = {} if self._user is None else {"user": self._user.pw_uid, "group": self._user.pw_gid, "extra_groups": []}
-        command = [str(self._binaries / program), *arguments]
-        subprocess.run(command, check=True, cwd=self._folder, stdout=subprocess.DEVNULL, stdin=subprocess.DEVNULL, **who)
+    def _do(self, statement: str) -> None:
+        with self._administrator.connect() as connection:
+            connection.execute(text(statement))
+
+    def _wait(self) -> None:
+        engine = create_engine(self.url("postgres"))
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                engine.connect().close()
+                break
+            except OperationalError as error:
+                if self._process.poll() is not None or time.monotonic() > deadline:
+                    said = (self._folder / "log").read_text(errors="replace")
+                    raise RuntimeError(f"PostgreSQL does not start ({error}):\n{said}") from error
+                time.sleep(0.05)
+        engine.dispose()

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import delete, update
 
-from service.store.models import Job
+from service.store.models import Job, Scene
 from tests.service.conftest import Service, until
 
 READERS = ("image.png", "image.exr?aov=normal", "digest", "pixel?x=3&y=4")
@@ -124,11 +124,10 @@ def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None
 
 
 def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:
+    with service.farm.sessions.begin() as session:
+        session.execute(delete(Scene))
     service.stop()
     film_of(service, job).unlink()
-    with sqlite3.connect(service.options["data"] / "rayfarm.sqlite") as database:
-        database.execute("DELETE FROM scenes")
-    database.close()
     service.start()
     until(lambda: "its scene was deleted" in (service.job(job)["error"] or ""), "it is said")
     assert service.job(job)["state"] == "finished"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +20,7 @@ from service.store.database import connect
 from service.store.migrations.versions import r0001_release_0_1_0
 from service.store.models import Base, Job
 from service.store.upgrade import upgrade
-from tests.service.store.postgres import find_postgres, running_postgres
+from tests.service.conftest import Databases, empty_database
 
 # What release 0.1.0 made, word for word as its database said (SELECT sql FROM sqlite_master).
 RELEASE_0_1_0 = Path(__file__).with_name("release_0_1_0.sql").read_text()
@@ -100,29 +99,21 @@ def test_a_step_that_fails_leaves_the_database_as_it_was(tmp_path: Path, monkeyp
     engine.dispose()
 
 
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Engine]:
-    """The PostgreSQL of RAYFARM_TEST_DATABASE_URL, which is emptied; else one of this machine's, started for these tests."""
-    url = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")
-    server = None
-    if not url.startswith("postgresql"):
-        binaries = find_postgres()
-        if binaries is None:
-            pytest.skip("no PostgreSQL here: install one, or set RAYFARM_TEST_DATABASE_URL to one that may be emptied")
-        server = running_postgres(binaries)
-        url = server.start()
+@pytest.fixture
+def postgres(databases: Databases) -> Iterator[Engine]:
+    """An empty database on PostgreSQL."""
+    server = None if databases.given.startswith("postgresql") else databases.server()
+    url = databases.given if server is None else server.new_empty("upgraded")
     engine = create_engine(url)
     yield engine
     engine.dispose()
     if server is not None:
-        server.stop()
+        server.drop(url)
 
 
 @pytest.mark.parametrize("is_old", [False, True])
 def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
-    Base.metadata.drop_all(postgres)
-    with postgres.begin() as connection:
-        connection.execute(text("DROP TABLE IF EXISTS alembic_version"))
+    empty_database(postgres.url.render_as_string(hide_password=False))
     if is_old:
         with postgres.begin() as connection:
             operations = Operations(MigrationContext.configure(connection))

@@ -82,6 +82,7 @@
  * @property {number | null} [expected] when it is to be ready by the forecast, where it has a deadline
  * @property {number | null} [late] since when it is expected to miss that
  * @property {Wait[]} [waits_for] the jobs that it comes after and that are not finished
+ * @property {{job: string, spp: number} | null} [taken] with what of an earlier one of the same picture it began
  *
  * @typedef {{id: string, name: string | null, state: JobState | null}} Wait name and state: null where it was deleted
  *
@@ -163,6 +164,7 @@
  * @property {EnvironmentRequest} [environment] in place of the scene's own, or times its strength
  * @property {number} [frame] a still of that moment
  * @property {string} [frames] of a shot
+ * @property {boolean} [fresh] from the first sample, whatever earlier jobs have
  *
  * @typedef {object} Worker
  * @property {string} name

@@ -17,6 +17,7 @@ const CLEAN = 0.01;
 /** @type {Record<string, (words: string) => string>} */
 const WORDS = {
   begun: (kind) => t("Rendering begun by workers of {kind}", { kind }),
+  taken: (job) => t("Begun with what job {job} has rendered", { job }),
   picture: () => t("First picture: every tile has a sample"),
   worker: (name) => t("{name} renders it", { name }),
   left: (name) => t("{name} has left", { name }),

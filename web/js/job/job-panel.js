@@ -5,6 +5,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { putJob } from "../news/farm.js";
 import { clock, compact, count } from "../base/format.js";
 import { command } from "../shell/hints.js";
+import { linkTo } from "../shell/router.js";
 import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
@@ -44,6 +45,8 @@ export function progressPanel() {
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
   const bad = h("div", { class: "quiet small", hidden: true });
+  const taken = h("p", { class: "quiet small", hidden: true });
+  let shownTaken = "";
   /** @type {Job | null} */
   let latest = null;
   let heard = 0;
@@ -80,6 +83,7 @@ export function progressPanel() {
           [t("Samples/s"), speed],
         ].map(([name, value]) => h("div", null, h("dt", null, name), value)),
       ),
+      taken,
       message,
       error,
       bad,
@@ -101,6 +105,13 @@ export function progressPanel() {
       if (job.error !== shownError) {
         shownError = job.error; // an alert that is written again is read out again
         fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
+      }
+      const from = takenSentence(job);
+      taken.hidden = !from;
+      if (from !== shownTaken) {
+        shownTaken = from;
+        const link = job.taken && { href: linkTo("jobs", job.taken.job) };
+        fill(taken, from, " ", link && h("a", link, t("That job")));
       }
       bad.hidden = job.bad_samples === 0;
       if (job.bad_samples !== shownBad) {
@@ -125,6 +136,13 @@ function badSentence({ bad_samples: n, frames }) {
     .map(({ x, y, sample }) => t("pixel {x}, {y} sample {sample}", { x, y, sample }));
   const first = where.length ? t(" First: {places}.", { places: where.join("; ") }) : "";
   return tn(n, "{n} sample came out as no number and was left out.", "{n} samples came out as no number and were left out.") + first;
+}
+
+/** @param {Job} job @returns {string} with what of an earlier job it began; empty where with nothing */
+function takenSentence({ taken, spp, noise }) {
+  if (!taken) return "";
+  if (noise != null || !spp) return t("Taken from an earlier job of the same picture: {n} samples per pixel.", { n: count(Math.round(taken.spp)) });
+  return t("Taken from an earlier job of the same picture: {n} of {of} samples per pixel.", { n: count(Math.round(taken.spp)), of: count(spp) });
 }
 
 /** @param {Job} job what "12" samples are out of */

@@ -33,7 +33,7 @@ import { t } from "../base/words.js";
 const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
 /** What a request says of more than one picture of a few samples. */
-const NOT_OF_A_VIEW = ["spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
+const NOT_OF_A_VIEW = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
 /** Told in the help; the view itself takes them, while it has the focus. */
 const HAND_KEYS = [

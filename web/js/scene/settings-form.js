@@ -69,7 +69,10 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     spp: quality.get(),
     ...shot.get(),
     ...others.get(),
+    ...(fresh.checked && { fresh: true }),
   });
+  const fresh = h("input", { type: "checkbox" });
+  const anew = h("label", { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") }, fresh, t("From the first sample"));
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
@@ -95,7 +98,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     quality.elements,
     others.basic,
     others.folds,
-    h("div", { class: "submit" }, estimate, render),
+    h("div", { class: "submit" }, estimate, anew, render),
   );
   update();
   return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, light: others.lightHandle, dispose: others.dispose };

@@ -92,7 +92,7 @@ function dropZone() {
     h(
       "p",
       { class: "quiet" },
-      t("GLB, glTF, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do."),
+      t("GLB, glTF, FBX, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do."),
     ),
     h(
       "div",

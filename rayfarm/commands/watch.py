@@ -1,0 +1,182 @@
+"""`rayfarm watch`: a job's picture in the terminal while it grows."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from rayfarm import options
+from rayfarm.console import PROGRAM, err
+from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.login import farm_client
+from rayfarm.output_files import check_writable, write
+from renderer.image.tonemap import CURVES
+
+if TYPE_CHECKING:
+    from rayfarm.answers import Job
+    from rayfarm.client import Client
+    from rayfarm.watch.live import LiveJob
+    from rayfarm.watch.tev import TevFeed
+
+__all__ = ["register"]
+
+ALONE = ("--tev", "--viewer")  # may stand without a value
+ACTIVE = ("running", "queued", "paused")
+
+
+class _WatchCommand(TyperCommand):
+    """Takes some options with or without a value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        told: list[str] = []
+        for number, each in enumerate(args):
+            told.append(each)
+            following = args[number + 1] if number + 1 < len(args) else "--"
+            if each in ALONE and following.startswith("-"):
+                told.append("")
+        return super().parse_args(ctx, told)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("watch", cls=_WatchCommand)(watch)
+
+
+def watch(
+    job: Annotated[str | None, typer.Argument(help="The job's number; the newest that is not over unless told.")] = None,
+    server: options.Server = None,
+    frame: Annotated[
+        float | None, typer.Option(metavar="N", help="Of a shot: stay with this frame; else with the one being rendered.")
+    ] = None,
+    graphics: Annotated[
+        str, typer.Option(metavar="NAME", help="auto asks the terminal. kitty, sixel, blocks, or none: lines alone.")
+    ] = "auto",
+    exposure: Annotated[float, typer.Option(min=-20, max=20, metavar="STOPS", help="+1 doubles the light.")] = 0.0,
+    tonemap: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(CURVES)}.")] = "neutral",
+    tev: Annotated[
+        str | None,
+        typer.Option("--tev", metavar="[HOST:PORT]", help="Also send the film to a running tev while it grows."),
+    ] = None,
+    viewer: Annotated[
+        str | None,
+        typer.Option(
+            "--viewer", metavar="[COMMAND]", help="At the end, open the EXR: in what this system opens it by, or in a program."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", dir_okay=False, help="Where the EXR for --viewer goes; a temporary file unless told."),
+    ] = None,
+) -> None:
+    """Show a job's picture in the terminal while it grows, with progress and rate beneath.
+
+    Sharp where the terminal knows kitty's graphics or sixels, in half blocks elsewhere. In a pipe it tells lines until the job
+    is over.
+    Keys: q quits (the job goes on), + and - change the exposure, t the tone curve, arrows the frame, c cancels the job.
+    Ends with 1 and a sentence where there is no such job, or, in a pipe, where it fails; with 130 at Ctrl-C.
+
+    [bold]Examples[/bold]
+
+      rayfarm watch                               the newest job
+      rayfarm watch 7f3a --graphics blocks
+      rayfarm watch 7f3a --tev --viewer           tev while it grows, the system's viewer at the end
+      rayfarm watch 7f3a --viewer blender
+      rayfarm watch 7f3a | tee log
+    """
+    from rayfarm.watch.live import LiveJob
+    from rayfarm.watch.screen import GRAPHICS
+    from rayfarm.watch.terminal import Terminal
+    from rayfarm.watch.tev import TevFeed, address_of
+    from rayfarm.watch.viewer import command_of
+
+    if tonemap not in CURVES:
+        raise CommandError(f"--tonemap is {tonemap!r}; there are {', '.join(CURVES)}")
+    if graphics not in (*GRAPHICS, "none"):
+        raise CommandError(f"--graphics is {graphics!r}; there are {', '.join((*GRAPHICS, 'none'))}")
+    if output is not None:
+        if viewer is None or output.suffix.lower() != ".exr":
+            raise CommandError("-o names the .exr that --viewer opens: rayfarm watch JOB --viewer -o out.exr")
+        check_writable(output)
+    if viewer is not None:
+        command_of(viewer, Path("picture.exr"))  # better now than after a night
+    address = None if tev is None else address_of(tev)
+
+    news = threading.Event()
+    with farm_client(server) as farm, contextlib.ExitStack() as ends:
+        terminal = Terminal() if graphics != "none" and Terminal.is_there() else None
+        wake = terminal.wake if terminal is not None else news.set
+        live = LiveJob(farm, _found(farm, job), frame, wake)
+        feed = TevFeed(live, address) if address is not None else None
+        ends.enter_context(live)
+        if feed is not None:
+            ends.enter_context(feed)
+        ended = _show(farm, live, terminal, graphics, exposure, tonemap, news)
+        final = live.job
+        _afterwards(farm, live, feed, viewer, output)
+    if ended == signal.SIGINT:
+        raise typer.Exit(EXIT_INTERRUPTED)
+    if terminal is None and final.state != "finished":
+        raise CommandError(
+            f"The job {final.id} failed: {final.error or 'no reason given'}"
+            if final.state == "failed"
+            else f"The job {final.id} was {final.state}."
+        )
+
+
+def _found(farm: Client, job: str | None) -> Job:
+    if job is not None:
+        return farm.job(job)
+    jobs = farm.jobs()
+    if not jobs:
+        raise CommandError("There is no job to watch. `rayfarm submit SCENE` makes one.")
+    return next((each for each in jobs if each.state in ACTIVE), jobs[0])
+
+
+def _show(
+    farm: Client, live: LiveJob, terminal: Any, graphics: Any, exposure: float, tonemap: str, news: threading.Event
+) -> int | None:
+    """Until it is over, or nobody looks any more; the signal that ended it, if one did."""
+    from rayfarm.watch.lines import tell
+    from rayfarm.watch.screen import Screen
+    from rayfarm.watch.words import how_far, what
+
+    if terminal is None:
+        try:
+            tell(live, news)
+        except KeyboardInterrupt:
+            return signal.SIGINT
+        except BrokenPipeError:  # whoever read the lines has seen enough
+            sys.stdout = None
+        return None
+    with terminal:
+        ended = Screen(terminal, farm, live, graphics, exposure, tonemap).run()
+    err.print(f"{what(live.job, live.shown)} · {how_far(live.job)}", markup=False, soft_wrap=True)
+    if not live.job.is_over:
+        err.print(f"The job goes on: `{PROGRAM} watch {live.job.id}`", markup=False, soft_wrap=True)
+    return None if ended is None else int(ended)
+
+
+def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
+    """The EXR to whoever wants it, where the job is finished."""
+    from rayfarm.watch.viewer import open_in
+    from renderer.image.read import read
+
+    if live.job.state != "finished" or (feed is None and viewer is None):
+        return
+    picture = farm.image(live.job.id, "exr", live.frame)
+    if feed is not None:
+        feed.finish(read(picture, "film.exr"))
+    if viewer is not None:
+        if output is None:
+            output = Path(tempfile.mkdtemp(prefix="rayfarm-")) / f"{live.job.id}-{live.frame:g}.exr"
+        write(output, picture)
+        open_in(viewer, output)
+        err.print(f"{output} opened", markup=False, soft_wrap=True)

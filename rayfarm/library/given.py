@@ -1,0 +1,139 @@
+"""A scene as a program has it (a file, a dict, a trimesh) as files in a folder: all that the renderer and a farm read."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rayfarm.library.glb import ATTRIBUTES, mesh_as_glb
+from rayfarm.scene_files import belonging
+from renderer.errors import SceneError
+
+__all__ = ["as_files"]
+
+_NAMING = ("file", "image")  # keys whose value is a file's name
+
+
+@contextlib.contextmanager
+def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
+    """The scene's file, with all that it names beside it; it is there for as long as the context is open.
+
+    scene: the path of a scene, a folder or an archive; what docs/scene-format.md describes as a dict, where a mesh may have
+    arrays (positions, triangles, normals, uvs, uvs1, colors) in place of `file` and a texture or the environment `pixels` in
+    place of `image`; or a trimesh.Trimesh or trimesh.Scene. base: where the files lie that a dict names.
+    Raises SceneError where it is none of them, or an array is not what it should be.
+    """
+    if isinstance(scene, str | Path):
+        yield Path(scene).expanduser()
+        return
+    with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
+        if isinstance(scene, Mapping):
+            yield _written(scene, Path(folder), Path(base).expanduser())
+        elif hasattr(scene, "export") and type(scene).__module__.partition(".")[0] == "trimesh":
+            path = Path(folder) / "scene.glb"
+            path.write_bytes(scene.export(file_type="glb"))
+            yield path
+        else:
+            raise SceneError(
+                f"A scene is a path, a dict as docs/scene-format.md describes it, or a trimesh; this is {type(scene).__name__}"
+            )
+
+
+def _written(scene: Mapping[str, Any], folder: Path, base: Path) -> Path:
+    name = scene.get("name")
+    path = folder / "scene.yaml"
+    document = _Writer(folder, base).plain(scene, "scene")
+    document.setdefault("name", name or "scene")
+    # JSON is YAML; Python's words for what is no number are not, and are refused where they are read.
+    path.write_text(json.dumps(document))
+    return path
+
+
+class _Writer:
+    """Turns arrays into files of the folder, and all else into what JSON can say."""
+
+    def __init__(self, folder: Path, base: Path) -> None:
+        self._folder, self._base = folder, base
+        self._linked: dict[Path, str] = {}
+        self._count = 0
+
+    def plain(self, value: Any, where: str) -> Any:
+        """The value as JSON can say it; `where` is said in errors."""
+        if isinstance(value, Mapping):
+            found = {str(key): each for key, each in value.items()}
+            if found.get("type") == "mesh" and "file" not in found:
+                found = self._mesh(found, where)
+            if "pixels" in found:
+                found = self._image(found, where)
+            return {
+                key: self._link(each, where)
+                if key in _NAMING and isinstance(each, str | Path)
+                else self.plain(each, f"{where}.{key}")
+                for key, each in found.items()
+            }
+        if isinstance(value, np.ndarray | np.generic):
+            return value.tolist()
+        if isinstance(value, list | tuple):
+            return [self.plain(each, f"{where}[{i}]") for i, each in enumerate(value)]
+        if value is None or isinstance(value, str | int | float | bool):
+            return value
+        if isinstance(value, Path):
+            return str(value)
+        raise SceneError(f"{where} is {type(value).__name__}; a scene holds dicts, lists, numbers, text and arrays")
+
+    def _mesh(self, shape: dict[str, Any], where: str) -> dict[str, Any]:
+        arrays = {name: shape.pop(name) for name in (*ATTRIBUTES, "triangles") if name in shape}
+        name = str(shape.get("name", where))
+        file = self._new(".glb")
+        (self._folder / file).write_bytes(mesh_as_glb(name, arrays))
+        return {**shape, "file": self._folder / file}
+
+    def _image(self, holder: dict[str, Any], where: str) -> dict[str, Any]:
+        from renderer.image import encode
+
+        pixels = np.asarray(holder.pop("pixels"))
+        if pixels.ndim == 2:
+            pixels = np.repeat(pixels[..., None], 3, axis=2)
+        if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or not pixels.size or pixels.dtype.kind not in "uf":
+            raise SceneError(
+                f"{where}: pixels are {pixels.shape} of {pixels.dtype}; they take (h, w), (h, w, 3) or, of uint8, (h, w, 4)"
+            )
+        if pixels.dtype == np.uint8:
+            file = self._new(".png")
+            from PIL import Image
+
+            Image.fromarray(np.ascontiguousarray(pixels)).save(self._folder / file)
+        elif pixels.dtype.kind == "f" and pixels.shape[2] == 3:
+            file = self._new(".exr")
+            (self._folder / file).write_bytes(encode.encode(np.asarray(pixels, np.float32), "exr"))
+        else:
+            raise SceneError(f"{where}: pixels are of {pixels.dtype}; they take uint8 as a screen has them, or floats (h, w, 3)")
+        return {**holder, "image": self._folder / file}
+
+    def _link(self, named: str | Path, where: str) -> str:
+        """The name inside the folder of a file that a dict names, which is brought there with all that it names itself."""
+        path = (self._base / Path(named).expanduser()).resolve()
+        if path.parent == self._folder.resolve():
+            return path.name
+        if path not in self._linked:
+            if not path.is_file():
+                raise SceneError(f"{where}: there is no file {path}")
+            self._count += 1
+            inside = f"file-{self._count}"
+            for name, source in belonging(path).items():
+                target = self._folder / inside / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(source, target)
+            self._linked[path] = f"{inside}/{path.name}"
+        return self._linked[path]
+
+    def _new(self, suffix: str) -> str:
+        self._count += 1
+        return f"arrays-{self._count}{suffix}"

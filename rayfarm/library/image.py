@@ -1,0 +1,95 @@
+"""A picture in memory: arrays by AOV name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer import aovs
+from renderer.image import encode, tonemap
+
+__all__ = ["Image"]
+
+F32 = npt.NDArray[np.float32]
+
+
+class Image(Mapping[str, F32]):
+    """A picture's arrays by name: "color", scene-linear Rec.709 radiance as (h, w, 3) float32, and the AOVs that were asked for,
+    (h, w) or (h, w, 3), as renderer.aovs.values has them; "denoised" where that was asked for.
+
+    spp: how many samples a pixel has, on the average; of: how many it gets, None where only a noise level or a time ends it;
+    noise: its relative noise, None where that is not known yet.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        values: Callable[[str], F32],
+        spp: float,
+        of: int | None = None,
+        noise: float | None = None,
+        is_final: bool = True,
+    ) -> None:
+        self._names, self._values = tuple(names), values
+        self._known: dict[str, F32] = {}
+        self.spp, self.of, self.noise, self.is_final = spp, of, noise, is_final
+
+    def __getitem__(self, name: str) -> F32:
+        if name not in self._names:
+            raise KeyError(f"{name!r} is not in this picture; it has {', '.join(self._names)}")
+        if name not in self._known:
+            self._known[name] = self._values(name)
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    @property
+    def width(self) -> int:
+        """Pixels across."""
+        return int(self["color"].shape[1])
+
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+        return int(self["color"].shape[0])
+
+    def shown(self, name: str = "color", exposure: float = 0.0, tonemap_curve: str = "neutral") -> npt.NDArray[np.uint8]:
+        """What a screen shows of it, (h, w, 3) uint8 sRGB: colours through exposure (stops) and tone curve, others as the page
+        shows them. Raises KeyError, or SettingsError for an unknown curve.
+        """
+        plane = self[name]
+        if name in ("color", "denoised"):
+            return tonemap.apply(plane, exposure, tonemap_curve)
+        return aovs.visible(name, plane)
+
+    def save(self, path: str | Path, exposure: float = 0.0, tonemap_curve: str = "neutral") -> None:
+        """Write it as .png or .jpg (as `shown`), .exr (with all that it has, as layers) or .hdr.
+
+        "denoised" is written in place of the colour where there is one; an .exr has both. Raises SettingsError for another
+        suffix.
+        """
+        names = [name for name in self if name not in ("color", "denoised")]
+        channels = aovs.layers({name: self[name] for name in names})
+        color = self["denoised"] if "denoised" in self else self["color"]
+        if "denoised" in self:
+            channels |= {f"Noisy Image.{c}": self["color"][..., i] for i, c in enumerate("RGB")}
+        encode.write(path, color, exposure=exposure, curve=tonemap_curve, channels=channels)
+
+    def _repr_png_(self) -> bytes:
+        return encode.encode_shown(self.shown("denoised" if "denoised" in self else "color"), "png")
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        return np.array(self["color"], dtype=dtype, copy=copy)
+
+    def __repr__(self) -> str:
+        of = "" if self.of is None else f" of {self.of}"
+        noise = "" if self.noise is None else f", noise {self.noise:.3g}"
+        return f"<Image {self.width}x{self.height}, {self.spp:g}{of} samples{noise}: {', '.join(self)}>"

@@ -1,0 +1,73 @@
+"""render() and progressive(): a picture of a scene that a program has, in this process or on a farm."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import ExitStack, closing, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rayfarm.library.asked import asked
+from rayfarm.library.given import as_files
+from rayfarm.library.image import Image
+
+if TYPE_CHECKING:
+    from rayfarm.client import Client
+
+__all__ = ["progressive", "render"]
+
+
+def render(scene: Any, *, farm: str | Client | None = None, base: str | Path = ".", **settings: Any) -> Image:
+    """A picture of a scene: arrays by AOV name.
+
+        image = rayfarm.render("truck.glb", width=640, height=360, spp=64)
+        image["color"]            # (360, 640, 3) float32, scene-linear
+        image.save("truck.exr")
+
+    scene: a path; a dict as docs/scene-format.md describes it, in which a mesh may have arrays and a texture pixels; a
+    trimesh.Trimesh or trimesh.Scene. base: the folder of the files that a dict names.
+    farm: a farm's address or a Client; None renders in this process, with all cores.
+    settings: width, height, spp, noise, seconds; camera, eye, target, fov, aperture ...; environment; frame, fps, clip; variant;
+    aovs (all of the film unless told; "motion" only where asked for); denoise; threads; and each of `settings` of the scene
+    format by its name.
+    Raises SceneError, SettingsError, ClientError (all RayfarmError), or TypeError for a keyword that is not known.
+    """
+    with closing(_images(scene, farm, base, settings, at_once=True)) as images:
+        return list(images)[-1]
+
+
+def progressive(scene: Any, *, farm: str | Client | None = None, base: str | Path = ".", **settings: Any) -> Generator[Image]:
+    """As `render`, the picture as it grows: an iterator of Images, the last of which is final.
+
+        for image in rayfarm.progressive(scene, spp=1024, farm="http://studio:8000"):
+            print(image.spp, image.noise)
+
+    Leaving the loop ends the rendering; a farm's job is cancelled.
+    """
+    return _images(scene, farm, base, settings, at_once=False)
+
+
+def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: dict[str, Any], at_once: bool) -> Generator[Image]:
+    wanted = asked(settings)
+    with ExitStack() as stack:
+        path = stack.enter_context(as_files(scene, base))
+        if farm is None:
+            from rayfarm.library.here import passes
+
+            yield from passes(path, wanted, at_once)
+            return
+        from rayfarm.client import ClientError
+        from rayfarm.library.on_farm import images, submitted
+        from rayfarm.login import farm_client
+
+        client = stack.enter_context(farm_client(farm)) if isinstance(farm, str) else farm
+        job = submitted(client, path, wanted)
+        is_done = False
+        try:
+            for image in images(client, job.id, wanted, at_once):
+                is_done = image.is_final
+                yield image
+        finally:
+            if not is_done:
+                with suppress(ClientError):  # it is over already, or nobody is there to be told
+                    client.change(job.id, state="cancelled")

@@ -1,0 +1,85 @@
+"""A picture as half blocks: a character cell is two pixels, one above the other."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Blocks", "nearest_256"]
+
+U8 = npt.NDArray[np.uint8]
+UPPER = "▀"
+CUBE = np.array([0, 95, 135, 175, 215, 255])  # xterm's colours 16 to 231, by red, green and blue
+
+
+def nearest_256(rgb: U8) -> npt.NDArray[np.int_]:
+    """The numbers of xterm's 256 colours that are nearest, of its cube or its greys: (..., 3) uint8 to (...)."""
+    values = rgb.astype(int)
+    steps = np.abs(values[..., None] - CUBE).argmin(axis=-1)
+    grey = np.clip((values.mean(axis=-1) - 3).astype(int) // 10, 0, 23)  # 232 to 255 are 8, 18 ... 238
+    of_cube = ((CUBE[steps] - values) ** 2).sum(axis=-1)
+    of_grey = ((8 + 10 * grey[..., None] - values) ** 2).sum(axis=-1)
+    return np.where(of_grey < of_cube, 232 + grey, 16 + steps @ np.array([36, 6, 1]))
+
+
+class Blocks:
+    """Rows that look as before are not drawn again."""
+
+    name = "half blocks"
+
+    def __init__(self, is_true_colour: bool) -> None:
+        """is_true_colour: the terminal takes colours by red, green and blue; else it has xterm's 256."""
+        self._is_true_colour = is_true_colour
+        self._rows: dict[int, str] = {}
+
+    def room(self, columns: int, rows: int) -> tuple[int, int]:
+        """Pixels that fit into so many cells."""
+        return columns, 2 * rows
+
+    def cells(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Columns and rows that a picture takes."""
+        return size[0], (size[1] + 1) // 2
+
+    def forget(self) -> None:
+        """The screen was cleared."""
+        self._rows.clear()
+
+    def draw(self, picture: U8, column: int, row: int) -> bytes:
+        """What draws a picture, (h, w, 3), with its upper left corner in a cell, counted from 1."""
+        if picture.shape[0] % 2:
+            picture = np.concatenate([picture, np.zeros_like(picture[:1])])
+        colours = self._colours(picture)
+        out = []
+        for y, (above, below) in enumerate(zip(colours[::2], colours[1::2], strict=True)):
+            text = f"\x1b[{row + y};{column}H{self._row(above, below)}\x1b[m"
+            if self._rows.get(row + y) != text:
+                self._rows[row + y] = text
+                out.append(text)
+        return "".join(out).encode()
+
+    def clear(self) -> bytes:
+        """What takes away what clearing the screen leaves."""
+        return b""
+
+    def _colours(self, picture: U8) -> list[list[int]]:
+        if self._is_true_colour:
+            found: list[list[int]] = (picture.astype(int) @ np.array([1 << 16, 1 << 8, 1])).tolist()
+            return found
+        return [[int(number) for number in row] for row in nearest_256(picture)]
+
+    def _row(self, above: list[int], below: list[int]) -> str:
+        parts, fore, back = [], -1, -1
+        for upper, lower in zip(above, below, strict=True):
+            codes = []
+            if upper != fore:
+                codes.append(self._code(38, upper))
+            if lower != back:
+                codes.append(self._code(48, lower))
+            fore, back = upper, lower
+            parts.append(f"\x1b[{';'.join(codes)}m{UPPER}" if codes else UPPER)
+        return "".join(parts)
+
+    def _code(self, which: int, colour: int) -> str:
+        if self._is_true_colour:
+            return f"{which};2;{colour >> 16};{colour >> 8 & 255};{colour & 255}"
+        return f"{which};5;{colour}"

@@ -1,0 +1,28 @@
+"""A film made as large as there is room for."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from renderer.image import tonemap
+
+__all__ = ["fitted", "shown"]
+
+F32 = npt.NDArray[np.float32]
+
+
+def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
+    """Width and height, at least 1, of a picture of `size` that is to fit into `room`; enlarged by whole numbers alone."""
+    scale = min(room[0] / size[0], room[1] / size[1])
+    if scale >= 1:
+        return size[0] * int(scale), size[1] * int(scale)
+    return max(int(size[0] * scale), 1), max(int(size[1] * scale), 1)
+
+
+def shown(film: F32, size: tuple[int, int], exposure: float, curve: str) -> npt.NDArray[np.uint8]:
+    """What a screen shows of a film, (h, w, 3) linear radiance, in `size` pixels: each the mean light of those that it covers."""
+    if (film.shape[1], film.shape[0]) != size:
+        film = np.stack([np.asarray(Image.fromarray(film[..., c]).resize(size, Image.Resampling.BOX)) for c in range(3)], axis=-1)
+    return tonemap.apply(film, exposure, curve)

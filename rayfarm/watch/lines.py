@@ -1,0 +1,34 @@
+"""A job told in lines, where no screen is: a pipe, a file, a log."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+
+from rayfarm.watch.live import LiveJob
+from rayfarm.watch.words import how_far, what
+
+__all__ = ["tell"]
+
+EVERY_S = 5.0
+LOOK_S = 1.0
+
+
+def tell(live: LiveJob, news: threading.Event) -> None:
+    """A line to standard output whenever its state changes, and every few seconds, until the job is over. Raises ClientError."""
+    told_at, told = 0.0, ("", "")
+    while True:
+        if live.error is not None:
+            raise live.error
+        job, now = live.job, time.monotonic()
+        state = (job.state, job.message or "")
+        if state != told or now - told_at >= EVERY_S:
+            told_at, told = now, state
+            line = f"{what(job, live.shown)} · {how_far(job)}"
+            print("".join(c if c.isprintable() else " " for c in line), flush=True)
+        if job.is_over:
+            sys.stdout.flush()
+            return
+        news.wait(LOOK_S)
+        news.clear()

@@ -1,0 +1,180 @@
+"""A job as its farm tells of it: state, frames, and the film of one frame tile by tile, kept up to date by a thread."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
+
+from rayfarm.answers import Frame, Job, read
+from rayfarm.client import Client, ClientError
+from renderer.image import rgbe9995
+from renderer.settings import Tile
+
+__all__ = ["LiveJob"]
+
+HEADER = struct.Struct("<BBHIHHHHI")  # service/watching/tile_packet.py
+VERSION, KIND_TILE = 1, 1
+GONE = (4404, 4410)  # the job is not there, or not any more
+PAUSES_S = (0.2, 1.0, 2.0, 5.0)
+AWAY_S = 60.0
+LOOK_EVERY_S = 0.5  # whether it is to end
+ACTIVE = ("preparing", "running")
+
+
+class LiveJob:
+    """`wake` is called from the thread whenever something is new. A farm that is away is waited for, a minute."""
+
+    def __init__(self, farm: Client, job: Job, frame: float | None, wake: Callable[[], None]) -> None:
+        """frame: the one to watch; None: of a shot whichever is being rendered."""
+        self._farm = farm
+        self._wake = wake
+        self._lock = threading.Lock()
+        self._socket: ClientConnection | None = None
+        self._versions: dict[Tile, int] = {}
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live", daemon=True)
+        self.job = job
+        self.frames = {each.number: each for each in job.frames}
+        self.follows = frame is None
+        self.frame = frame if frame is not None else (job.frames[0].number if job.frames else 0.0)
+        self.film: npt.NDArray[np.float32] | None = None
+        self.trouble: str | None = None  # while the farm is away
+        self.error: ClientError | None = None  # what ended the watching
+        self.life = 0  # another one for every film
+        self.changes = 0  # of what there is to see
+
+    def __enter__(self) -> LiveJob:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        with self._lock:
+            socket = self._socket
+        if socket is not None:
+            with contextlib.suppress(OSError):
+                socket.close()
+        self._thread.join(5)
+
+    @property
+    def shown(self) -> Frame | None:
+        """What is known of the frame that is watched."""
+        return self.frames.get(self.frame)
+
+    def versions(self) -> tuple[int, npt.NDArray[np.float32] | None, dict[Tile, int]]:
+        """Which film it is, the film as it is now ((height, width, 3) linear radiance, black where no sample is, None before its
+        size is known), and the tiles that it has: another number as soon as one has changed."""
+        with self._lock:
+            return self.life, None if self.film is None else self.film.copy(), dict(self._versions)
+
+    def turn_to(self, frame: float) -> None:
+        """Watch another frame of the shot."""
+        with self._lock:
+            self.frame = frame
+            self._begin()
+            socket = self._socket
+        if socket is not None:
+            with contextlib.suppress(ConnectionClosed, OSError):  # it is asked for when it is there again
+                socket.send(json.dumps({"frame": frame}))
+
+    def _begin(self) -> None:
+        self._versions.clear()
+        self.life += 1
+        self.changes += 1
+        if self.job.width and self.job.height:
+            self.film = np.zeros((self.job.height, self.job.width, 3), np.float32)
+
+    def _run(self) -> None:
+        away_since: float | None = None
+        tries = 0
+        while not self._stop.is_set():
+            try:
+                self._listen()
+                away_since, tries = None, 0
+            except ClientError as error:
+                away_since = away_since or time.monotonic()
+                gone = error.status is not None and error.status < 500
+                if gone or time.monotonic() - away_since > AWAY_S:
+                    self.error = error
+                    self._wake()
+                    return
+                self.trouble = "The farm is away; it is tried again."
+            except Exception as error:  # the screen must end with a sentence, and not stand still
+                self.error = ClientError(f"What {self._farm.url} tells of the job cannot be read ({error}).")
+                self._wake()
+                return
+            self._wake()
+            self._stop.wait(PAUSES_S[min(tries, len(PAUSES_S) - 1)])
+            tries += 1
+
+    def _listen(self) -> None:
+        """Until the connection ends. Raises ClientError where there is none, or the job is gone."""
+        with self._farm.socket(f"/api/jobs/{self.job.id}/live?frame={self.frame:g}") as socket:
+            with self._lock:
+                self._socket = socket
+            try:
+                while not self._stop.is_set():
+                    with contextlib.suppress(TimeoutError):
+                        self._take(socket, socket.recv(timeout=LOOK_EVERY_S))
+                        self.trouble = None
+                        self._wake()
+            except ConnectionClosed as closed:
+                if closed.rcvd is not None and closed.rcvd.code in GONE:
+                    raise ClientError(closed.rcvd.reason or "There is no such job.", 404) from None
+                self.trouble = "The farm is away; it is tried again."
+            finally:
+                with self._lock:
+                    self._socket = None
+
+    def _take(self, socket: ClientConnection, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            sequence = self._tile(message)
+            socket.send(json.dumps({"ack": sequence}))
+            return
+        said: dict[str, Any] = json.loads(message)
+        if said.get("type") == "state":
+            self._state(read(Job, said["job"]))
+        elif said.get("type") == "frames":
+            found = [read(Frame, each) for each in said["frames"]]
+            self.frames |= {each.number: each for each in found}
+            self._follow()
+
+    def _state(self, job: Job) -> None:
+        with self._lock:
+            before, self.job = self.job, job
+            if (job.width, job.height) != (before.width, before.height) or self.film is None:
+                self._begin()
+        if job.shot is None:
+            self.frames = {each.number: each for each in job.frames}
+
+    def _follow(self) -> None:
+        """Of a shot: go on to a frame that is being rendered, once the one that is shown is not any more."""
+        shown = self.shown
+        if not self.follows or (shown is not None and shown.state in ACTIVE):
+            return
+        under_way = sorted(number for number, frame in self.frames.items() if frame.state == "running")
+        if under_way:
+            self.turn_to(under_way[0])
+
+    def _tile(self, message: bytes) -> int:
+        version, kind, frame, sequence, x, y, w, h, _ = HEADER.unpack_from(message)
+        if (version, kind) != (VERSION, KIND_TILE):
+            raise ValueError(f"tiles of version {version}")
+        rgb = rgbe9995.unpack(np.frombuffer(message, "<u4", w * h, HEADER.size).reshape(h, w))
+        with self._lock:
+            film = self.film
+            if film is not None and frame == int(self.frame) & 0xFFFF and film[y : y + h, x : x + w].shape == rgb.shape:
+                film[y : y + h, x : x + w] = rgb
+                self.changes += 1
+                self._versions[Tile(x, y, w, h)] = self.changes
+        return int(sequence)

@@ -1,0 +1,202 @@
+"""The terminal as a screen of one's own: keys one by one, drawn on without flicker, and left as it was, whatever happens.
+
+What it can show is asked of itself: a query, and behind it one that every terminal answers (DA1), so that nothing is waited for.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import select
+import signal
+import struct
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+__all__ = ["Abilities", "Terminal", "understood"]
+
+ANSWER_S = 2.0  # over slow lines; DA1's answer ends it
+CELL = (10, 20)  # pixels, where the terminal does not say
+ENTER = b"\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J"  # its own screen, no cursor, no wrapping at the edge
+LEAVE = b"\x1b[m\x1b[?7h\x1b[?25h\x1b[?1049l"
+BEGIN, END = b"\x1b[?2026h", b"\x1b[?2026l"  # drawn at once, where the terminal knows it
+KITTY_QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
+TRUE_COLOUR_QUERY = b"\x1b[48;2;1;2;3m\x1bP$qm\x1b\\\x1b[m"  # DECRQSS: whether it kept that colour
+CELL_QUERY = b"\x1b[16t"
+DA1 = b"\x1b[c"
+SIXEL = "4"  # among DA1's attributes
+KEYS = {b"\x1b[C": "right", b"\x1b[D": "left", b"\x1bOC": "right", b"\x1bOD": "left", b"\x1b": "escape"}
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGWINCH, signal.SIGTSTP, signal.SIGCONT)
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """What a terminal can show. cell: pixels of a character cell, width and height."""
+
+    kitty: bool = False
+    sixel: bool = False
+    true_colour: bool = False
+    cell: tuple[int, int] = CELL
+
+
+def understood(answers: bytes) -> Abilities:
+    """What a terminal said to the queries."""
+    attributes = re.search(rb"\x1b\[\?([\d;]+)c", answers)
+    cell = re.search(rb"\x1b\[6;(\d+);(\d+)t", answers)
+    height, width = (int(cell[1]), int(cell[2])) if cell else (0, 0)
+    return Abilities(
+        kitty=re.search(rb"\x1b_Gi=31;OK\x1b\\", answers) is not None,
+        sixel=attributes is not None and SIXEL in attributes[1].decode().split(";"),
+        true_colour=re.search(rb"\x1bP1\$r[^\x1b]*48[:;]2[:;][\d:;]*1[:;]2[:;]3", answers) is not None,
+        cell=(width, height) if width and height else CELL,
+    )
+
+
+class Terminal:
+    """Standard input and output, where both are a terminal. A context: within it the screen is one's own.
+
+    ended: the signal that asks to end, None so far. resized: set where the window has changed, or the screen is lost.
+    """
+
+    def __init__(self) -> None:
+        self.ended: int | None = None
+        self.resized = True
+        self._in, self._out = sys.stdin.fileno(), sys.stdout.fileno()
+        self._before: list[Any] | None = None
+        self._handlers: dict[signal.Signals, Any] = {}
+        self._wake_read, self._wake_write = os.pipe()
+        self._is_to_stop = self._goes_on = False
+        for end in (self._wake_read, self._wake_write):
+            os.set_blocking(end, False)
+
+    @staticmethod
+    def is_there() -> bool:
+        """Whether a person looks at it."""
+        return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+    def __enter__(self) -> Terminal:
+        self._before = termios.tcgetattr(self._in)
+        for each in SIGNALS:
+            self._handlers[each] = signal.signal(each, self._signalled)
+        self._take_over()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._give_back()
+        for each, handler in self._handlers.items():
+            signal.signal(each, handler)
+        os.close(self._wake_read)
+        os.close(self._wake_write)
+
+    def abilities(self) -> Abilities:
+        """Ask what it can show."""
+        self.write(KITTY_QUERY + TRUE_COLOUR_QUERY + CELL_QUERY + DA1)
+        answers, deadline = b"", time.monotonic() + ANSWER_S
+        while not re.search(rb"\x1b\[\?[\d;]+c", answers) and (left := deadline - time.monotonic()) > 0 and self.ended is None:
+            if select.select([self._in], [], [], left)[0]:
+                data = os.read(self._in, 4096)
+                if not data:
+                    break
+                answers += data
+        found = understood(answers)
+        if os.environ.get("COLORTERM", "") in ("truecolor", "24bit"):
+            found = Abilities(found.kitty, found.sixel, True, found.cell)
+        return found if found.cell != CELL else Abilities(found.kitty, found.sixel, found.true_colour, self._cell())
+
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of its window."""
+        columns, rows = os.get_terminal_size(self._out)
+        return max(columns, 1), max(rows, 1)
+
+    def wake(self) -> None:
+        """Let `keys` return; from any thread, or a signal's handler."""
+        with contextlib.suppress(OSError):  # full: it wakes up anyway; or closed
+            os.write(self._wake_write, b".")
+
+    def keys(self, seconds: float) -> Iterator[str]:
+        """The keys that are pressed by then; none as soon as something else has happened."""
+        ready, _, _ = select.select([self._in, self._wake_read], [], [], seconds)
+        if self._wake_read in ready:
+            with contextlib.suppress(OSError):
+                os.read(self._wake_read, 4096)
+        if self._is_to_stop:
+            self._stop()
+        if self._in in ready:
+            try:
+                data = os.read(self._in, 1024)
+            except OSError:
+                data = b""
+            if not data:  # the window was closed
+                self.ended = self.ended or signal.SIGHUP
+                return
+            yield from _keys(data)
+
+    def draw(self, data: bytes) -> None:
+        """Draw at once what is drawn by these bytes."""
+        self.write(BEGIN + data + END)
+
+    def write(self, data: bytes) -> None:
+        """Write all of it. A terminal that is gone ends the watching."""
+        while data:
+            try:
+                data = data[os.write(self._out, data) :]
+            except BlockingIOError:
+                select.select([], [self._out], [], 1.0)
+            except OSError:
+                self.ended = self.ended or signal.SIGHUP
+                return
+
+    def _cell(self) -> tuple[int, int]:
+        with contextlib.suppress(OSError):
+            rows, columns, width, height = struct.unpack("HHHH", fcntl.ioctl(self._out, termios.TIOCGWINSZ, bytes(8)))
+            if rows and columns and width >= columns and height >= rows:
+                return width // columns, height // rows
+        return CELL
+
+    def _take_over(self) -> None:
+        tty.setcbreak(self._in, termios.TCSANOW)
+        self.write(ENTER)
+        self.resized = True
+
+    def _give_back(self) -> None:
+        self.write(LEAVE)
+        if self._before is not None:
+            with contextlib.suppress(termios.error):  # the window is closed
+                termios.tcsetattr(self._in, termios.TCSADRAIN, self._before)
+
+    def _signalled(self, number: int, frame: FrameType | None) -> None:
+        if number == signal.SIGTSTP:
+            self._is_to_stop = True
+        elif number == signal.SIGCONT:
+            self._goes_on = True
+        elif number == signal.SIGWINCH:
+            self.resized = True
+        else:
+            self.ended = number
+        self.wake()
+
+    def _stop(self) -> None:
+        """Ctrl-Z: leave the screen until the shell brings it back."""
+        self._is_to_stop = self._goes_on = False
+        self._give_back()
+        os.kill(os.getpid(), signal.SIGSTOP)
+        while not self._goes_on and self.ended is None:  # another thread may be the one that is stopped first
+            time.sleep(0.02)
+        self._take_over()
+
+
+def _keys(data: bytes) -> Iterator[str]:
+    for found in re.finditer(rb"\x1b(?:[\[O][\d;?]*[A-Za-z~])?|[^\x1b]", data):
+        key = found[0]
+        if key in KEYS:
+            yield KEYS[key]
+        elif len(key) == 1:
+            yield key.decode(errors="replace")

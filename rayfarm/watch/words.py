@@ -1,0 +1,74 @@
+"""What is said of a job beneath its picture, and in lines."""
+
+from __future__ import annotations
+
+from rich.cells import cell_len, set_cell_size
+
+from rayfarm.answers import Frame, Job
+
+__all__ = ["cut", "how_far", "what"]
+
+BAR = 24  # cells
+EIGHTHS = " ▏▎▍▌▋▊▉█"
+
+
+def how_far(job: Job, with_bar: bool = False) -> str:
+    """Its state, progress, rate and the time that is left: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
+    done = f"{100 * job.progress:.0f} %"
+    parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]
+    if job.samples_per_s and not job.is_over:
+        parts.append(f"{_short(job.samples_per_s)} samples/s")
+    if job.eta_s is not None and not job.is_over:
+        parts.append(f"{_time(job.eta_s)} left")
+    elif job.active_s:
+        parts.append(f"{_time(job.active_s)}")
+    return " · ".join(parts)
+
+
+def what(job: Job, frame: Frame | None) -> str:
+    """Its name, size, and how good the picture is: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
+    parts = [_plain(job.name or job.id)]
+    if job.width and job.height:
+        parts.append(f"{job.width}x{job.height}")
+    if frame is not None:
+        if job.shot is not None:
+            parts.append(f"frame {frame.number:g} of {job.shot.frames}")
+        samples = f"{frame.spp:.3g}" if frame.spp < 10 else f"{frame.spp:.0f}"
+        parts.append(f"{samples} of {job.spp} spp" if job.spp else f"{samples} spp")
+        if frame.noise is not None:
+            parts.append(f"noise {100 * frame.noise:.2g} %")
+        if frame.error:
+            parts.append(_plain(frame.error))
+    return " · ".join(parts)
+
+
+def cut(text: str, columns: int) -> str:
+    """As much of a line as fits, filled up with blanks."""
+    clean = _plain(text)
+    if cell_len(clean) > columns > 1:
+        clean = f"{set_cell_size(clean, columns - 1).rstrip()}…"
+    return set_cell_size(clean, columns)
+
+
+def _plain(text: str) -> str:
+    """Without what a terminal would take for an order: names come from whoever uploaded the scene."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def _bar(progress: float) -> str:
+    eighths = round(8 * BAR * min(max(progress, 0.0), 1.0))
+    full, rest = divmod(eighths, 8)
+    return f"▕{('█' * full + (EIGHTHS[rest] if full < BAR else '')).ljust(BAR)}▏"
+
+
+def _short(number: float) -> str:
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if number >= size:
+            return f"{number / size:.3g} {letter}"
+    return f"{number:.3g} "
+
+
+def _time(seconds: float) -> str:
+    minutes, left = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{left:02}" if hours else f"{minutes}:{left:02}"

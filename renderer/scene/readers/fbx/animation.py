@@ -1,0 +1,51 @@
+"""FBX's animation stacks as clips, and which of a file's elements one of them moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from renderer.scene.animation import Clip, Moment
+from renderer.scene.animation.moment import ALL_CLIPS
+from renderer.scene.readers.fbx import layout
+from renderer.scene.readers.fbx.library import at, each, pointed, text
+from renderer.scene.readers.names import number_of
+
+__all__ = ["Stacks"]
+
+_STILL = 1e-9  # of a curve's values, by which rounding alone differs
+
+
+class Stacks:
+    """The animation stacks of a scene."""
+
+    def __init__(self, scene: Any, name: str) -> None:
+        self._file, self._all = name, scene.anim
+        self._stacks = pointed(scene.stacks, layout.AnimStack)
+        self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
+
+    def played(self, moment: Moment) -> int | None:
+        """The animation to evaluate; None where there is none. Raises SceneError where there is no such clip."""
+        if moment.clip is not None and moment.clip != ALL_CLIPS:
+            number = number_of("clip", [clip.name for clip in self.clips], moment.clip, self._file)
+            return int(self._stacks[number].anim)
+        return int(self._stacks[0].anim) if self._stacks else None
+
+    def moving(self, anim: int | None) -> set[int]:
+        """The elements, by id, of which something has another value at another time."""
+        found: set[int] = set()
+        played = at(layout.Anim, anim)
+        for layer in pointed(played.layers, layout.AnimLayer) if played else []:
+            for each_property in each(layer.properties, layout.AnimProp):
+                value = at(layout.AnimValue, each_property.value)
+                element = at(layout.Element, each_property.element)
+                if value is not None and element is not None and _moves(value):
+                    found.add(element.element_id)
+        return found
+
+
+def _moves(value: Any) -> bool:
+    for address in value.curves:
+        curve = at(layout.AnimCurve, address)
+        if curve is not None and curve.most - curve.least > _STILL * max(1.0, abs(curve.most)):
+            return True
+    return False

@@ -1,0 +1,153 @@
+"""ufbx itself: the C library that the wheel `ufbx` carries, through ctypes.
+
+Not through the wheel's own Python objects: in 0.0.5 those give elements away without counting the reference, so that whoever asks
+for one twice reads freed memory. The C library beneath exports all of its interface, and holds.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.readers.fbx import layout
+
+__all__ = ["Opened", "array", "at", "each", "matrix", "pointed", "text", "triangulated"]
+
+_KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
+_OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
+_RIGHT_Y_FRONT = (0, 2, 4)  # +X to the right, +Y up, +Z to the front
+_DEPTH = 1000
+_FBX = 1
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    spec = importlib.util.find_spec("ufbx")
+    for folder in (spec.submodule_search_locations or []) if spec else []:
+        for path in sorted(Path(folder).glob("_*.so")):
+            found = ctypes.CDLL(str(path))
+            if hasattr(found, "ufbx_load_memory"):
+                return _declared(found)
+    raise SceneError("FBX files are read by the package ufbx, which is not installed here: pip install ufbx")
+
+
+def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
+    version = ctypes.c_uint32.in_dll(library, "ufbx_source_version").value
+    if version not in _KNOWN:
+        said = f"{version // 1_000_000}.{version // 1000 % 1000}.{version % 1000}"
+        raise SceneError(
+            f"The package ufbx here has version {said} of its library, and FBX files need 0.21 of it, as ufbx 0.0.5 has"
+        )
+    opened: Any = ctypes.POINTER(layout.Scene)
+    library.ufbx_load_memory.restype = opened
+    library.ufbx_load_memory.argtypes = [
+        ctypes.c_char_p,
+        ctypes.c_size_t,
+        ctypes.POINTER(layout.LoadOptions),
+        ctypes.POINTER(layout.Error),
+    ]
+    library.ufbx_evaluate_scene.restype = opened
+    library.ufbx_evaluate_scene.argtypes = [
+        opened,
+        ctypes.c_void_p,
+        ctypes.c_double,
+        ctypes.POINTER(layout.EvaluateOptions),
+        ctypes.POINTER(layout.Error),
+    ]
+    library.ufbx_free_scene.restype = None
+    library.ufbx_free_scene.argtypes = [opened]
+    library.ufbx_triangulate_face.restype = ctypes.c_uint32
+    library.ufbx_triangulate_face.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, layout.Face]
+    return library
+
+
+class Opened:
+    """A scene that ufbx holds in memory until this object goes; what was read of it as arrays stays."""
+
+    def __init__(self, pointer: Any) -> None:
+        self._pointer = pointer
+        self.scene = pointer.contents
+
+    def __del__(self) -> None:
+        _library().ufbx_free_scene(self._pointer)
+
+    @classmethod
+    def of(cls, data: bytes, name: str) -> Opened:
+        """The scene in a file's bytes, in metres, Y up. Nothing outside of them is opened. Raises SceneError."""
+        options = layout.LoadOptions()
+        options.blender_pbr = True
+        options.connect_broken = options.make_normals = options.normalize = options.clean_skin_weights = True
+        options.depth_limit = _DEPTH
+        options.axes.right, options.axes.up, options.axes.front = _RIGHT_Y_FRONT
+        options.unit_meters = 1.0
+        options.format = _FBX
+        error = layout.Error()
+        found = _library().ufbx_load_memory(data, len(data), ctypes.byref(options), ctypes.byref(error))
+        return cls(found) if found else _failed(error, name)
+
+    def at(self, anim: int, seconds: float, name: str) -> Opened:
+        """The scene as an animation has it at a time. Raises SceneError."""
+        options, error = layout.EvaluateOptions(), layout.Error()
+        found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
+        return Opened(found) if found else _failed(error, name)
+
+
+def _failed(error: Any, name: str) -> Any:
+    if error.kind in _OUT_OF_MEMORY:
+        raise MemoryError
+    said = text(error.description) or "unknown"
+    detail = f": {error.info.decode('utf-8', 'replace')[:100]}" if error.info_length else ""
+    raise SceneError(f"{name}: is damaged or no FBX file ({said}{detail}); export it again")
+
+
+def text(string: Any) -> str:
+    """A string of the library."""
+    return ctypes.string_at(string.data, string.count).decode("utf-8", "replace") if string.data else ""
+
+
+def at(kind: Any, address: int | None) -> Any:
+    """The structure at an address; None for none."""
+    return kind.from_address(address) if address else None
+
+
+def each(values: Any, kind: Any) -> list[Any]:
+    """The structures that lie in a list."""
+    return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
+
+
+def pointed(values: Any, kind: Any) -> list[Any]:
+    """The structures that a list points to."""
+    if not values.data:
+        return []
+    addresses = (ctypes.c_void_p * values.count).from_address(values.data)
+    return [kind.from_address(address) for address in addresses if address]
+
+
+def array(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
+    """A copy of a list of numbers: (N,), or (N, width)."""
+    item = np.dtype(dtype).itemsize * width
+    if not values.data or not values.count:
+        return np.zeros((0, width) if width > 1 else 0, dtype)
+    found = np.frombuffer(ctypes.string_at(values.data, values.count * item), dtype)
+    return found.reshape(-1, width) if width > 1 else found
+
+
+def matrix(values: Any) -> npt.NDArray[np.float64]:
+    """(4, 4), of a matrix of the library: twelve numbers, column after column."""
+    found = np.eye(4)
+    found[:3] = np.array(values, np.float64).reshape(4, 3).T
+    return found
+
+
+def triangulated(mesh: Any, begin: int, count: int) -> npt.NDArray[np.uint32]:
+    """(count - 2, 3) corners of a face of any shape."""
+    room = (ctypes.c_uint32 * (3 * max(count - 2, 1)))()
+    made = _library().ufbx_triangulate_face(room, len(room), ctypes.addressof(mesh), layout.Face(begin, count))
+    return np.array(room[: 3 * made], np.uint32).reshape(-1, 3)

@@ -1,0 +1,93 @@
+"""FBX's lights and cameras.
+
+FBX gives lights a colour and a percentage, and no unit. Blender writes watts (a sun's per square metre) there, so those are its.
+Elsewhere a directional light of 100 % shows a white surface as white; a light that falls off with the square of the distance
+does so at a distance of one unit of the file, and one that does not fall off, which nothing real does, in the scene's middle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Light, Material, Vec3
+from renderer.scene.readers.numbers import clamped
+from renderer.settings import View
+
+__all__ = ["AREA_SIDE", "area_material", "is_area", "read_camera", "read_light", "upright_square"]
+
+F64 = npt.NDArray[np.float64]
+
+POINT, DIRECTIONAL, SPOT, AREA, VOLUME = range(5)
+_QUADRATIC = 2
+_MAX = 1e12
+AREA_SIDE = 1.0  # metres, of an area light that is not scaled: FBX does not say
+
+
+def is_area(light: Any) -> bool:
+    """Whether a light has a body that is seen."""
+    return bool(light.kind == AREA)
+
+
+def _color(light: Any, scale: float) -> Vec3:
+    r, g, b = (clamped(float(np.nan_to_num(c)) * float(np.nan_to_num(light.intensity)) * scale, 0.0, _MAX) for c in light.color)
+    return r, g, b
+
+
+def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float, middle: F64) -> Light:
+    """A point, spot or directional light. unit: the file's, in metres. middle: of what the scene shows."""
+    towards = world[:3, :3] @ np.array(light.direction)
+    length = float(np.linalg.norm(towards))
+    x, y, z = (float(c) for c in (towards / length if length > 0 else (0.0, -1.0, 0.0)))
+    position = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
+    if light.kind == DIRECTIONAL:
+        return Light("directional", _color(light, 1.0 if by_blender else math.pi), position, (x, y, z), name=name)
+    if by_blender:
+        scale = 1 / (4 * math.pi)
+    elif light.decay == _QUADRATIC:
+        scale = math.pi * unit**2
+    else:
+        scale = math.pi * max(float(np.linalg.norm(world[:3, 3] - middle)), 1e-3) ** 2
+    if light.kind != SPOT:
+        return Light("point", _color(light, scale), position, (x, y, z), name=name)
+    outer = clamped(light.outer_angle / 2, 0.01, 90.0)
+    inner = clamped(light.inner_angle / 2, 0.0, outer)
+    return Light("spot", _color(light, scale), position, (x, y, z), inner_cone=inner, outer_cone=outer, name=name)
+
+
+def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Material:
+    """What an area light's square is made of."""
+    side = upright_square(light, world)[:3, :2]
+    area = float(np.linalg.norm(np.cross(side[:, 0], side[:, 1]))) * 4
+    emission = _color(light, 1 / (math.pi * max(area, 1e-12)) if by_blender else 1.0)
+    return Material(name, base_color=(0.0, 0.0, 0.0), emission=emission)
+
+
+def upright_square(light: Any, world: F64) -> F64:
+    """The place of the square -1..1 in x and y, which looks along +Z, of an area light."""
+    z = np.array(light.direction, np.float64)
+    x = np.cross((0.0, 0.0, 1.0) if abs(z[2]) < 0.9 else (1.0, 0.0, 0.0), z)
+    x /= max(float(np.linalg.norm(x)), 1e-12)
+    turn = np.eye(4)
+    turn[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    half = np.diag([AREA_SIDE / 2, AREA_SIDE / 2, 1.0, 1.0])
+    # A unit is a metre here, and the scale of the root, by which units become metres, is no light's own.
+    return np.asarray(world @ turn @ half, np.float64)
+
+
+def read_camera(camera: Any, world: F64) -> View:
+    """The view of a camera, along +X of its node, +Y up; its scale is left aside. Raises SettingsError where it sees nothing."""
+    eye, forward, up = world[:3, 3], _unit(world[:3, 0]), _unit(world[:3, 1])
+    target = eye + forward * max(1.0, float(np.abs(eye).max()))
+    points = (tuple(float(c) for c in v) for v in (eye, target, up))
+    a, b, c = points
+    if camera.projection == 1:
+        return View(a, b, c, projection="orthographic", height=abs(camera.orthographic[1]))  # type: ignore[arg-type]
+    return View(a, b, c, clamped(float(np.nan_to_num(camera.fov[1])) or 40.0, 0.01, 179.0))  # type: ignore[arg-type]
+
+
+def _unit(vector: F64) -> F64:
+    return vector / max(float(np.linalg.norm(vector)), 1e-30)

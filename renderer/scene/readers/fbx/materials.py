@@ -1,0 +1,219 @@
+"""FBX's materials as ours: Lambert and Phong after the books; the physically based ones of 3ds Max, Arnold, Maya, OpenPBR, glTF
+and Blender by the common terms that ufbx finds for them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from renderer.scene.description import Vec3
+from renderer.scene.material import ALL_REFLECTING_IOR, Material
+from renderer.scene.readers.fbx import layout
+from renderer.scene.readers.fbx.library import text
+from renderer.scene.readers.fbx.textures import Pictures
+from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
+from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Materials"]
+
+_UNKNOWN, _LAMBERT, _PHONG = 0, 1, 2
+_BLENDER = 11
+_MAX_RADIANCE = 1e9
+_LEFT_OUT = {
+    "subsurface_factor": "light beneath the surface",
+    "transmission_scatter": "scattering inside",
+    "displacement_map": "displacement",
+    "matte_factor": "matte",
+}
+_PBR = {name: i for i, name in enumerate(layout.PBR_MAPS)}
+_FBX = {name: i for i, name in enumerate(layout.FBX_MAPS)}
+_FEATURES = {name: 2 * i for i, name in enumerate(layout.FEATURES)}
+
+
+class Materials:
+    """The description's materials by the file's."""
+
+    def __init__(self, pictures: Pictures, shelf: TextureShelf, materials: list[Material]) -> None:
+        self._pictures, self._shelf, self._materials = pictures, shelf, materials
+        self._known: dict[int, int] = {}
+
+    def number(self, source: Any | None) -> int:
+        """The description's number of one of the file's; None: of surfaces that have none."""
+        key = -1 if source is None else int(source.element_id)
+        if key not in self._known:
+            self._materials.append(Material() if source is None else self._read(source))
+            self._known[key] = len(self._materials) - 1
+        return self._known[key]
+
+    def _read(self, source: Any) -> Material:
+        name = text(source.name) or "material"
+        said = _Said(source, name, self._pictures)
+        material = Material(name, "metallic_roughness", (1.0, 1.0, 1.0), metallic=0.0, roughness=0.5)
+        material.base_color = said.color("base_color", "base_factor", (0.8, 0.8, 0.8))
+        material.base_color_texture = said.texture("base_color", srgb=True)
+        if material.base_color_texture is not None:
+            # A texture takes the colour's place; the factor stays.
+            factor = unit(said.value("base_factor", 1.0))
+            material.base_color = (factor, factor, factor)
+        self._emission(said, material)
+        self._normals(said, material)
+        if source.shader in (_UNKNOWN, _LAMBERT):
+            material.kind, material.roughness = "diffuse", None
+        elif source.shader == _PHONG:
+            _phong(said, material)
+        else:
+            self._physical(said, material)
+        self._opacity(said, material)
+        left = [words for key, words in _LEFT_OUT.items() if said.has(key)]
+        if left:
+            self._shelf.warn_of_surface(f"Material {name}: not read and left out: {', '.join(left)}.")
+        return material
+
+    def _emission(self, said: _Said, material: Material) -> None:
+        material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+        texture = said.texture("emission_color", srgb=True)
+        factor = said.value("emission_factor", 1.0)
+        if texture is not None and factor > 0:
+            material.emission_texture = texture
+            level = clamped(factor, 0.0, _MAX_RADIANCE)
+            material.emission = (level, level, level)
+
+    def _normals(self, said: _Said, material: Material) -> None:
+        material.normal_texture = said.texture("normal_map")
+        if material.normal_texture is None:
+            texture = said.fbx_texture("bump")
+            if texture is not None and holds_normals(self._shelf.image_of(texture)):
+                material.normal_texture = texture
+            elif texture is not None:
+                self._shelf.warn_of_surface(
+                    f"Material {material.name}: its bump map holds heights and is left out; bake it to a normal map."
+                )
+
+    def _opacity(self, said: _Said, material: Material) -> None:
+        is_old = said.source.shader in (_UNKNOWN, _LAMBERT, _PHONG)
+        opacity = 1 - max(said.fbx_color("transparency_color", "transparency_factor")) if is_old else said.opacity()
+        if opacity < 1 and not (is_old and opacity == 0):  # 0 is written by exporters that mean the opposite
+            material.opacity, material.alpha_mode = opacity, "blend"
+        mask = said.fbx_texture("transparency_color") if is_old else said.texture("opacity")
+        if mask is None or material.transmission > 0:
+            return
+        if is_old and (self._shelf.image_of(mask).pixels[..., 3:] == 255).all():
+            self._shelf.warn_of_surface(f"Material {material.name}: its map of transparency has no alpha, and is left out.")
+            return
+        same = mask == material.base_color_texture
+        material.base_color_texture = mask if same else with_opacity(self._shelf, material.base_color_texture, mask)
+        material.alpha_mode = "blend"
+
+    def _physical(self, said: _Said, material: Material) -> None:
+        rough, metal = said.texture("roughness"), said.texture("metalness")
+        material.metallic_roughness_texture = with_roughness_and_metal(self._shelf, rough, metal)
+        material.roughness = 1.0 if rough is not None else said.roughness("", 0.5)
+        material.metallic = 1.0 if metal is not None else unit(said.value("metalness", 0.0))
+        material.ior = clamped(said.value("specular_ior", 1.5), 1.0, ALL_REFLECTING_IOR)
+        material.specular = unit(said.value("specular_factor", 1.0))
+        if said.source.shader == _BLENDER:
+            material.specular = unit(2 * material.specular)  # its exporter writes 0.5 for the 4 % that plastics reflect
+        material.specular_color = said.color("specular_color", None, (1.0, 1.0, 1.0))
+        material.anisotropy = unit(said.value("specular_anisotropy", 0.0))
+        material.anisotropy_rotation = math.remainder(2 * math.pi * said.value("specular_rotation", 0.0), 2 * math.pi)
+        material.transmission = unit(said.value("transmission_factor", 0.0))
+        if material.transmission > 0:
+            material.thin = said.feature("thin_walled")
+            tint = said.color("transmission_color", None, (1.0, 1.0, 1.0))
+            depth = said.value("transmission_depth", 0.0)
+            if depth > 0 and not material.thin:
+                material.attenuation_color, material.attenuation_distance = tint, depth
+                material.base_color = (1.0, 1.0, 1.0)
+            else:
+                material.base_color = tint
+            material.dispersion = clamped(said.value("transmission_dispersion", 0.0), 0.0, 20.0)
+        material.clearcoat = unit(said.value("coat_factor", 0.0))
+        if material.clearcoat > 0:
+            material.clearcoat_roughness = said.roughness("coat_", 0.0)
+        if said.value("sheen_factor", 0.0) > 0:
+            material.sheen_color = said.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
+            material.sheen_roughness = unit(said.value("sheen_roughness", 0.3))
+        if said.value("thin_film_factor", 0.0) > 0 and said.value("thin_film_thickness", 0.0) > 0:
+            thickness = clamped(said.value("thin_film_thickness", 0.0), 0.0, 1e5)
+            material.iridescence = unit(said.value("thin_film_factor", 0.0))
+            material.iridescence_thickness = (thickness, thickness)
+            material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
+
+
+def _phong(said: _Said, material: Material) -> None:
+    specular = said.fbx_color("specular_color", "specular_factor")
+    exponent = max(said.fbx_value("specular_exponent", 20.0), 0.0)
+    if max(specular) == 0:
+        material.kind, material.roughness = "diffuse", None
+        return
+    # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
+    material.roughness = unit((2 / (exponent + 2)) ** 0.25)
+    material.specular_color = unit_color(specular)
+
+
+class _Said:
+    """What a file says of one material."""
+
+    def __init__(self, source: Any, name: str, pictures: Pictures) -> None:
+        self.source, self._name, self._pictures = source, name, pictures
+
+    def feature(self, name: str) -> bool:
+        return bool(self.source.features[_FEATURES[name]])
+
+    def has(self, name: str) -> bool:
+        """Whether a map has a texture, or a number that is not 0."""
+        found = self.source.pbr[_PBR[name]]
+        return bool(found.texture and found.texture_enabled) or bool(found.has_value and any(list(found.value)[:3]))
+
+    def value(self, name: str, default: float) -> float:
+        found = self.source.pbr[_PBR[name]]
+        value = float(found.value[0]) if found.has_value else default
+        return value if math.isfinite(value) else default
+
+    def fbx_value(self, name: str, default: float) -> float:
+        found = self.source.fbx[_FBX[name]]
+        value = float(found.value[0]) if found.has_value else default
+        return value if math.isfinite(value) else default
+
+    def roughness(self, of: str, default: float) -> float:
+        """Of the surface, or of what `of` says, also where a file says how glossy it is."""
+        gloss = f"{of}glossiness"
+        if self.feature(f"{of}roughness_as_glossiness") and self.source.pbr[_PBR[gloss]].has_value:
+            return unit(1 - self.value(gloss, 1 - default))
+        return unit(self.value(f"{of}roughness", default))
+
+    def color(self, name: str, factor: str | None, default: Vec3, high: float = 1.0) -> Vec3:
+        found = self.source.pbr[_PBR[name]]
+        scale = 1.0 if factor is None else self.value(factor, 1.0)
+        return _scaled(found, default, scale, high)
+
+    def fbx_color(self, name: str, factor: str) -> Vec3:
+        return _scaled(self.source.fbx[_FBX[name]], (0.0, 0.0, 0.0), self.fbx_value(factor, 1.0), 1.0)
+
+    def texture(self, name: str, srgb: bool = False) -> int | None:
+        found = self.source.pbr[_PBR[name]]
+        return self._pictures.find(found.texture, f"Material {self._name}", srgb) if found.texture_enabled else None
+
+    def fbx_texture(self, name: str) -> int | None:
+        found = self.source.fbx[_FBX[name]]
+        return self._pictures.find(found.texture, f"Material {self._name}", False) if found.texture_enabled else None
+
+    def opacity(self) -> float:
+        found = self.source.pbr[_PBR["opacity"]]
+        if not found.has_value:
+            return 1.0
+        values = [float(v) for v in found.value[: max(min(found.components, 3), 1)]]
+        mean = float(np.mean(values))
+        return unit(mean) if math.isfinite(mean) else 1.0
+
+
+def _scaled(found: Any, default: Vec3, scale: float, high: float) -> Vec3:
+    values = [float(v) for v in found.value[:3]] if found.has_value else list(default)
+    if found.has_value and found.components == 1:
+        values = values[:1] * 3
+    r, g, b = (clamped(v * scale, 0.0, high) if math.isfinite(v * scale) else d for v, d in zip(values, default, strict=True))
+    return r, g, b

@@ -1,0 +1,272 @@
+"""An FBX file as a scene at a moment, in metres with Y up."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError, SettingsError
+from renderer.scene.animation import Moment
+from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.fbx import layout, lights
+from renderer.scene.readers.fbx.animation import Stacks
+from renderer.scene.readers.fbx.library import Opened, array, at, each, matrix, pointed, text
+from renderer.scene.readers.fbx.materials import Materials
+from renderer.scene.readers.fbx.meshes import Part, parts_of
+from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
+from renderer.scene.readers.fbx.textures import Pictures
+from renderer.scene.readers.shapes import quad
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["read"]
+
+_BLENDER = (2, 3)  # ufbx_exporter
+_LOD_GROUP = 16  # ufbx_element_type
+_SMOOTH = (2, 3)  # ufbx_subdivision_display_mode
+_DUAL_QUATERNIONS = (2, 3)  # ufbx_skinning_method
+_LEFT_OUT = {
+    "line_curves": "lines",
+    "nurbs_curves": "NURBS curves",
+    "nurbs_surfaces": "NURBS surfaces",
+    "procedural": "procedural surfaces",
+    "constraints": "constraints",
+    "caches": "geometry caches",
+    "camera_switchers": "camera switchers",
+}
+MAX_NODES = 200_000
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
+    """Adds the file's scene at a moment to the description. Raises SceneError."""
+    opened = files.recall(("FBX", main), lambda: Opened.of(files.read(main), main))
+    if opened.scene.nodes.count > MAX_NODES:
+        raise SceneError(f"{main}: has {opened.scene.nodes.count} nodes; at most {MAX_NODES} fit")
+    stacks = Stacks(opened.scene, main)
+    description.clips = stacks.clips
+    fps = float(opened.scene.settings.fps)
+    if 1e-3 <= fps <= 1e4:
+        description.fps = fps
+    anim = stacks.played(moment)
+    moving = stacks.moving(anim)
+    description.moves |= len(moving) > 0
+    shown = opened.at(anim, moment.seconds(description.fps), main) if anim is not None and moving else opened
+    _Reader(files, main, description, shown, moving).read()
+
+
+class _Reader:
+    """Reads one scene of the library."""
+
+    def __init__(self, files: SceneFiles, main: str, description: SceneDescription, opened: Opened, moving: set[int]) -> None:
+        self._files, self._main, self._description, self._opened, self._moving = files, main, description, opened, moving
+        scene = opened.scene
+        self._scene = scene
+        self._by_blender = scene.metadata.exporter in _BLENDER
+        self._shelf = TextureShelf(description, files)
+        self._materials = Materials(Pictures(scene, main, files, self._shelf), self._shelf, description.materials)
+        self._numbers: dict[tuple[int, int], int] = {}
+        self._names: Counter[str] = Counter()
+        self._odd: Counter[str] = Counter()
+
+    def read(self) -> None:
+        """Adds all of it."""
+        first = len(self._description.instances)
+        nodes = pointed(self._scene.nodes, layout.Node)
+        shown, restless = self._shown(nodes)
+        for node in nodes:
+            if node.mesh and node.element_id in shown:
+                self._show(node, node.element_id in restless)
+        middle = self._middle(first)
+        for node in nodes:
+            if node.light and node.element_id in shown:
+                self._light(node, middle, node.element_id in restless)
+            if node.camera:
+                self._camera(node)
+        self._warn()
+
+    def _shown(self, nodes: list[Any]) -> tuple[set[int], set[int]]:
+        """The nodes that are shown, and those that are elsewhere at another moment; parents come first."""
+        shown: set[int] = set()
+        restless: set[int] = set()
+        for node in nodes:
+            parent = at(layout.Node, node.parent)
+            if node.element_id in self._moving or (parent is not None and parent.element_id in restless):
+                restless.add(node.element_id)
+            if parent is not None and parent.attrib_type == _LOD_GROUP and self._is_coarse(node, parent):
+                self._odd["coarser levels of detail"] += 1
+            elif node.visible and (parent is None or parent.element_id in shown):
+                shown.add(node.element_id)
+            elif not node.visible and (parent is None or parent.element_id in shown):
+                self._odd["hidden nodes"] += 1
+        return shown, restless
+
+    @staticmethod
+    def _is_coarse(node: Any, parent: Any) -> bool:
+        siblings = pointed(parent.children, layout.Node)
+        return bool(siblings) and siblings[0].element_id != node.element_id
+
+    def _show(self, node: Any, moves: bool) -> None:
+        mesh = at(layout.Mesh, node.mesh)
+        world = self._finite(matrix(node.geometry_to_world), node)
+        parts: list[Part] = self._files.recall(("FBX parts", self._main, mesh.element_id), functools.partial(parts_of, mesh))
+        if not parts:
+            self._odd["meshes without faces"] += 1
+            return
+        name = self._unique(text(node.name) or text(mesh.name) or "mesh")
+        self._note(mesh)
+        slots = pointed(node.materials, layout.Material) or pointed(mesh.materials, layout.Material)
+        skins = pointed(mesh.skins, layout.SkinDeformer)
+        bends = bool(mesh.blends.count) or bool(skins)
+        made = self._bent(node, mesh, parts, skins, world) if bends else None
+        for i, part in enumerate(parts):
+            material = self._materials.number(slots[part.slot] if part.slot < len(slots) else None)
+            key = (int(mesh.element_id) if not skins else -1 - int(node.element_id), part.slot)
+            if key not in self._numbers:
+                if made is not None:
+                    found = made[i]
+                    found.deforms = self._deforms(mesh, skins, moves)
+                else:
+                    points = self._files.recall(
+                        ("FBX points", self._main, mesh.element_id, part.slot), functools.partial(_points, mesh, part)
+                    )
+                    found = _mesh(name, part, points, part.normals)
+                found.material = material
+                self._description.meshes.append(found)
+                self._numbers[key] = len(self._description.meshes) - 1
+            number = self._numbers[key]
+            own = None if self._description.meshes[number].material == material else material
+            place = np.eye(4) if skins else world
+            restless = (moves and not skins) or self._description.meshes[number].deforms
+            self._description.instances.append(Instance(number, place, own, name, restless))
+
+    def _bent(self, node: Any, mesh: Any, parts: list[Part], skins: list[Any], world: npt.NDArray[np.float64]) -> list[Mesh]:
+        """The parts of a mesh as its blend shapes and its skin have it: in the world where it has a skin."""
+        rest = array(mesh.vertices, np.float64, 3)
+        points, added = blended(mesh)
+        made = []
+        skin = None
+        if skins:
+            skin = self._files.recall(("FBX skin", self._main, mesh.element_id), functools.partial(Skin, skins[0]))
+            places = self._finite(Skin.places(skins[0], world), node)
+        for part in parts:
+            normals = turned_with(part, rest, points) if added is None else None
+            if added is not None and part.normals is not None:
+                normals = (part.normals + added[part.point]).astype(np.float32)
+            if skin is None:
+                made.append(_mesh(text(mesh.name), part, points[part.point].astype(np.float32), normals))
+                continue
+            placed, turned = skin.carried(part, points, normals, places)
+            made.append(_mesh(text(mesh.name), part, placed, turned))
+            if np.linalg.det(world[:3, :3]) < 0:
+                made[-1].triangles = np.ascontiguousarray(made[-1].triangles[:, ::-1])
+        return made
+
+    def _deforms(self, mesh: Any, skins: list[Any], moves: bool) -> bool:
+        """Whether a mesh has other vertices at another moment."""
+        channels = [
+            c for blend in pointed(mesh.blends, layout.BlendDeformer) for c in pointed(blend.channels, layout.BlendChannel)
+        ]
+        if any(channel.element_id in self._moving for channel in channels):
+            return True
+        bones = [cluster.bone for skin in skins for cluster in pointed(skin.clusters, layout.SkinCluster)]
+        return bool(skins) and (moves or any(self._carries(bone) for bone in bones))
+
+    def _carries(self, address: int | None) -> bool:
+        node = at(layout.Node, address)
+        while node is not None:
+            if node.element_id in self._moving:
+                return True
+            node = at(layout.Node, node.parent)
+        return False
+
+    def _note(self, mesh: Any) -> None:
+        skins = pointed(mesh.skins, layout.SkinDeformer)
+        if len(skins) > 1:
+            self._odd["further skins of a mesh"] += len(skins) - 1
+        if any(skin.method in _DUAL_QUATERNIONS for skin in skins):
+            self._shelf.warn("Skins by dual quaternions are bent linearly, as the others are.")
+        if mesh.subdivision_mode in _SMOOTH:
+            self._odd["subdivisions of surfaces, which are shown as their cages"] += 1
+        if mesh.num_lines or mesh.num_points:
+            self._odd["loose edges and points of meshes"] += mesh.num_lines + mesh.num_points
+
+    def _middle(self, first: int) -> npt.NDArray[np.float64]:
+        """The middle of what is shown."""
+        corners = []
+        for instance in self._description.instances[first:]:
+            points = self._description.meshes[instance.mesh].positions
+            box = np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
+            corners.append(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
+        if not corners:
+            return np.zeros(3)
+        every = np.concatenate(corners)
+        found: npt.NDArray[np.float64] = (every.min(axis=0) + every.max(axis=0)) / 2
+        return found if np.isfinite(found).all() else np.zeros(3)
+
+    def _light(self, node: Any, middle: npt.NDArray[np.float64], moves: bool) -> None:
+        light = at(layout.Light, node.light)
+        world = self._finite(matrix(node.node_to_world), node)
+        name = self._unique(text(node.name) or "light")
+        if light.kind == lights.VOLUME or not light.shines:
+            self._odd["volume lights" if light.kind == lights.VOLUME else "lights that are switched off"] += 1
+        elif lights.is_area(light):
+            self._area_light(light, name, world, moves)
+        else:
+            unit = float(self._scene.settings.unit)
+            self._description.lights.append(lights.read_light(light, name, world, self._by_blender, unit, middle))
+            if not self._by_blender and light.kind != lights.DIRECTIONAL and light.decay != 2:
+                self._odd["lights that do not fade as real ones do, as bright as told in the scene's middle"] += 1
+
+    def _area_light(self, light: Any, name: str, world: npt.NDArray[np.float64], moves: bool) -> None:
+        # Scaled to metres by the root, where the node does not undo that: the square is a unit of the file's.
+        self._description.materials.append(lights.area_material(light, name, world, self._by_blender))
+        mesh = quad(name)
+        mesh.material = len(self._description.materials) - 1
+        self._description.meshes.append(mesh)
+        place = lights.upright_square(light, world)
+        self._description.instances.append(Instance(len(self._description.meshes) - 1, place, name=name, moves=moves))
+        self._shelf.warn("FBX does not say how large area lights are; they are squares, a metre wide where nothing scales them.")
+
+    def _camera(self, node: Any) -> None:
+        name = self._unique(text(node.name) or "camera")
+        try:
+            world = self._finite(matrix(node.node_to_world), node)
+            view = lights.read_camera(at(layout.Camera, node.camera), world)
+        except SettingsError as error:
+            self._shelf.warn(f"Camera {name}: {error}; it is left out.")
+            return
+        self._description.cameras.append(Camera(name, view))
+
+    def _finite(self, found: npt.NDArray[np.float64], node: Any) -> npt.NDArray[np.float64]:
+        if not np.isfinite(found).all():
+            raise SceneError(f"{self._main}: {text(node.name)[:80]} has a transform that is not finite; export the file again")
+        return found
+
+    def _unique(self, name: str) -> str:
+        self._names[name] += 1
+        return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
+
+    def _warn(self) -> None:
+        """Names what the file has and the scene has not, with counts."""
+        for key, words in _LEFT_OUT.items():
+            count = getattr(self._scene, key).count
+            if count:
+                self._odd[words] += count
+        if self._odd:
+            listed = ", ".join(f"{count} {words}" for words, count in self._odd.items())
+            self._shelf.warn(f"Not taken over as it is in the FBX file: {listed}.")
+        for notice in each(self._scene.metadata.warnings, layout.Notice)[:8]:
+            times = f" ({notice.count} times)" if notice.count > 1 else ""
+            self._shelf.warn(f"{self._main}: {text(notice.description)[:160]}{times}.")
+
+
+def _points(mesh: Any, part: Part) -> npt.NDArray[np.float32]:
+    return array(mesh.vertices, np.float64, 3)[part.point].astype(np.float32)
+
+
+def _mesh(name: str, part: Part, points: npt.NDArray[np.float32], normals: npt.NDArray[np.float32] | None) -> Mesh:
+    return Mesh(name, points, part.triangles, normals, part.uvs, 0, part.uvs1, part.colors)

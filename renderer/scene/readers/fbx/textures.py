@@ -1,0 +1,74 @@
+"""The pictures of FBX's materials: inside the file, or beside it."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from renderer.scene.description import UvTransform, Wrap
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.fbx import layout
+from renderer.scene.readers.fbx.library import each, matrix, pointed, text
+from renderer.scene.textures import UNMOVED, TextureShelf
+
+__all__ = ["Pictures"]
+
+_WRAPS: tuple[Wrap, Wrap] = ("repeat", "clamp")
+_FILE, _LAYERED = 0, 1
+
+
+class Pictures:
+    """Textures by the file's own, looked up in the UV set that each names."""
+
+    def __init__(self, scene: Any, main: str, files: SceneFiles, shelf: TextureShelf) -> None:
+        self._main, self._files, self._shelf = main, files, shelf
+        self._sets: dict[str, int] = {}
+        for mesh in pointed(scene.meshes, layout.Mesh):
+            for i, uv_set in enumerate(each(mesh.uv_sets, layout.UvSet)[:2]):
+                self._sets.setdefault(text(uv_set.name), i)
+
+    def find(self, address: int | None, user: str, srgb: bool) -> int | None:
+        """The texture at an address; None, with a warning where it is missing."""
+        if not address:
+            return None
+        source = layout.Texture.from_address(address)
+        files = pointed(source.files, layout.Texture)
+        if source.kind != _FILE or not files:
+            what = "layers" if source.kind == _LAYERED else "a network of nodes"
+            used = "its lowest picture is shown" if files else "it is left out"
+            self._shelf.warn_of_surface(f"{user}: a texture of {what} is not read; {used}.")
+        if not files:
+            return None
+        picture = files[0]
+        wraps = [_WRAPS[1 if way == 1 else 0] for way in (picture.wrap_u, picture.wrap_v)]
+        uv_set = self._sets.get(text(picture.uv_set), 0)
+        return self._shelf.texture(self._image(picture, user, srgb), wraps[0], wraps[1], uv_set, _transform(picture))
+
+    def _image(self, picture: Any, user: str, srgb: bool) -> int | None:
+        said = [text(name) for name in (picture.relative, picture.filename, picture.absolute)]
+        named = [name for name in said if name]
+        if picture.content.count:
+            name = named[0].replace("\\", "/").rsplit("/", 1)[-1] if named else text(picture.name) or "picture"
+            data = ctypes.string_at(picture.content.data, picture.content.count)
+            return self._shelf.image_bytes(f"{name} in {self._main} ({picture.element_id})", data, srgb)
+        for name in named:
+            found = self._files.find(name, self._main)
+            if found is not None:
+                return self._shelf.image_file(found, srgb)
+        self._shelf.missing(named[0] if named else text(picture.name), user)
+        return None
+
+
+def _transform(picture: Any) -> UvTransform:
+    """Of UVs from the upper edge: t = M (u, 1 - v), and then 1 - t."""
+    if not picture.has_transform:
+        return UNMOVED
+    m = matrix(picture.uv_to_texture)
+    if not np.isfinite(m).all():
+        return UNMOVED
+    (a, b, c), (d, e, f) = m[0, [0, 1, 3]], m[1, [0, 1, 3]]
+    found = (a, -b, b + c, -d, e, 1 - e - f)
+    first, second, third, fourth, fifth, sixth = (float(x) for x in found)
+    return first, second, third, fourth, fifth, sixth

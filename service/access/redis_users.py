@@ -1,0 +1,124 @@
+"""A user of Redis for every worker's token: what a worker is told of Redis ends with its token.
+
+Each is known to Redis's memory alone, may touch the queue's and the farm's own keys and nothing else, and has a password that
+follows from the farm's token and the key's id: after a restart of Redis it is made anew as it was, and the worker goes on.
+Redis itself closes a deleted user's connections.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import hmac
+import logging
+import threading
+from urllib.parse import urlsplit
+
+import redis
+
+from service.access.keys import Keys
+from service.access.secrets import fingerprint
+from service.errors import FarmError, Unavailable
+
+__all__ = ["LOOK_EVERY_S", "RULES", "RedisUsers"]
+
+log = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 5.0  # for what other processes withdraw, what expires, and a Redis that started anew
+RULES = (
+    "on",
+    "resetkeys",
+    *("~rayfarm:*", "~rayfarm.*", "~_kombu.binding*", "~unacked*"),
+    "-@all",
+    # What Celery's queues, its bookkeeping and a worker's reports are made of; of the stream of results only its end.
+    *("+@connection", "+@transaction", "+@list", "+@set", "+@sortedset", "+@hash", "+@string"),
+    *("+del", "+unlink", "+exists", "+expire", "+pexpire", "+ttl", "+pttl", "+type", "+xadd", "+xlen"),
+    *("+evalsha", "+script|load"),  # a lock is let go by a script, which may do what its caller may
+    "-@dangerous",
+)
+
+
+class RedisUsers:
+    """Keeps Redis's users as the workers' keys are. Where Redis does not let the service do so, `trouble` says why."""
+
+    def __init__(self, connection: redis.Redis, keys: Keys, secret: str, instance: str) -> None:
+        self._redis = connection
+        self._keys = keys
+        self._secret = secret
+        self._prefix = f"rayfarm-{fingerprint(instance)[:8]}-"  # several farms may share a Redis
+        self._lock = threading.Lock()
+        self._known: set[str] = set()  # that have this release's rules
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="redis users", daemon=True)
+        self.trouble: str | None = None
+
+    def start(self) -> None:
+        """Begin to look after them."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; the users stay, and so do the workers."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._redis.close()
+
+    def address_for(self, key: str, url: str) -> str:
+        """Redis's address as the worker with this key is told it; as it is where Redis knows of no users. Raises Unavailable."""
+        name = self._prefix + key
+        try:
+            with self._lock:
+                self._set(name)
+        except redis.ResponseError as error:
+            self._say(error)
+            return url
+        except (redis.RedisError, OSError) as error:
+            raise Unavailable(f"Redis does not answer ({error}). It is tried again.") from None
+        parts = urlsplit(url)
+        return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()
+
+    def look(self) -> None:
+        """Let Redis know of all keys that let a worker in, and of no others. Raises redis.RedisError and FarmError."""
+        with self._lock:
+            wanted = {self._prefix + key.id for key in self._keys.listed("worker")}
+            there = {name for name in map(_text, self._redis.acl_users()) if name.startswith(self._prefix)}
+            for name in there - wanted:
+                self._redis.acl_deluser(name)
+            for name in wanted - (there & self._known):
+                self._set(name)
+            self._known = wanted
+        self.trouble = None
+
+    def look_now(self) -> None:
+        """As soon as may be: a key was withdrawn. What cannot be done now is done at the next look."""
+        with contextlib.suppress(redis.RedisError, FarmError, OSError):
+            self.look()
+
+    def _set(self, name: str) -> None:
+        self._redis.execute_command("ACL SETUSER", name, "resetpass", *RULES, f">{self._password(name)}")
+        self._known.add(name)
+
+    def _password(self, name: str) -> str:
+        return hmac.new(self._secret.encode(), f"redis {name}".encode(), hashlib.sha256).hexdigest()
+
+    def _run(self) -> None:
+        while True:
+            try:
+                self.look()
+            except redis.ResponseError as error:
+                self._say(error)
+            except (redis.RedisError, FarmError, OSError) as error:
+                log.debug("workers' users of Redis are not looked after now: %s", error)
+            if self._stop.wait(LOOK_EVERY_S):
+                return
+
+    def _say(self, error: Exception) -> None:
+        if self.trouble is None:
+            log.warning(
+                "Redis makes no users for workers (%s): all are told the same password, also those that are withdrawn", error
+            )
+        self.trouble = str(error)
+
+
+def _text(name: bytes | str) -> str:
+    return name.decode(errors="replace") if isinstance(name, bytes) else name

@@ -1,0 +1,247 @@
+"""Faults of all kinds while jobs render, each drawn by a seed: does every job end, with the picture that it has undisturbed?
+
+    python3 farm.py bench faults [--count 60] [--seed 1] [--kinds WORDS] [--grounds WORDS] [--log FILE] [--page]
+
+A farm renders small jobs; while one is under way, something is done to it that is drawn from the kinds below, some of them
+to each job. `back after` is the time from the kill, or from the end of what lasts (a lock, a full disk, a cut cable), until
+samples come in that were not there before. At its end a job's digest is held against that of the same frame, rendered by this
+process alone. `batches repeated` are answers with samples that had come before.
+
+As root, data folders are small disks of their own, and there are hosts with networks of their own (`faults/hosts.py`);
+without, these kinds are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import random
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+import redis
+
+from rayfarm.client import ClientError
+from renderer.film import digest
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read as read_scene
+from renderer.settings import RenderSettings, View
+from tests.benchmarks.faults import clocks, disks, hosts, processes, queues  # noqa: F401 - each adds its kinds
+from tests.benchmarks.faults.attack import KINDS, Attack, Kind
+from tests.benchmarks.faults.ground import Ground, UnrecoveredError
+from tests.benchmarks.faults.stream import Stream
+from tests.benchmarks.faults.tally import Fault, into_page, read, table, write
+from tests.helpers import ROOT
+
+GROUNDS = {"one machine": Ground, "another clock": clocks.ClockGround, "three hosts": hosts.HostsGround}
+FAULTS_A_GROUND = 20
+SEEDS = 4  # of jobs: a ground renders each once, so that no result can be had from an earlier one
+VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
+FRAME = {"width": 96, "height": 80, "max_depth": 5}
+NEARLY_DONE = 0.9
+AGAIN_AT_MOST = 5
+
+
+class Campaign:
+    """Draws faults and does them, ground after ground."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.options = options
+        self.draw = random.Random(options.seed)
+        self.faults: list[Fault] = []
+        self._expected: dict[int, str] = {}
+
+    def run(self) -> None:
+        while len(self.faults) < self.options.count:
+            name = self.draw.choice([name for name in self.options.grounds if self._kinds(name)])
+            folder = Path(tempfile.mkdtemp(prefix="rayfarm-faults-"))
+            ground = None
+            begun = len(self.faults)
+            try:
+                ground = GROUNDS[name](folder)
+                self._on(ground)
+            except UnrecoveredError as error:
+                print(f"THE FARM DOES NOT COME BACK: {error}", flush=True)
+            finally:
+                if ground is not None:
+                    ground.stop()
+                if self.options.log:
+                    write(self.options.log, self.faults[begun:])
+                if all(f.digest_is_right and f.recovered_s is not None for f in self.faults[begun:]):
+                    shutil.rmtree(folder, ignore_errors=True)
+                else:
+                    print(f"kept to be looked at: {folder}")
+
+    def _kinds(self, ground: str) -> list[Kind]:
+        words = self.options.kinds
+        return [k for k in KINDS.values() if ground in k.grounds and (not words or any(word in k.name for word in words))]
+
+    def _on(self, ground: Ground) -> None:
+        with ground.client() as client:
+            scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id).id
+        done = 0
+        with Stream(ground.store) as stream:
+            for seed in range(SEEDS):
+                if done >= FAULTS_A_GROUND or len(self.faults) >= self.options.count:
+                    break
+                faults: list[Fault] = []
+                try:
+                    self._job(ground, stream, scene, seed, faults)
+                finally:
+                    self.faults += faults
+                    done += len(faults)
+
+    def _job(self, ground: Ground, stream: Stream, scene: str, seed: int, faults: list[Fault]) -> None:
+        view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
+        with ground.client() as client:
+            job = client.submit(scene, view=view, spp=self.options.spp, seed=seed, **FRAME).id
+        left = self.options.count - len(self.faults)
+        while len(faults) < left and ground.wait(lambda: ground.samples(job) > 0, "the job renders"):
+            time.sleep(self.draw.uniform(0.0, 1.0))
+            if self._progress(ground, job) > NEARLY_DONE:
+                break
+            faults.append(self._attack(ground, stream, job))
+        self._end(ground, job, seed, faults)
+
+    def _attack(self, ground: Ground, stream: Stream, job: str) -> Fault:
+        kinds = self._kinds(ground.name)
+        drawn = self.draw.choices(kinds, [k.weight for k in kinds])[0]
+        fault = Fault(drawn.name, ground.name)
+        attack = Attack(ground, stream, job, random.Random(self.draw.random()))
+        repeated = stream.repeated
+        try:
+            drawn.act(attack)
+        except (UnrecoveredError, psutil.Error, redis.RedisError, OSError, ValueError) as error:
+            fault.undone = f"{type(error).__name__}: {error}"
+            attack.over()
+        self._until_it_is_back(ground, job, attack.since, fault)
+        fault.repeated = stream.repeated - repeated
+        took = "never" if fault.recovered_s is None else f"{fault.recovered_s:5.1f} s"
+        number = len(self.faults) + 1
+        print(f"{number:4}+ {drawn.name:55} {took}  {fault.repeated} repeated {fault.undone}{' asked' * fault.asked}", flush=True)
+        return fault
+
+    def _until_it_is_back(self, ground: Ground, job: str, since: float, fault: Fault) -> None:
+        """Wait until samples come that were not there when nothing was in the way any more."""
+        known = -1
+
+        def grows() -> bool:
+            nonlocal known
+            now = ground.samples(job)
+            if now >= 0 and (known < 0 or now < known):
+                known = now
+            if now == 1 << 62 and self._go_on(ground, job):
+                fault.asked, known = True, -1
+                return False
+            return 0 <= known < now or now == 1 << 62
+
+        with contextlib.suppress(UnrecoveredError):
+            fault.recovered_s = round(ground.wait(grows, "samples come") - since, 2)
+        if fault.recovered_s is None:
+            print(ground.logs()[-6000:])
+
+    def _go_on(self, ground: Ground, job: str) -> bool:
+        """Do what the sentence asks with which the job has ended; False where it is finished."""
+        try:
+            with ground.client() as client:
+                found = client.job(job)
+                if found.state != "failed":
+                    return False
+                print(f"      {found.error}", flush=True)
+                client.change(job, state="running")
+        except (ClientError, OSError) as error:
+            print(f"      {error}")
+        return True
+
+    def _progress(self, ground: Ground, job: str) -> float:
+        with contextlib.suppress(ClientError, OSError), ground.client() as client:
+            found = client.job(job)
+            return 1.0 if found.is_over else found.progress
+        return 0.0
+
+    def _end(self, ground: Ground, job: str, seed: int, faults: list[Fault]) -> None:
+        """Wait for the job's end, and look at its picture."""
+        again = 0
+        began = time.monotonic()
+
+        def is_over() -> bool:
+            nonlocal again
+            if ground.samples(job) != 1 << 62:
+                return False
+            if again < AGAIN_AT_MOST and self._go_on(ground, job):
+                again += 1
+                for fault in faults:
+                    fault.asked |= KINDS[fault.kind].harms_films
+                return False
+            return True
+
+        with contextlib.suppress(UnrecoveredError):
+            ground.wait(is_over, "the job ends")
+            is_right = self._read_digest(ground, job) == self._alone(seed)
+            for fault in faults:
+                fault.digest_is_right = is_right
+            say = "the digest is the undisturbed one" if is_right else "THE DIGEST IS ANOTHER"
+            print(
+                f"      job of seed {seed}: {len(faults)} faults, {say}, {time.monotonic() - began:.1f} s to its end", flush=True
+            )
+            return
+        print(f"      THE JOB DID NOT END\n{ground.logs()[-6000:]}")
+
+    def _read_digest(self, ground: Ground, job: str) -> str:
+        """The digest, once somebody tells it. A film that was damaged at the very end is seen to first."""
+        found = ""
+
+        def is_told() -> bool:
+            nonlocal found
+            with contextlib.suppress(ClientError, OSError), ground.client() as client:
+                if client.job(job).state == "finished":
+                    found = client.digest(job)
+            return bool(found)
+
+        ground.wait(is_told, "the digest is told")
+        return found
+
+    def _alone(self, seed: int) -> str:
+        """The digest of the same frame, rendered in this process without a farm."""
+        if seed not in self._expected:
+            scene = compile_scene(read_scene(ROOT / "scenes", "cornell-box.yaml"))
+            settings = RenderSettings(FRAME["width"], FRAME["height"], VIEW, max_depth=FRAME["max_depth"], seed=seed)
+            self._expected[seed] = digest(render_frame(scene, settings, self.options.spp, threads=2))
+        return self._expected[seed]
+
+
+def main() -> int:
+    options = _options()
+    campaign = Campaign(options)
+    campaign.run()
+    faults = read([options.log]) if options.log else campaign.faults
+    text = table(faults)
+    print(text)
+    if options.page:
+        into_page(ROOT / "docs" / "reliability.md", text)
+    return 0 if all(f.digest_is_right and f.recovered_s is not None for f in campaign.faults) else 1
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",")]
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--spp", type=int, default=3072)
+    parser.add_argument("--kinds", type=_words, default=[], help="only those whose names have one of these words, after commas")
+    parser.add_argument("--grounds", type=_words, default=[name for name, each in GROUNDS.items() if each.is_possible()])
+    parser.add_argument("--log", type=Path, help="append what was found to this file; the table is of all that is in it")
+    parser.add_argument("--page", action="store_true", help="write the table into docs/reliability.md")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

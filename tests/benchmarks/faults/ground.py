@@ -1,0 +1,194 @@
+"""A farm that is attacked: what its processes are, how far its job is, and what an attack needs of it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import psutil
+import redis
+
+from rayfarm.client import Client, ClientError
+from tests.helpers import ROOT, Farm, start_farm, stop_farm
+from worker.process import spawn_guard
+
+__all__ = ["Ground", "UnrecoveredError", "disk_of"]
+
+PATIENCE_S = 240.0
+DISK_MIB = 192
+GUEST = "guest"  # the worker that joined
+# Impatient, and in small steps, so that each fault meets work that is under way.
+SETTINGS = {"RAYFARM_BATCH_SECONDS": "0.25", "RAYFARM_BATCH_DEADLINE": "5", "RAYFARM_MIN_FREE_BYTES": "1000000"}
+
+
+class UnrecoveredError(Exception):
+    """Something was waited for that did not come."""
+
+
+class Ground:
+    """One farm of two slots with a joined worker of one slot; a new one has an empty data folder, which is a disk of its own
+    where this user may mount one."""
+
+    name = "one machine"
+
+    def __init__(self, folder: Path, environment: dict[str, str] | None = None) -> None:
+        self.folder = folder
+        self.environment = SETTINGS | (environment or {})
+        self.data = folder / "data"
+        self.data.mkdir(parents=True)
+        self.has_disk = disk_of(self.data, DISK_MIB)
+        self._guest: subprocess.Popen[bytes] | None = None
+        self.farm = self.start()
+        self.look_after()
+
+    @classmethod
+    def is_possible(cls) -> bool:
+        """Whether this machine and this user can have one."""
+        return True
+
+    # --- what an attack may want to know
+
+    @property
+    def url(self) -> str:
+        return self.farm.url
+
+    def client(self) -> Client:
+        return Client(self.url)
+
+    def store(self) -> redis.Redis:
+        """A connection to the farm's Redis, by the address that it has now."""
+        url = json.loads((self.data / "farm.json").read_text())["redis_url"]
+        return redis.Redis.from_url(url, socket_timeout=5, socket_connect_timeout=5)
+
+    def part(self, name: str) -> psutil.Process:
+        """A part's process as it is now. Raises psutil.NoSuchProcess where it has just ended."""
+        return psutil.Process(self.farm.pids()[name])
+
+    def spares(self) -> list[psutil.Process]:
+        """Services that are loaded and wait."""
+        known = self.farm.pids()["service"]
+        return [p for p in psutil.Process(self.farm.process.pid).children() if p.pid != known and "service.standby" in line(p)]
+
+    def slots(self) -> list[psutil.Process]:
+        """The processes that render."""
+        owners = [self.part("worker")]
+        if self._guest is not None:
+            owners.append(psutil.Process(self._guest.pid))
+        found = []
+        for owner in owners:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                found += owner.children()
+        return found
+
+    def film(self, job: str) -> Path:
+        return self.data / "films" / f"{job}.sqlite"
+
+    # --- what an attack may want to be done
+
+    def look_after(self) -> None:
+        """Start again what nobody else would: the joined worker, and `rayfarm up` itself."""
+        if self.farm.process.poll() is not None:
+            self.farm.log.replace(self.farm.log.with_suffix(".old.log"))  # it is read for what the new one says
+            self.farm = self.start()
+            self.leave()  # it may have another port
+        self.join()
+
+    def start(self) -> Farm:
+        """Start the farm."""
+        return start_farm(self.data, 2, **self.environment)
+
+    def join(self) -> None:
+        """Let those join who are not there."""
+        if self._guest is None or self._guest.poll() is not None:
+            self._guest = self._start_guest()
+
+    def _start_guest(self) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "worker", "--service", self.url, "--slots", "1", "--name", GUEST]
+        with (self.folder / "guest.log").open("ab") as log:
+            environment = {**os.environ, **self.environment, "RAYFARM_TOKEN": self.farm.token}
+            return subprocess.Popen(
+                command, cwd=ROOT, env=environment, stdout=log, stderr=log, start_new_session=True, preexec_fn=spawn_guard()
+            )
+
+    @property
+    def guest(self) -> psutil.Process:
+        assert self._guest is not None
+        return psutil.Process(self._guest.pid)
+
+    def leave(self) -> None:
+        """End those who joined."""
+        if self._guest is not None:
+            self._guest.kill()
+            self._guest.wait()
+
+    def stop(self) -> None:
+        self.leave()
+        stop_farm(self.farm)
+        if self.has_disk:
+            subprocess.run(["umount", "-l", str(self.data)], check=False)
+
+    # --- how far things are
+
+    def ready(self) -> bool:
+        try:
+            return httpx.get(f"{self.url}/readyz", timeout=2.0, verify=False).is_success
+        except httpx.HTTPError:
+            return False
+
+    def samples(self, job: str) -> int:
+        """The job's samples; more than any where it is over; -1 where nobody says."""
+        try:
+            with self.client() as client:
+                now = client.job(job)
+            return 1 << 62 if now.is_over else now.samples
+        except (ClientError, OSError):
+            return -1
+
+    def wait(self, true: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> float:
+        """Look after the farm until something is true; returns when. Raises UnrecoveredError."""
+        deadline = time.monotonic() + patience_s
+        while not true():
+            if time.monotonic() > deadline:
+                raise UnrecoveredError(f"waited {patience_s:g} s until {what}\n{self.logs()}")
+            self.look_after()
+            time.sleep(0.03)
+        return time.monotonic()
+
+    def logs(self) -> str:
+        return Farm.logs(self.farm)
+
+
+def line(process: psutil.Process) -> str:
+    """A process' command; '' where it has ended."""
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
+        return ""
+
+
+def disk_of(folder: Path, mib: int) -> bool:
+    """Make the folder a small disk of its own; False where this user may not."""
+    if os.geteuid() != 0:
+        return False
+    return subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={mib}m", "rayfarm", str(folder)], check=False).returncode == 0
+
+
+@contextlib.contextmanager
+def stopped(processes: list[psutil.Process]) -> Iterator[None]:
+    """Processes that stand still for as long as the block lasts."""
+    for process in processes:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            process.suspend()
+    try:
+        yield
+    finally:
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.resume()

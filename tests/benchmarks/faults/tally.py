@@ -1,0 +1,77 @@
+"""What was found, as the rows of a table."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections import defaultdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+__all__ = ["Fault", "into_page", "read", "table", "write"]
+
+BEGIN, END = "<!-- faults: made by `farm.py bench faults` -->", "<!-- end of faults -->"
+
+
+@dataclass
+class Fault:
+    """One fault and what came of it. recovered_s: None where no sample came after it. digest_is_right: None where its job did
+    not end. asked: its job had ended with a sentence, and was set to running as that asks."""
+
+    kind: str
+    ground: str
+    recovered_s: float | None = None
+    repeated: int = 0
+    digest_is_right: bool | None = None
+    asked: bool = False
+    undone: str = ""  # why it could not be done
+
+
+def write(path: Path, faults: list[Fault]) -> None:
+    """Append faults to a file, a line each."""
+    with path.open("a") as file:
+        file.writelines(json.dumps(asdict(fault)) + "\n" for fault in faults)
+
+
+def read(paths: list[Path]) -> list[Fault]:
+    """The faults of files that `write` made."""
+    return [Fault(**json.loads(line)) for path in paths for line in path.read_text().splitlines()]
+
+
+def table(faults: list[Fault]) -> str:
+    """A table in Markdown, a row for each kind, and one of all."""
+    rows = defaultdict(list)
+    for fault in faults:
+        if not fault.undone:
+            rows[fault.kind].append(fault)
+    head = [
+        "fault",
+        "times",
+        "wrong digests",
+        "jobs unfinished",
+        "set to running by hand",
+        "batches repeated",
+        "back after: median",
+        "worst",
+    ]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += [_row(kind, found) for kind, found in sorted(rows.items())]
+    return "\n".join([*lines, _row("**all**", [fault for found in rows.values() for fault in found])])
+
+
+def _row(kind: str, faults: list[Fault]) -> str:
+    times = [fault.recovered_s for fault in faults if fault.recovered_s is not None]
+    cells = [kind, str(len(faults))]
+    cells += [str(sum(fault.digest_is_right is False for fault in faults))]
+    cells += [str(sum(fault.digest_is_right is None or fault.recovered_s is None for fault in faults))]
+    cells += [str(sum(fault.asked for fault in faults)), str(sum(fault.repeated for fault in faults))]
+    cells += [f"{statistics.median(times):.1f} s", f"{max(times):.1f} s"] if times else ["", ""]
+    return "| " + " | ".join(cells) + " |"
+
+
+def into_page(page: Path, text: str) -> None:
+    """Replace what stands between the marks of a page."""
+    before, _, rest = page.read_text().partition(BEGIN)
+    if not rest:
+        raise SystemExit(f"{page} has no place for the table: a line {BEGIN}, and one {END}")
+    page.write_text(before + BEGIN + "\n\n" + text + "\n\n" + END + rest.partition(END)[2])

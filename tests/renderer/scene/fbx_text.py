@@ -1,0 +1,112 @@
+"""FBX files in text, of a triangle and what else a test wants, as 3ds Max and Maya say it."""
+
+HEAD = """; FBX 7.5.0 project file
+FBXHeaderExtension:  {
+	FBXHeaderVersion: 1003
+	FBXVersion: 7500
+	Creator: "FBX SDK/FBX Plugins version 2020.3"
+}
+GlobalSettings:  {
+	Version: 1000
+	Properties70:  {
+		P: "UpAxis", "int", "Integer", "",%(up)d
+		P: "UpAxisSign", "int", "Integer", "",1
+		P: "FrontAxis", "int", "Integer", "",%(front)d
+		P: "FrontAxisSign", "int", "Integer", "",%(sign)d
+		P: "CoordAxis", "int", "Integer", "",0
+		P: "CoordAxisSign", "int", "Integer", "",1
+		P: "UnitScaleFactor", "double", "Number", "",%(unit)g
+		P: "TimeMode", "enum", "", "",11
+	}
+}
+"""
+
+TRIANGLE = """
+	Geometry: 10, "Geometry::tri", "Mesh" {
+		Vertices: *9 { a: 0,0,0,100,0,0,0,100,0 }
+		PolygonVertexIndex: *3 { a: 0,1,-3 }
+		GeometryVersion: 124
+		LayerElementUV: 0 {
+			Version: 101
+			Name: "map1"
+			MappingInformationType: "ByPolygonVertex"
+			ReferenceInformationType: "Direct"
+			UV: *6 { a: 0,0,1,0,0,1 }
+		}
+		LayerElementMaterial: 0 {
+			Version: 101
+			MappingInformationType: "AllSame"
+			ReferenceInformationType: "IndexToDirect"
+			Materials: *1 { a: 0 }
+		}
+		Layer: 0 {
+			Version: 100
+			LayerElement:  { Type: "LayerElementUV" TypedIndex: 0 }
+			LayerElement:  { Type: "LayerElementMaterial" TypedIndex: 0 }
+		}
+	}
+"""
+
+
+def properties(values):
+    """A block of properties by their names: numbers, triples or words."""
+    lines = []
+    for name, value in values.items():
+        if isinstance(value, str):
+            lines.append(f'P: "{name}", "KString", "", "", "{value}"')
+        elif isinstance(value, tuple):
+            lines.append(f'P: "{name}", "ColorRGB", "Color", "",{",".join(map(str, value))}')
+        elif isinstance(value, bool):
+            lines.append(f'P: "{name}", "bool", "", "",{int(value)}')
+        elif isinstance(value, int):
+            lines.append(f'P: "{name}", "int", "Integer", "",{value}')
+        else:
+            lines.append(f'P: "{name}", "double", "Number", "",{value}')
+    return "\t\tProperties70:  {\n\t\t\t" + "\n\t\t\t".join(lines) + "\n\t\t}\n"
+
+
+def node(number, name, kind="Mesh", **values):
+    """A node with its properties, by FBX's names with underscores for spaces."""
+    said = {key.replace("_", " "): value for key, value in values.items()}
+    return f'\tModel: {number}, "Model::{name}", "{kind}" {{\n\t\tVersion: 232\n{properties(said)}\t}}\n'
+
+
+def material(number, name, model="phong", **values):
+    """A material with its properties, by FBX's names."""
+    return (
+        f'\tMaterial: {number}, "Material::{name}", "" {{\n\t\tVersion: 102\n\t\tShadingModel: "{model}"\n'
+        f"{properties(values)}\t}}\n"
+    )
+
+
+def light(number, **values):
+    return f'\tNodeAttribute: {number}, "NodeAttribute::", "Light" {{\n{properties(values)}\t}}\n'
+
+
+def arnold(number, names):
+    """Which says that a material is Arnold's: an implementation, and with the next number the table of its properties' names."""
+    entries = "".join(f'\t\tEntry: "{n}", "FbxPropertyEntry", "{n[5:]}", "FbxSemanticEntry"\n' for n in names)
+    said = properties({"RenderAPI": "ARNOLD_SHADER_ID", "RootBindingName": "root"})
+    return (
+        f'\tImplementation: {number}, "Implementation::a", "" {{\n\t\tVersion: 100\n{said}\t}}\n'
+        f'\tBindingTable: {number + 1}, "BindingTable::root", "" {{\n\t\tVersion: 100\n{entries}\t}}\n'
+    )
+
+
+def texture(number, file):
+    return (
+        f'\tTexture: {number}, "Texture::t", "" {{\n\t\tType: "TextureVideoClip"\n\t\tVersion: 202\n'
+        f'\t\tFileName: "C:\\\\work\\\\{file}"\n\t\tRelativeFilename: "..\\\\{file}"\n\t}}\n'
+    )
+
+
+def fbx(objects, links, *, unit=1.0, z_up=False):
+    """A file of the triangle (geometry 10) on a node 20, and of more objects; links: (child, parent), and of what property.
+
+    unit: in centimetres.
+    """
+    head = HEAD % {"up": 2 if z_up else 1, "front": 1 if z_up else 2, "sign": -1 if z_up else 1, "unit": unit}
+    lines = []
+    for child, parent, *name in [(10, 20), (20, 0), *links]:
+        lines.append(f'\tC: "OP",{child},{parent}, "{name[0]}"' if name else f'\tC: "OO",{child},{parent}')
+    return f"{head}Objects:  {{{TRIANGLE}{node(20, 'tri')}{objects}}}\nConnections:  {{\n" + "\n".join(lines) + "\n}\n"

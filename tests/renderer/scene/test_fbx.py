@@ -1,0 +1,243 @@
+"""FBX: Blender's own file against what Blender says of its scene, and files in text as other programs write them."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot
+from tests.renderer.scene.fbx_text import arnold, fbx, light, material, node, texture
+
+KIT = Path(__file__).parents[2] / "data" / "fbx"
+Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's world
+
+
+@pytest.fixture(scope="module")
+def kit():
+    """Blender's words by frame, and the scene at each."""
+    shot = Shot(KIT, "kit.fbx")
+    said = json.loads((KIT / "kit.json").read_text())
+    return {int(frame): (objects, shot.at(Moment(float(frame)))) for frame, objects in said.items()}
+
+
+def in_world(description, name):
+    """(V, 3) all vertices of what is called so, and how many triangles."""
+    points, triangles = [], 0
+    for instance in description.instances:
+        if instance.name == name:
+            mesh = description.meshes[instance.mesh]
+            points.append(mesh.positions @ instance.transform[:3, :3].T + instance.transform[:3, 3])
+            triangles += len(mesh.triangles)
+    return np.concatenate(points), triangles
+
+
+def test_every_vertex_is_where_blender_has_it(kit):
+    compared = 0
+    for objects, description in kit.values():
+        for name, said in objects.items():
+            if said["type"] == "MESH":
+                points, triangles = in_world(description, name)
+                wanted = np.array(said["vertices"]) @ Y_UP.T
+                far = np.linalg.norm(wanted[:, None] - points[None], axis=2)
+                assert far.min(axis=1).max() < 2e-6 * 10, name
+                assert far.min(axis=0).max() < 2e-6 * 10, name
+                assert triangles == said["triangles"]
+                compared += 1
+    assert compared == 3 * 7
+
+
+def test_normals_stand_on_the_side_that_polygons_face(kit):
+    for _, description in kit.values():
+        for mesh in description.meshes:
+            a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(float) for k in range(3))
+            faces = np.cross(b - a, c - a)
+            along = np.einsum("ij,ij->i", faces, mesh.normals[mesh.triangles].mean(axis=1))
+            assert (along > 0.2 * np.linalg.norm(faces, axis=1)).all(), mesh.name
+
+
+def test_cameras_and_lights_are_blenders(kit):
+    for objects, description in kit.values():
+        for camera in description.cameras:
+            matrix = np.array(objects[camera.name]["matrix"])
+            sight = np.array(camera.view.target) - camera.view.eye
+            np.testing.assert_allclose(camera.view.eye, Y_UP @ matrix[:3, 3], atol=1e-5)
+            np.testing.assert_allclose(sight / np.linalg.norm(sight), -Y_UP @ matrix[:3, 2], atol=1e-5)
+            np.testing.assert_allclose(camera.view.up, Y_UP @ matrix[:3, 1], atol=1e-5)
+        for found in description.lights:
+            matrix = np.array(objects[found.name]["matrix"])
+            if found.kind != "directional":
+                np.testing.assert_allclose(found.position, Y_UP @ matrix[:3, 3], atol=1e-5)
+            np.testing.assert_allclose(found.direction, -Y_UP @ matrix[:3, 2], atol=1e-5)
+    main, plan = (next(c.view for c in kit[0][1].cameras if c.name == n) for n in ("main", "plan"))
+    assert main.fov == pytest.approx(math.degrees(2 * math.atan(18 * 360 / 640 / 35)), abs=1e-4)
+    assert (plan.projection, plan.height) == ("orthographic", pytest.approx(9 * 360 / 640))
+    power = {found.name: found for found in kit[0][1].lights}
+    assert power["point"].intensity == pytest.approx([500 * c / (4 * math.pi) for c in (1, 0.9, 0.8)])
+    assert power["sun"].intensity == pytest.approx([2.5, 2.5, 2.25])
+    assert (power["spot"].outer_cone, power["spot"].inner_cone) == pytest.approx((25, 17.5))
+
+
+def test_an_area_light_gives_blenders_watts(kit):
+    _, description = kit[0]
+    instance = next(i for i in description.instances if i.name == "area")
+    x, y = instance.transform[:3, 0], instance.transform[:3, 1]
+    area = 4 * np.linalg.norm(np.cross(x, y))
+    emission = description.materials[description.meshes[instance.mesh].material].emission
+    assert area == pytest.approx(1)
+    assert np.pi * area * emission[0] == pytest.approx(300)
+
+
+def test_materials_are_blenders(kit):
+    found = {m.name: m for m in kit[0][1].materials}
+    assert found["red"].base_color == pytest.approx((0.8, 0.1, 0.05))
+    assert (found["red"].roughness, found["red"].metallic) == pytest.approx((0.35, 0))
+    assert (found["gold"].roughness, found["gold"].metallic) == pytest.approx((0.2, 1))
+    assert found["glow"].emission == pytest.approx((0.6, 1.5, 3))
+    assert (found["pane"].opacity, found["pane"].alpha_mode) == (pytest.approx(0.4), "blend")
+    description = kit[0][1]
+    image = description.images[description.textures[found["checked"].base_color_texture].image]
+    assert image.pixels.shape == (4, 4, 4)
+    assert image.pixels[-1, 0, 0] < 10 < 245 < image.pixels[-1, 1, 0]  # inside the file, the right way up
+
+
+def test_what_moves_is_known(kit):
+    _, description = kit[0]
+    assert [(clip.start, clip.end) for clip in description.clips] == [(0, 0.5)]
+    assert description.moves
+    assert description.fps == 24
+    assert {i.name for i in description.instances if i.moves} == {"cube", "ball", "grid", "tube"}
+    assert {m.name for m in description.meshes if m.deforms} == {"Grid", "Cylinder"}
+
+
+def test_a_shutter_that_opens_while_a_skin_bends():
+    over = Shot(KIT, "kit.fbx").over(Moment(5), {"shutter": 0.5})
+    assert over.keys >= 2
+    assert len(next(m for m in over.meshes if m.name == "Cylinder").keys) == over.keys
+
+
+@pytest.mark.parametrize(("unit", "z_up", "corner"), [(1.0, False, (0, 1, 0)), (2.54, True, (0, 0, -2.54))])
+def test_units_and_axes(scene, unit, z_up, corner):
+    description = scene("a.fbx", fbx("", [], unit=unit, z_up=z_up))
+    points, _ = in_world(description, "tri")
+    assert np.abs(points - corner).sum(axis=1).min() < 1e-6
+
+
+def test_phong_and_lambert(scene):
+    phong = material(
+        30, "p", DiffuseColor=(0.2, 0.4, 0.6), SpecularColor=(1.0, 0.5, 0.5), SpecularFactor=0.5, ShininessExponent=30.0
+    )
+    found = scene("a.fbx", fbx(phong, [(30, 20)])).materials[0]
+    assert (found.kind, found.base_color) == ("metallic_roughness", (0.2, 0.4, 0.6))
+    assert found.specular_color == (0.5, 0.25, 0.25)
+    assert found.roughness == pytest.approx((2 / 32) ** 0.25)
+    lambert = material(30, "l", "lambert", DiffuseColor=(0.2, 0.4, 0.6), DiffuseFactor=0.5)
+    found = scene("b.fbx", fbx(lambert, [(30, 20)])).materials[0]
+    assert (found.kind, found.base_color) == ("diffuse", pytest.approx((0.1, 0.2, 0.3)))
+
+
+def test_the_physical_material_of_3ds_max(scene):
+    values = {
+        "3dsMax|ClassIDa": 0x3D6B1CEC,
+        "3dsMax|ClassIDb": 0xDEADC001 - 2**32,
+        "3dsMax|Parameters|base_color": (0.1, 0.5, 0.3),
+        "3dsMax|Parameters|base_weight": 0.5,
+        "3dsMax|Parameters|roughness": 0.3,
+        "3dsMax|Parameters|metalness": 0.75,
+        "3dsMax|Parameters|trans_ior": 1.6,
+        "3dsMax|Parameters|coating": 0.4,
+        "3dsMax|Parameters|coat_roughness": 0.2,
+    }
+    found = scene("a.fbx", fbx(material(30, "m", "unknown", **values), [(30, 20)])).materials[0]
+    assert found.base_color == pytest.approx((0.05, 0.25, 0.15))
+    assert (found.roughness, found.metallic, found.ior) == pytest.approx((0.3, 0.75, 1.6))
+    assert (found.clearcoat, found.clearcoat_roughness) == pytest.approx((0.4, 0.2))
+
+
+def test_arnolds_standard_surface(scene):
+    values = {
+        "Maya|baseColor": (0.1, 0.5, 0.3),
+        "Maya|base": 0.5,
+        "Maya|specularRoughness": 0.3,
+        "Maya|metalness": 0.75,
+        "Maya|transmission": 0.25,
+        "Maya|subsurface": 0.5,
+        "Maya|emission": 2.0,
+        "Maya|emissionColor": (1.0, 0.5, 0.0),
+    }
+    objects = material(30, "m", "unknown", **values) + arnold(70, values)
+    description = scene("a.fbx", fbx(objects, [(30, 20), (30, 70), (71, 70)]))
+    found = description.materials[0]
+    assert (found.roughness, found.metallic, found.transmission) == pytest.approx((0.3, 0.75, 0.25))
+    assert found.emission == pytest.approx((2, 1, 0))
+    assert "Material m: not read and left out: light beneath the surface." in description.warnings
+
+
+@pytest.mark.parametrize(
+    ("factor", "color", "opacity"), [(1.0, 0.0, 1), (1.0, 0.75, 0.25), (0.75, 1.0, 0.25), (0.0, 1.0, 1), (1.0, 1.0, 1)]
+)
+def test_the_ways_to_say_how_transparent_a_phong_material_is(scene, factor, color, opacity):
+    glassy = material(30, "p", TransparentColor=(color, color, color), TransparencyFactor=factor)
+    found = scene("a.fbx", fbx(glassy, [(30, 20)])).materials[0]
+    assert (found.opacity, found.alpha_mode) == (opacity, "opaque" if opacity == 1 else "blend")
+
+
+def test_a_texture_beside_the_file_and_one_that_is_missing(scene, png):
+    objects = material(30, "p", DiffuseColor=(0.2, 0.4, 0.6)) + texture(40, "wood.png")
+    links = [(30, 20), (40, 30, "DiffuseColor")]
+    missing = scene("a.fbx", fbx(objects, links))
+    assert any("wood.png is not among the files; add it" in w for w in missing.warnings)
+    assert missing.materials[0].base_color_texture is None
+    found = scene("a.fbx", fbx(objects, links), {"textures/wood.png": png(255, 0, 0)})
+    assert found.images[0].pixels[0, 0].tolist() == [255, 0, 0, 255]
+    assert not any("wood" in w for w in found.warnings)
+
+
+def test_a_light_of_other_programs(scene):
+    lamps = node(50, "fading", "Light", Lcl_Translation=(0, 300, 0)) + node(51, "even", "Light", Lcl_Translation=(0, 300, 0))
+    lamps += light(60, Intensity=200.0, Color=(1.0, 0.5, 0.25), DecayType=2) + light(61, Intensity=100.0, DecayType=0)
+    description = scene("a.fbx", fbx(lamps, [(60, 50), (50, 0), (61, 51), (51, 0)]))
+    fading, even = description.lights
+    assert fading.intensity == pytest.approx([2 * math.pi * 0.01**2 * c for c in (1, 0.5, 0.25)])
+    middle = np.array([0.5, 0.5, 0])
+    assert even.intensity[0] == pytest.approx(math.pi * np.sum((np.array([0, 3, 0]) - middle) ** 2))
+    assert any("1 lights that do not fade as real ones do" in w for w in description.warnings)
+
+
+def test_hidden_nodes_are_left_out_and_counted(scene):
+    objects = node(21, "off", Visibility=0.0) + node(22, "below")
+    description = scene("a.fbx", fbx(objects, [(10, 21), (21, 0), (10, 22), (22, 21)]))
+    assert {i.name for i in description.instances} == {"tri"}
+    assert any("1 hidden nodes" in w for w in description.warnings)
+
+
+@pytest.mark.parametrize("data", [b"", b"Kaydara FBX Binary  \x00\x1a\x00", b"hello", b"; FBX 7.5.0 project file\nObjects: {"])
+def test_what_is_no_fbx_is_told_in_a_sentence(scene, data):
+    with pytest.raises(SceneError, match=r"a\.fbx: "):
+        scene("a.fbx", data)
+
+
+def test_damaged_files_are_scenes_or_sentences(tmp_path):
+    data = np.frombuffer((KIT / "kit.fbx").read_bytes(), np.uint8)
+    rng = np.random.default_rng(5)
+    told = 0
+    for i in range(60):
+        damaged = data.copy()
+        at = rng.integers(len(damaged), size=rng.integers(1, 40))
+        damaged[at] = rng.integers(256, size=len(at))
+        if i % 3 == 0:
+            damaged = damaged[: rng.integers(len(damaged))]
+        (tmp_path / "a.fbx").write_bytes(damaged.tobytes())
+        try:
+            description = Shot(tmp_path, "a.fbx").at(Moment(3))
+        except SceneError as error:
+            told += 1
+            assert str(error).startswith("a.fbx: ")
+            assert "could not be read as" not in str(error)
+        else:
+            assert all(np.isfinite(i.transform).all() for i in description.instances)
+            assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
+    assert 0 < told < 60

@@ -1,0 +1,131 @@
+"""What a worker with a token of its own is told of Redis, and how that ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+import redis
+from redis.exceptions import NoPermissionError
+
+from service.access.keys import Keys
+from service.access.redis_users import RedisUsers
+from service.access.roles import OWNER, Role
+from tests.helpers import running_redis
+from tests.service.conftest import TOKEN, Service, until
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("users") / "data", redis_server)
+    yield service
+    service.stop()
+
+
+def joined(service: Service, token: str) -> redis.Redis:
+    answer = httpx.get(f"{service.url}/api/farm/join", headers={"Authorization": f"Bearer {token}"}).raise_for_status()
+    return redis.Redis.from_url(answer.json()["redis_url"], retry=None)
+
+
+def made(service: Service, **asked: object) -> dict[str, str]:
+    shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
+    answer = service.http.post("/api/tokens", json={"name": "attic", "role": "worker", **asked}, headers=shown)
+    assert answer.status_code == 201, answer.text
+    return answer.json()
+
+
+def is_refused(connection: redis.Redis) -> bool:
+    try:
+        connection.ping()
+    except redis.AuthenticationError:
+        return True
+    except redis.ConnectionError:
+        return False  # closed; the next look knows whether it is let in again
+    return False
+
+
+def withdraw(service: Service, id: str) -> None:
+    shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
+    assert service.http.delete(f"/api/tokens/{id}", headers=shown).status_code == 204
+
+
+def test_it_may_touch_what_its_work_needs_and_nothing_else(service: Service) -> None:
+    with joined(service, made(service)["secret"]) as store:
+        assert store.xadd("rayfarm:results", {"event": '{"type": "wake"}'})
+        assert store.set("rayfarm:worker:attic-tested", b"", ex=1)
+        with store.lock("unacked_mutex", timeout=5):
+            assert store.sadd("_kombu.binding_permanent.rayfarm.render.some-kind", "x") == 1
+        for refused in (
+            *(["KEYS", "*"], ["FLUSHALL"], ["CONFIG", "GET", "requirepass"], ["ACL", "LIST"], ["SHUTDOWN"], ["GET", "other"]),
+            *(["XREAD", "STREAMS", "rayfarm:results", "0"], ["XRANGE", "rayfarm:results", "-", "+"], ["EVAL", "return 1", "0"]),
+            ["XTRIM", "rayfarm:results", "MAXLEN", "0"],
+        ):
+            with pytest.raises(NoPermissionError):
+                store.execute_command(*refused)
+
+
+def test_a_withdrawn_token_ends_what_is_open_and_what_it_was_told(service: Service) -> None:
+    token, other = made(service), made(service)
+    with joined(service, token["secret"]) as store, joined(service, other["secret"]) as stays:
+        assert store.ping()
+        assert stays.ping()
+        withdraw(service, token["id"])
+        with pytest.raises(redis.ConnectionError):
+            store.ping()
+        assert is_refused(store)
+        assert stays.ping()
+
+
+def test_a_token_that_is_over_is_as_one_that_is_withdrawn(service: Service) -> None:
+    with joined(service, made(service, days=4 / 86400)["secret"]) as store:
+        assert store.ping()
+        until(lambda: is_refused(store), "it is over")
+
+
+def test_after_a_restart_of_redis_the_worker_is_let_in_as_before(service: Service, redis_server: running_redis) -> None:
+    with joined(service, made(service)["secret"]) as store:
+        assert store.ping()
+        redis_server.stop()
+        redis_server.start()
+        until(lambda: not is_refused(store) and bool(store.ping()), "Redis knows it again")
+
+
+def test_the_farms_own_token_is_told_the_farms_own_password(service: Service) -> None:
+    answer = httpx.get(f"{service.url}/api/farm/join", headers={"Authorization": f"Bearer {TOKEN}"}).raise_for_status()
+    assert answer.json()["redis_url"] == service.options["redis_url"]
+
+
+def test_where_redis_lets_nobody_make_users_all_are_told_the_same(service: Service) -> None:
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        store.execute_command("ACL SETUSER", "limited", "on", ">limited", "~*", "+@all", "-acl")
+        port = store.connection_pool.connection_kwargs["port"]
+        limited = redis.Redis(port=port, username="limited", password="limited")
+        users = RedisUsers(limited, service.farm.access.keys, TOKEN, "another instance")
+        assert users.address_for("1", "redis://:shared@host:1/0") == "redis://:shared@host:1/0"
+        assert "acl" in str(users.trouble)
+        store.acl_deluser("limited")
+        limited.close()
+
+
+def test_farms_that_share_a_redis_leave_each_others_users_alone(service: Service) -> None:
+    keys = Keys(service.farm.sessions)
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        key = keys.make("worker", OWNER, Role.NOBODY, "shared")[1].id
+        names = []
+        for instance in ("one", "two"):
+            users = RedisUsers(store, keys, TOKEN, instance)
+            users.look()
+            names += [name for name in store.acl_users() if key in name and name.startswith(users._prefix)]
+        assert len(names) == 2
+        keys.withdraw("worker", key)
+        users.look()
+        assert [name in store.acl_users() for name in names] == [True, False]
+        store.acl_deluser(names[0])
+
+
+def test_its_address_keeps_what_belongs_to_the_way(service: Service) -> None:
+    url = service.farm.redis_users.address_for("12", "rediss://:secret@redis.example:6380/3?x=1")
+    assert url.startswith("rediss://rayfarm-")
+    assert url.endswith("@redis.example:6380/3?x=1")
+    assert "secret" not in url

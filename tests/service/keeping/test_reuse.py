@@ -1,0 +1,123 @@
+"""What was rendered once is taken: never a sample too many, never another bit, and the first job's end is not the second's."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+
+
+@pytest.fixture
+def service(service: Service) -> Iterator[Service]:
+    """One that reuses films, as services do unless told."""
+    service.stop()
+    service.options["reuse_films"] = True
+    service.start()
+    return service
+
+
+def samples_of(worker: PeerWorker, job: str) -> int:
+    """How many samples of a job it has rendered, all pixels together."""
+    return sum(batch.count * batch.tile.w * batch.tile.h for batch in worker.batches if batch.job == job)
+
+
+def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_first(service: Service) -> None:
+    with service.worker() as worker:
+        scene = service.ready_scene()
+        first = service.submit(scene)
+        service.wait_for(first, "finished")
+    again = service.submit(scene)  # nobody is there who could render it
+    found = service.wait_for(again, "finished")
+    assert found["taken"] == {"job": first, "spp": 8.0}
+    assert (found["samples"], found["kind"]) == (64 * 48 * 8, "test-kind")
+    assert service.http.delete(f"/api/jobs/{first}").status_code == 204
+    until(lambda: not service.farm.films.size(first), "the first film is gone")
+    assert service.digest(again) == expected_digest()
+    assert service.http.get(f"/api/jobs/{again}/frames/0/image.png").status_code == 200
+    assert not samples_of(worker, again)
+    events = service.http.get(f"/api/jobs/{again}/history").json()["events"]
+    assert ("taken", first) in [(event["kind"], event["words"]) for event in events]
+
+
+def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    few = service.submit(scene, spp=64)
+    service.wait_for(few, "finished")
+    many = service.submit(scene, spp=256)
+    found = service.wait_for(many, "finished", 60)
+    assert found["taken"] == {"job": few, "spp": 64.0}
+    assert samples_of(worker, many) == 64 * 48 * 192
+    fresh = service.submit(scene, spp=256, fresh=True)
+    assert service.wait_for(fresh, "finished", 60)["taken"] is None
+    assert samples_of(worker, fresh) == 64 * 48 * 256
+    assert service.digest(many) == service.digest(fresh) == expected_digest(spp=256)
+
+
+def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    service.wait_for(service.submit(scene, spp=16), "finished")
+
+    def taken(**request: object) -> bool:
+        job = service.submit(scene, **request)
+        return service.job(job)["taken"] is not None
+
+    assert not taken(spp=8), "samples are never taken away"
+    assert not taken(spp=16, seed=1)
+    assert not taken(spp=16, max_depth=3)
+    assert not taken(spp=16, width=32)
+    assert not taken(spp=16, tile_size=32)
+    assert not taken(spp=16, camera="overview")
+    assert not taken(spp=16, seconds=30), "who asks for a time asks for work"
+    assert taken(spp=32)
+    other = service.upload(b"v 0 0 1\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    until(lambda: service.scene(other)["status"] == "ready", "another scene is prepared")
+    service.wait_for(service.submit(other, spp=16), "finished")
+
+
+def test_samples_of_another_kind_of_workers_are_not_mixed_in(service: Service) -> None:
+    with service.worker(name="old", kind="old-kernels"):
+        scene = service.ready_scene()
+        first = service.submit(scene)
+        service.wait_for(first, "finished")
+    with service.worker(name="new", kind="new-kernels"):
+        until(
+            lambda: [w["name"] for w in service.http.get("/api/workers").json()] == ["new"],
+            "the other worker is there alone",
+        )
+        again = service.submit(scene, spp=16)
+        found = service.wait_for(again, "finished")
+    assert (found["taken"], found["kind"]) == (None, "new-kernels")
+
+
+def test_a_finer_end_by_noise_takes_from_a_coarser_one_and_ends_as_alone(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    digests = {}
+    for noise, fresh in ((0.09, True), (0.05, False), (0.05, True)):
+        job = service.submit(scene, spp=None, noise=noise, fresh=fresh)
+        found = service.wait_for(job, "finished", 60)
+        digests[noise, fresh] = job, service.digest(job), found["taken"]
+    assert digests[0.05, False][2]["job"] == digests[0.09, True][0]
+    assert digests[0.05, True][1] == digests[0.05, False][1] != digests[0.09, True][1]
+    coarse = service.submit(scene, spp=None, noise=0.09)
+    assert service.job(coarse)["taken"]["job"] == digests[0.09, True][0], "of the finer some tiles have too many"
+
+
+def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    first = service.submit(scene)
+    service.wait_for(first, "finished")
+    service.options["film_check_days"] = 0
+    service.restart()
+    path: Path = service.options["data"] / "films" / f"{first}.sqlite"
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE part SET sums = zeroblob(length(sums)) WHERE tile = 3")
+    database.close()
+    again = service.submit(scene)
+    assert service.wait_for(again, "finished")["taken"] is None
+    assert service.digest(again) == expected_digest()
+    assert not [path for path in path.parent.iterdir() if ".new" in path.name]

@@ -1,0 +1,156 @@
+"""Log lines for programs: each line of standard error one JSON object, with the ids of what was being done when it was said.
+
+Both the service and the workers write them where RAYFARM_LOG_FORMAT is json, and libraries' lines with theirs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from types import MappingProxyType, TracebackType
+from typing import Any
+
+__all__ = [
+    "FORMATS",
+    "FORMAT_VARIABLE",
+    "LEVELS",
+    "LEVEL_VARIABLE",
+    "JsonLines",
+    "about",
+    "as_json",
+    "by_json",
+    "ids",
+    "level",
+    "told",
+]
+
+FORMAT_VARIABLE, LEVEL_VARIABLE = "RAYFARM_LOG_FORMAT", "RAYFARM_LOG_LEVEL"
+FORMATS, LEVELS = ("text", "json"), ("debug", "info", "warning", "error")
+LONGEST = 20_000  # characters of a message or a trace
+QUIET = ("httpx", "httpcore", "alembic", "multipart", "asyncio", "opentelemetry", "urllib3", "PIL", "botocore", "boto3")
+
+_about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxyType({}))
+
+
+@contextlib.contextmanager
+def about(**names: Any) -> Iterator[None]:
+    """Within it, lines of this thread are about these: job, batch, frame, scene, worker ... What is None is left out."""
+    before = _about.set({**_about.get(), **_known(names)})
+    try:
+        yield
+    finally:
+        _about.reset(before)
+
+
+def told() -> Mapping[str, Any]:
+    """What lines are about here."""
+    return _about.get()
+
+
+def ids(**names: Any) -> dict[str, Any]:
+    """For a single line: log.warning("...", extra=ids(job=job.id))."""
+    return {"about": _known(names)}
+
+
+def by_json() -> bool:
+    """Whether lines are for programs."""
+    return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
+
+
+def level() -> int:
+    """The least level that is written down; what is no level is INFO."""
+    name = os.environ.get(LEVEL_VARIABLE, "info").strip().lower()
+    return getattr(logging, name.upper()) if name in LEVELS else logging.INFO
+
+
+class JsonLines(logging.Formatter):
+    """time (UTC), level, logger, message, process (`service` or `worker`), pid, what it is about, an exception in one piece."""
+
+    def __init__(self, process: str) -> None:
+        super().__init__()
+        self.always: dict[str, Any] = {"process": process}  # added to once more is known, as the worker's name
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line; whatever was logged, it is one."""
+        when = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        line: dict[str, Any] = {
+            "time": when,
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": _message(record),
+        }
+        line |= self.always | {"pid": record.process}
+        line |= {**_about.get(), **getattr(record, "about", {}), **_of_access(record)}
+        if record.exc_info and record.exc_info[1] is not None:
+            line["exception"] = _exception(*record.exc_info)
+        elif record.exc_text:
+            line["exception"] = {"trace": record.exc_text[-LONGEST:]}
+        return json.dumps(line, default=str, ensure_ascii=False).encode("utf-8", "replace").decode()
+
+
+def as_json(process: str) -> JsonLines:
+    """From here on all lines of this process are objects on standard error: those of libraries, warnings, what ends a thread or
+    the program. Returns what formats them."""
+    lines = JsonLines(process)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(lines)
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(level())
+    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
+        each = logging.getLogger(name)
+        each.handlers.clear()
+        each.propagate = True
+    for name in QUIET:
+        logging.getLogger(name).setLevel(max(level(), logging.WARNING))
+    logging.captureWarnings(True)
+    log = logging.getLogger(process)
+
+    def ended(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if issubclass(kind, KeyboardInterrupt):
+            sys.__excepthook__(kind, error, trace)
+        else:
+            log.critical("ended by a fault: %s", error, exc_info=(kind, error, trace))
+
+    def thread_ended(end: threading.ExceptHookArgs) -> None:
+        if end.exc_type is not SystemExit and end.exc_value is not None:
+            name = end.thread.name if end.thread else "a thread"
+            log.critical(
+                "%s ended by a fault: %s", name, end.exc_value, exc_info=(end.exc_type, end.exc_value, end.exc_traceback)
+            )
+
+    sys.excepthook = ended
+    threading.excepthook = thread_ended
+    return lines
+
+
+def _known(names: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in names.items() if value is not None}
+
+
+def _message(record: logging.LogRecord) -> str:
+    try:
+        return record.getMessage().strip()[:LONGEST]
+    except Exception:  # its arguments do not go with its words: that must not lose the line
+        return f"{record.msg} {record.args}"[:LONGEST]
+
+
+def _exception(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> dict[str, str]:
+    lines = "".join(traceback.format_exception(kind, error, trace))
+    return {"type": kind.__name__, "message": str(error)[:LONGEST], "trace": lines[-LONGEST:]}
+
+
+def _of_access(record: logging.LogRecord) -> dict[str, Any]:
+    """Of uvicorn's lines about requests: its parts."""
+    if record.name != "uvicorn.access" or not isinstance(record.args, tuple) or len(record.args) != 5:
+        return {}
+    client, method, path, _, status = record.args
+    return {"client": client, "method": method, "path": str(path).partition("?")[0], "status": status}
