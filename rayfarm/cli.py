@@ -8,7 +8,23 @@ from typing import Annotated
 
 import typer
 
-from rayfarm.commands import backup, bench, doctor, gc, info, jobs, render, shares, submit, token, up, user, watch, worker
+from rayfarm.commands import (
+    backup,
+    bench,
+    doctor,
+    gc,
+    info,
+    jobs,
+    render,
+    shares,
+    submit,
+    token,
+    up,
+    user,
+    watch,
+    worker,
+    workers,
+)
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from renderer.errors import RayfarmError
@@ -33,7 +49,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, shares, watch, user, token, info, backup, doctor, gc, bench):
+for command in (up, worker, render, submit, jobs, workers, shares, watch, user, token, info, backup, doctor, gc, bench):
     command.register(app)
 
 

@@ -70,6 +70,12 @@ def submit(
             rich_help_panel=QUEUE,
         ),
     ] = None,
+    need: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NEED", help="Of the workers: a tag, or memory_gb=32; may be given several times.", rich_help_panel=QUEUE
+        ),
+    ] = None,
     max_slots: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
     ] = None,
@@ -136,7 +142,7 @@ def submit(
             asked["variant"] = variant
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        queue = {"after": after, "max_slots": max_slots, "deadline": wanted}
+        queue = {"after": after, "max_slots": max_slots, "deadline": wanted, "needs": need}
         asked |= {name: value for name, value in queue.items() if value}
         if fresh:
             asked["fresh"] = True

@@ -22,7 +22,7 @@ from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_m
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
-from service.api.queue_fields import wait_for, wait_for_fewer
+from service.api.queue_fields import needs_of, wait_for, wait_for_fewer
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.api.visit import VisitDependency
 from service.clock import deadline_of
@@ -101,6 +101,7 @@ def create_job(
         idempotency_key=idempotency_key or None,
         user=visit.caller.name if visit.caller is not None and visit.caller.is_known else None,
         max_slots=request.max_slots,
+        needs=needs_of(request.needs),
         deadline=None if request.deadline is None else deadline_of(request.deadline),
     )
     try:
@@ -236,6 +237,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             job.max_slots = change.max_slots
         if "deadline" in change.model_fields_set:
             job.deadline, job.late = None if change.deadline is None else deadline_of(change.deadline), None
+        if change.needs is not None:
+            job.needs = needs_of(change.needs)
         if change.after is not None:
             wait_for_fewer(id, change.after, session)
         if change.state is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy import select
@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from service.api.strict import Strict
 from service.clock import deadline_of
 from service.errors import Conflict, NotFound
+from service.scheduling.needs import Needs
 from service.store.models import ACTIVE, Job, Wait
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "QueueOut",
     "QueuePatch",
     "WaitOut",
+    "needs_of",
     "wait_for",
     "wait_for_fewer",
     "waits_of",
@@ -52,6 +54,18 @@ Deadline = Annotated[
 ]
 
 
+def _possible(texts: list[str]) -> list[str]:
+    Needs.parse(texts)
+    return texts
+
+
+Wants = Annotated[
+    list[Annotated[str, Field(max_length=100)]],
+    Field(max_length=50, description="of the workers that render it: tags, as gpu, and memory_gb=32; [] for any worker"),
+    AfterValidator(_possible),
+]
+
+
 class QueueIn(Strict):
     """Of a request for a picture."""
 
@@ -62,6 +76,7 @@ class QueueIn(Strict):
 
     max_slots: MaxSlots = None
     deadline: Deadline = None
+    needs: Wants = Field([])
 
 
 class QueuePatch(Strict):
@@ -69,6 +84,7 @@ class QueuePatch(Strict):
 
     max_slots: MaxSlots = None
     deadline: Deadline = None
+    needs: Wants | None = None
     after: JobIds | None = Field(None, description="which of the jobs that it waits for it is to wait for on; []: none of them")
 
 
@@ -86,11 +102,18 @@ class QueueOut(BaseModel):
     after: list[str] = Field(description="ids of the jobs that it was to come after, as it was asked for")
     user: str | None = Field(description="who asked for it; null where the farm asks nobody who they are")
     max_slots: int | None = Field(description="that render it at a time, at most")
+    needs: list[str] = Field(description="of the workers that render it")
     deadline: float | None = Field(description="by when it is wanted, in unix time")
     expected: float | None = Field(description="when it is to be ready by the forecast, where it has a deadline and is not over")
     late: float | None = Field(description="since when it is expected to miss its deadline, or has missed it; null: it is not")
     warning: str | None = Field(description="what somebody may want to do something about, in a sentence")
     waits_for: list[WaitOut] = Field(description="those of them that are not finished")
+
+
+def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
+    """For the job's row."""
+    needs = Needs.parse(texts)
+    return None if needs is None else needs.to_json()
 
 
 def warning_of(job: Job, expected: float | None, now: float) -> str | None:

@@ -12,6 +12,7 @@ from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.history import History
+from service.scheduling.needs import Needs
 from service.scheduling.plan import Range
 from service.scheduling.shares import share_of
 from service.scheduling.totals import Totals
@@ -61,6 +62,7 @@ class ActiveJob:
         self.priority = row.priority
         self.share = share_of(row.user)
         self.max_slots = row.max_slots
+        self.needs = Needs.of(row.needs)
         self.deadline = row.deadline
         self.expected: float | None = None  # when it is to be ready, where it has a deadline
         self.urgency = math.inf if row.late is None or row.deadline is None else row.deadline  # which it is expected to miss

@@ -45,6 +45,7 @@ from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmStore
 from service.store.films import Film
 from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from worker.terms import Terms
 
 __all__ = ["Engine"]
 
@@ -111,6 +112,7 @@ class Engine:
             settled=self._keeper.look,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
+        self._terms: dict[str, Terms] = {}  # that workers are asked for, by name
         self._has_begun = False
         self._looked_around = 0.0
         self._stop = threading.Event()
@@ -234,7 +236,7 @@ class Engine:
         self._dispatcher.purge()
         self.films.sweep(jobs := self._records.all_jobs())
         self.logs.sweep(jobs)
-        self._changes.note("shares", "")
+        self._changes.note("terms", "")
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
         for job in self._records.active_jobs():
@@ -247,8 +249,8 @@ class Engine:
                 self._workers.look(now=True)
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.forgive(id)
-            elif what == "shares":
-                if not self._bulkheads.run(what, Step.CHANGE, self._renew_shares, needs_database=True):
+            elif what == "terms":
+                if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
                     continue
             elif id in self._bulkheads.verdicts:
                 continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
@@ -261,8 +263,10 @@ class Engine:
     def _with_database(self, id: str, action: Callable[[], object]) -> bool:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
 
-    def _renew_shares(self) -> None:
+    def _renew_terms(self) -> None:
+        """What an administrator has said of shares and workers."""
         self._scheduler.shares.terms = self._records.shares()
+        self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
         self._refused = self._fault_of(self._write)
@@ -277,6 +281,7 @@ class Engine:
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
+        self._workers.ask(self._terms, [job.needs for job in self._scheduler.jobs.values() if job.needs is not None])
         slots = sum(report.slots for report in self._workers.roster.ready())
         self._deadlines.review(list(self._scheduler.jobs.values()), slots, time.time())
         for job in list(self._scheduler.jobs.values()):

@@ -34,6 +34,7 @@ class Lease:
     answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
+    queue: str = ""  # in which its message waits, or waited
     charged_s: float = 0.0  # to its share, for what it takes of a slot
     message: str = ""  # with which it was sent: its own, unless it went with others
 
@@ -90,6 +91,11 @@ class Leases:
         """How many messages with batches of each job are out, those whose results were not read yet included."""
         out = {(lease.owner, lease.message) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
         return Counter(owner for owner, _ in out)
+
+    def waiting_in(self, queue: str) -> int:
+        """How many of those messages went into a queue."""
+        out = (lease for lease in self._all.values() if lease.queue == queue and not lease.has_arrived)
+        return len({lease.message for lease in out})
 
     def messages(self, kind: str) -> int:
         """How many messages with batches are out with workers of a kind, those whose results were not read yet included: where

@@ -27,6 +27,7 @@ from service.scheduling.job_log import JobLogs
 from service.scheduling.measured import measured
 from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
+from service.scheduling.needs import Needs
 from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
 from service.scheduling.reproduce import reproduce
@@ -125,6 +126,9 @@ class Lifecycle:
         if row.state != job.state and "paused" in (row.state, job.state):
             job.history.happened("paused" if row.state == "paused" else "resumed")
         job.state, job.priority, job.max_slots = row.state, row.priority, row.max_slots
+        if (needs := Needs.of(row.needs)) != job.needs:
+            self._scheduler.withdraw(job)
+            job.needs = needs
         if row.deadline != job.deadline:
             job.deadline, job.expected, job.urgency = row.deadline, None, math.inf
         job.focus_on(row.focus)

@@ -3,7 +3,9 @@ in the meantime: a job that was cancelled stays so."""
 
 from __future__ import annotations
 
+import json
 import time
+from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -17,7 +19,9 @@ from service.scheduling.shares import Terms
 from service.shot import Shot
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Environment, Frame, Job, Reference, Scene, ShareTerms, Wait
+from service.store.models import WorkerTerms as Asked
 from worker.contract import SceneInfo
+from worker.terms import Terms as WorkerTerms
 
 __all__ = ["Records"]
 
@@ -109,6 +113,15 @@ class Records:
         """The terms of the shares that have any."""
         with self._sessions() as session:
             return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
+
+    def worker_terms(self) -> dict[str, WorkerTerms]:
+        """What is asked of workers, by name; what another release wrote and this one does not understand is left out."""
+        found = {}
+        with self._sessions() as session:
+            for row in session.scalars(select(Asked)):
+                with suppress(ValueError):
+                    found[row.name] = WorkerTerms.from_bytes(json.dumps(row.terms).encode())
+        return found
 
     def waited(self, other: str) -> None:
         """A job is finished: none waits for it any more."""

@@ -101,8 +101,15 @@ class Scheduler:
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
                 continue
+            some, most = slots, line.left
+            if job.needs is not None:
+                queue = job.needs.queue(kind)
+                some = self._workers.roster.serving(queue).get(kind, 0)
+                most = min(most, self._pace.window(some, self._settings.window_per_slot) - self.leases.waiting_in(queue))
+                if not some or most <= 0:
+                    continue
             sent = len(self._sent)
-            hand_out = partial(self._hand_out, job, kind, slots, start, line.left)
+            hand_out = partial(self._hand_out, job, kind, some, start, most)
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
                 messages = len({lease.message for lease in new})
@@ -135,14 +142,15 @@ class Scheduler:
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
             leases.append(Lease(job.id, kind, batch, patience, expected))
+            leases[-1].queue = render_queue(kind) if job.needs is None else job.needs.queue(kind)
             leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
         works = [work_of(job, kind, lease.id, batch) for lease, batch in zip(leases, batches, strict=True)]
         if len(works) == 1:
-            self._dispatcher.send_batch(works[0], kind)
+            self._dispatcher.send_batch(works[0], leases[0].queue)
         else:
             for lease in leases:
                 lease.message = leases[0].id
-            self._dispatcher.send_batches(works, kind, leases[0].id)
+            self._dispatcher.send_batches(works, leases[0].queue, leases[0].id)
         self._sent += leases
         for lease in leases:
             self.leases.add(lease)
@@ -216,9 +224,9 @@ class Scheduler:
         mine = [
             lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
         ]
-        for kind in {lease.kind for lease in mine}:
+        for queue in {lease.queue for lease in mine}:
             try:
-                taken = self._dispatcher.take_back(render_queue(kind), {lease.message for lease in mine})
+                taken = self._dispatcher.take_back(queue, {lease.message for lease in mine})
                 mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
             except redis.RedisError as error:
                 log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
@@ -231,7 +239,7 @@ class Scheduler:
         """Once a second: find batches that are overdue or lost, and hand them out again; one that is lost too often stops its
         job. A batch whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
         """
-        waiting = {id for kind in self._kinds() for id in self._dispatcher.waiting(render_queue(kind))}
+        waiting = {id for queue in self._queues() for id in self._dispatcher.waiting(queue)}
         held = Held(self._workers.roster)
         end, is_late, idle = cache(results.end), cache(self._workers.are_late), cache(self._has_idle_slots)
         for lease in self.leases:
@@ -340,12 +348,16 @@ class Scheduler:
     def kind_for(self, job: ActiveJob) -> str | None:
         """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
         roster = self._workers.roster
+        if job.needs is not None and job.kind is None and job.shot is None:
+            kinds = {report.kind for report in roster.ready()}
+            serving = {kind: roster.serving(job.needs.queue(kind)).get(kind, 0) for kind in sorted(kinds)}
+            return max(serving, key=lambda kind: serving[kind], default=None)
         if job.kind is not None or job.shot is None:
             return job.kind or roster.best_kind()
         return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
 
-    def _kinds(self) -> set[str]:
-        return {lease.kind for lease in self.leases}
+    def _queues(self) -> set[str]:
+        return {lease.queue for lease in self.leases}
 
     def _by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
         """The jobs that workers of a kind may render."""
@@ -353,7 +365,7 @@ class Scheduler:
         best = self._workers.roster.best_kind()
         for job in self.jobs.values():
             if job.state in ("queued", "running"):
-                of = best if job.kind is None and job.shot is None else self.kind_for(job)
+                of = best if job.kind is None and job.shot is None and job.needs is None else self.kind_for(job)
                 if of == kind:
                     found.setdefault(job.priority, []).append(job)
         return found
