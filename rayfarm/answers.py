@@ -184,6 +184,7 @@ class Offer:
     idle_by: list[str] = field(default_factory=list)  # how it knows that somebody works at its machine
     nice: int = 0
     memory_limit: int = 0  # bytes; 0: none
+    rests: str | None = None  # why it takes nothing at the moment, by its own hours or limits
     trouble: str | None = None  # what was asked of it and it cannot do
 
 

@@ -11,6 +11,7 @@ import json
 import math
 import re
 from dataclasses import asdict, dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 from worker.contract import render_queue
@@ -117,6 +118,7 @@ class Offer:
         return offer
 
 
+@lru_cache(4096)
 def needs_queue(kind: str, needs: str) -> str:
     """The Celery queue for batches of jobs of this kind that need something. needs: as text, the same for the same."""
     return f"{render_queue(kind)}{NEEDS}{hashlib.sha256(needs.encode()).hexdigest()[:16]}"

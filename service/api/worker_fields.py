@@ -66,6 +66,7 @@ class OfferOut(BaseModel):
     idle_by: list[str] = Field(description="how it knows that somebody does: load, terminals, screen")
     nice: int
     memory_limit: int = Field(description="bytes; 0: none")
+    rests: str | None = Field(description="why it takes nothing at the moment, by its own hours or limits")
     trouble: str | None = Field(description="what was asked of it and it cannot do")
 
 
@@ -103,7 +104,7 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
         memory_total=vitals.memory_total if vitals else None,
         failures=view.failures.get(report.name, 0),
         speeds=list(view.roster.speeds.get(report.name, ())),
-        offer=OfferOut(**{name: getattr(offer, name) for name in OfferOut.model_fields}) if offer else None,
+        offer=OfferOut(**asdict(offer), rests=offer.why) if offer else None,
     )
 
 

@@ -298,7 +298,9 @@ class Engine:
         """The shots that are being rendered, in turn, and for which kind of workers."""
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
         jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
-        return [(job, self._scheduler.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))]
+        return [
+            (job, self._scheduler.line_up.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))
+        ]
 
     def _publish(self) -> None:
         self._board.publish(self._scheduler.jobs, self._look)
@@ -308,7 +310,7 @@ class Engine:
             fault=self._fault or self._bulkheads.database_fault,
             roster=self._workers.roster,
             jobs=numbers,
-            ahead=self._scheduler.ahead(),
+            ahead=self._scheduler.line_up.ahead(),
             waits=self._bulkheads.sentences(),
             preparing=dict(self._preparing.progress),
             counts={**self._answers.counts, "lost": self._scheduler.lost},

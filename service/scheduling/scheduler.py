@@ -4,11 +4,11 @@ back."""
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache, partial
 from itertools import count
 
@@ -20,6 +20,7 @@ from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.held import Held
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.line_up import LineUp
 from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
@@ -36,12 +37,19 @@ __all__ = ["Scheduler"]
 
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
-AHEAD_EVERY_S = 1.0
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
 
 Start = Callable[[ActiveJob, str], bool]
+
+
+@dataclass
+class Pool:
+    """Of the workers that serve a queue: their slots, and how many messages more they may have."""
+
+    slots: int
+    room: int
 
 
 class Scheduler:
@@ -55,11 +63,11 @@ class Scheduler:
         self._bulkheads = bulkheads
         self.leases = Leases()
         self.jobs: dict[str, ActiveJob] = {}
+        self.line_up = LineUp(workers, self.jobs)
         self.shares = Shares()
         self.suspicion = Suspicion()
         self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
-        self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out
         self.lost = 0  # batches that were handed out again
 
     def fill(self, start: Start) -> None:
@@ -70,7 +78,7 @@ class Scheduler:
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
             room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
-            turns = self._by_priority(kind) if room > 0 else {}
+            turns = self.line_up.by_priority(kind) if room > 0 else {}
             if not turns:
                 continue
             self._sent.clear()
@@ -78,9 +86,10 @@ class Scheduler:
                 with self._dispatcher.at_once():
                     held = self.leases.held()
                     shares_held = self.held_by_shares(held)
+                    pools: dict[str, Pool] = {}
                     for priority in sorted(turns, reverse=True):
                         line = self.shares.line(kind, turns[priority], held, shares_held)
-                        room -= self._serve(line, kind, slots, room, start)
+                        room -= self._serve(line, kind, slots, room, start, pools)
                         if room <= 0:
                             break
             except QueueError:
@@ -95,27 +104,32 @@ class Scheduler:
                 self.shares.correct(lease.kind, job.share, -lease.charged_s)
                 job.lose(lease.batch)
 
-    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start) -> int:
-        """Hand out up to `room` messages to jobs of one priority; returns how many."""
+    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
+        """Hand out up to `room` messages to jobs of one priority; returns how many. pools: of queues of needs."""
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
                 continue
-            some, most = slots, line.left
-            if job.needs is not None:
-                queue = job.needs.queue(kind)
-                some = self._workers.roster.serving(queue).get(kind, 0)
-                most = min(most, self._pace.window(some, self._settings.window_per_slot) - self.leases.waiting_in(queue))
-                if not some or most <= 0:
-                    continue
+            pool = Pool(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
+            if pool.room <= 0:
+                continue
             sent = len(self._sent)
-            hand_out = partial(self._hand_out, job, kind, some, start, most)
+            hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
                 messages = len({lease.message for lease in new})
                 handed_out += messages
+                pool.room -= messages
                 line.gave(job, messages, sum(lease.charged_s for lease in new))
         return handed_out
+
+    def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
+        """The workers that serve a queue of needs."""
+        if queue not in known:
+            slots = self._workers.roster.serving(queue).get(kind, 0)
+            window = self._pace.window(slots, self._settings.window_per_slot) if slots else 0
+            known[queue] = Pool(slots, window - self.leases.waiting_in(queue))
+        return known[queue]
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
         """Hand out the next batch of a job, or some of them, in at most so many messages, if it has any for workers of this kind.
@@ -325,50 +339,12 @@ class Scheduler:
                 found[job.share] += messages
         return found
 
-    def ahead(self) -> dict[str, int]:
-        """Of every job that waits for others: how many jobs of a higher priority are rendered before it. At most a second old."""
-        if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
-            self._ahead = time.monotonic(), self._find_ahead()
-        return self._ahead[1]
-
-    def _find_ahead(self) -> dict[str, int]:
-        found = {}
-        for kind in {report.kind for report in self._workers.roster.ready()}:
-            before = 0
-            for _, equals in sorted(self._by_priority(kind).items(), reverse=True):
-                same = [job.id for job in equals if not job.done]
-                found.update(dict.fromkeys(same, before))
-                before += len(same)
-        return {id: before for id, before in found.items() if before}
-
     def busy(self) -> set[tuple[str, int]]:
         """The frames of jobs of which batches are out."""
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
 
-    def kind_for(self, job: ActiveJob) -> str | None:
-        """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
-        roster = self._workers.roster
-        if job.needs is not None and job.kind is None and job.shot is None:
-            kinds = {report.kind for report in roster.ready()}
-            serving = {kind: roster.serving(job.needs.queue(kind)).get(kind, 0) for kind in sorted(kinds)}
-            return max(serving, key=lambda kind: serving[kind], default=None)
-        if job.kind is not None or job.shot is None:
-            return job.kind or roster.best_kind()
-        return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
-
     def _queues(self) -> set[str]:
         return {lease.queue for lease in self.leases}
-
-    def _by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
-        """The jobs that workers of a kind may render."""
-        found: dict[int, list[ActiveJob]] = {}
-        best = self._workers.roster.best_kind()
-        for job in self.jobs.values():
-            if job.state in ("queued", "running"):
-                of = best if job.kind is None and job.shot is None and job.needs is None else self.kind_for(job)
-                if of == kind:
-                    found.setdefault(job.priority, []).append(job)
-        return found
 
 
 def _named(batch: Range) -> str:

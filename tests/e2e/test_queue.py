@@ -10,6 +10,7 @@ from playwright.sync_api import expect
 from service.store.models import Job
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service, until
+from worker.terms import Terms
 
 pytestmark = pytest.mark.browser
 
@@ -31,9 +32,11 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
     panel.get_by_label("Wanted by").blur()
     expect(panel.get_by_text("Wanted by Tue, May 1, 08:00 AM.")).to_be_visible()
     panel.get_by_label("Slots at most").fill("3")
+    panel.get_by_label("Needs").fill("gpu, memory_gb=32")
     panel.get_by_label("Priority").fill("5")
     panel.get_by_label("Priority").blur()
     until(lambda: (many.job(job)["max_slots"], many.job(job)["priority"]) == (3, 5), "the job is changed")
+    assert many.job(job)["needs"] == ["gpu", "memory_gb=32"]
     with many.farm.sessions.begin() as session:
         row = session.get_one(Job, job)
         row.deadline, row.late = time.time() - 60, time.time() - 120
@@ -63,3 +66,27 @@ def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
     until(lambda: terms() == [0.5, None], "the share is changed", say=terms)
     assert watched.errors == []
     many.http.delete("/api/shares/user:anna").raise_for_status()
+
+
+def test_a_machine_is_told_when_it_works(many: Service, watched: Watched) -> None:
+    page = watched.page
+    with many.worker(name="attic", tags=("gpu", "kind:test-kind"), slots=4) as attic, many.worker(name="cellar"):
+        page.goto(f"{many.url}/#/workers")
+        new, old = (page.locator(".machine").filter(has_text=name) for name in ("attic", "cellar"))
+        expect(new).to_contain_text("Tags: gpu")
+        old.get_by_text("Hours and limits").click()
+        expect(old).to_contain_text("of an older release: it can only be paused")
+        new.get_by_text("Hours and limits").click()
+        new.get_by_label("Works", exact=True).fill("Sat-Sun")
+        new.get_by_label("Slots at most").fill("3")
+        new.get_by_label("Nice level").fill("7")
+        new.get_by_label("Nice level").blur()
+        until(lambda: attic.terms == Terms("Sat-Sun", slots=3, nice=7), "it is told", say=lambda: attic.terms)
+        attic.rests = "Outside its hours: Sat-Sun."
+        expect(new.locator(".chip")).to_have_text("Resting")
+        expect(new).to_contain_text("Outside its hours: Sat-Sun.")
+        expect(new.get_by_role("button", name="Pause")).to_be_visible()
+        new.get_by_label("Works", exact=True).fill("Mondays")
+        new.get_by_label("Works", exact=True).blur()
+        expect(page.get_by_text("give hours as Mon-Fri 19:00-07:00, Sat-Sun")).to_be_visible()
+    assert all("422" in error for error in watched.errors), watched.errors

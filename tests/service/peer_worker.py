@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 import numpy as np
@@ -112,6 +112,7 @@ class PeerWorker:
         self.tags = tags
         self.memory = memory
         self.terms = Terms()
+        self.rests: str | None = None  # why it takes nothing by itself, as it says
         self.on_explain: Callable[[ExplainPixel], list[dict[str, Any]]] = lambda work: []  # what is answered
         self.explained: list[ExplainPixel] = []  # asked for
         self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: it is never answered
@@ -158,11 +159,12 @@ class PeerWorker:
         if self.tags is not None:
             asked: Any = self.redis.get(terms_key(self.name))
             self.terms = Terms() if asked is None else Terms.from_bytes(asked)
-            offer = Offer(self.tags, self.memory, self.slots, self.terms.digest, queues=self.terms.queues)
+            offer = Offer(self.tags, self.memory, self.slots, self.terms.digest, queues=self.terms.queues, why=self.rests)
             self.redis.set(offer_key(self.name), offer.to_bytes(), ex=HEARTBEAT_TTL_S)
         current = [self.current, *[{}] * (self.slots - 1)]
+        state: Literal["ready", "paused"] = "paused" if self.rests else "ready"
         report = WorkerReport(
-            *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
+            *(self.name, "host", 1, self.slots, "a peer", self.kind, state, time.time(), 1e6, current, self.denoises),
             frames=self.knows_frames,
             blurs=self.blurs,
             vectors=self.knows_vectors,
@@ -198,7 +200,7 @@ class PeerWorker:
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                if self.redis.exists(order_key(self.name)):
+                if self.rests or self.redis.exists(order_key(self.name)):
                     time.sleep(0.05)
                     continue
                 queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises

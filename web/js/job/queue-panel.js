@@ -34,12 +34,13 @@ export function queuePanel() {
   const deadline = h("input", { type: "datetime-local", onchange: () => deadline.validity.valid && ask({ deadline: isoOf(deadline.value) }) });
   const priority = h("input", { type: "number", min: -100, max: 100, step: 1, required: true, onchange: () => priority.validity.valid && ask({ priority: numberOf(priority, 0) }) });
   const slots = h("input", { type: "number", min: 1, max: 1000000, step: 1, placeholder: t("no limit"), onchange: () => slots.validity.valid && ask({ max_slots: slots.value ? Number(slots.value) : null }) });
+  const needs = h("input", { type: "text", placeholder: t("any worker"), maxLength: 500, spellcheck: "false", autocomplete: "off", onchange: () => ask({ needs: needs.value.split(",").map((need) => need.trim()).filter(Boolean) }) });
   const ready = h("p", { class: "quiet small number", hidden: true });
   const more = h(
     "details",
     { class: "among" },
     h("summary", null, h("h2", null, t("Among other jobs"))),
-    h("div", { class: "stack" }, field(t("Wanted by"), deadline, t("Warns when the forecast says no.")), field(t("Priority"), priority, t("Higher is sooner.")), field(t("Slots at most"), slots)),
+    h("div", { class: "stack" }, field(t("Wanted by"), deadline, t("Warns when the forecast says no.")), field(t("Priority"), priority, t("Higher is sooner.")), field(t("Slots at most"), slots), field(t("Needs"), needs, t("Tags of workers, as gpu, and memory_gb=32; commas between them."))),
   );
   const element = h("section", { class: "side-section queue stack", "aria-label": t("Among other jobs") }, late, waits, ready, more);
   let shown = "";
@@ -57,6 +58,7 @@ export function queuePanel() {
       put(deadline, job.deadline ? localOf(job.deadline) : "");
       put(priority, String(job.priority));
       put(slots, job.max_slots ? String(job.max_slots) : "");
+      put(needs, (job.needs ?? []).join(", "));
       const all = job.waits_for ?? [];
       waits.hidden = !all.length;
       const key = JSON.stringify(all);
