@@ -11,6 +11,7 @@ import typer
 from rayfarm.commands import (
     backup,
     bench,
+    compare,
     doctor,
     gc,
     info,
@@ -49,7 +50,7 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, workers, shares, watch, user, token, info, backup, doctor, gc, bench):
+for command in (up, worker, render, submit, jobs, workers, shares, watch, user, token, info, compare, backup, doctor, gc, bench):
     command.register(app)
 
 

@@ -38,6 +38,7 @@ FORMATS = (
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".fbx", "fbx", names_files=True, moves=True),
+    Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
     Format(".dae", "other", names_files=True),
     Format(".obj", "obj", names_files=True),
     Format(".ply", "other", names_files=True),
@@ -66,7 +67,6 @@ FOREIGN = {
     ".3ds": _BY_BLENDER.replace("for it", "> 3D Studio"),
     ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
     ".3mf": "Export STL or OBJ from the program it comes from",
-    ".xml": "Scenes of Mitsuba are not read yet: export glTF or OBJ from the program it was made in",
     ".pbrt": "Scenes of pbrt are not read yet: export glTF or OBJ from the program it was made in",
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
 }

@@ -160,6 +160,7 @@ def _texture(
         "type": "bitmap",
         "bitmap": mi.Bitmap(np.ascontiguousarray(pixels, np.float32)),
         "raw": True,
+        "filter_type": "nearest" if texture.filter == "nearest" else "bilinear",
         "wrap_mode": _WRAP[texture.wrap_s],
         "to_uv": mi.ScalarTransform3f(np.array([[a, b, c], [d, e, f], [0, 0, 1]], np.float64)),
     }

@@ -1,0 +1,132 @@
+"""`rayfarm compare`: does it agree with Mitsuba?"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rayfarm.console import bar, err, out
+from rayfarm.errors import EXIT_FAILED, CommandError
+from rayfarm.output_files import check_writable, write
+
+__all__ = ["register"]
+
+BLOCK = 8
+TOP = 0.5  # the relative difference that the brightest colour shows
+MISSING = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("compare")(compare)
+
+
+def compare(
+    scene: Annotated[Path, typer.Argument(help="A scene of Mitsuba: an .xml file, with what it names beside it.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="A .png: Rayfarm's picture, Mitsuba's, and where they differ.", metavar="FILE.png"),
+    ] = None,
+    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, of both.")] = 256,
+    most: Annotated[
+        float | None,
+        typer.Option(min=0.0, metavar="FRACTION", help="End with 1 where the means differ by more, for scripts: 0.03 is 3 %."),
+    ] = None,
+    exposure: Annotated[float, typer.Option(help="Stops, of the picture that is written.")] = 0.0,
+) -> None:
+    """Render a scene of Mitsuba with Rayfarm and with Mitsuba, and say how far they agree.
+
+    Differences have three sources: noise (more --spp lessens it), what Rayfarm does not read (told as notes), and models that are
+    meant otherwise: rough metals give back here what a single bounce loses, smooth normals do not darken at the edge of shadow.
+
+    [bold]Example[/bold]
+
+      rayfarm compare cbox.xml --spp 512 -o cbox-compared.png
+    """
+    if scene.suffix.lower() != ".xml":
+        raise CommandError(f"{scene.name} is no scene of Mitsuba; these are .xml files")
+    if output is not None:
+        if output.suffix.lower() != ".png":
+            raise CommandError(f"{output.name}: what is written is a .png; end the name so")
+        check_writable(output)
+    mitsuba = _mitsuba()
+    import numpy as np
+
+    from rayfarm.library.render import render
+
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        ours = render(scene, spp=spp, aovs="color")["color"].astype(np.float64)
+    for note in notes:
+        err.print(f"note: {note.message}", markup=False, soft_wrap=True)
+    with bar() as progress:
+        progress.add_task("Mitsuba is rendering", total=None)
+        theirs = _theirs(mitsuba, scene, spp)
+    if theirs.shape != ours.shape:
+        sizes = [f"{each.shape[1]}x{each.shape[0]}" for each in (theirs, ours)]
+        raise CommandError(f"Mitsuba's picture is {sizes[0]}, and ours {sizes[1]}")
+    ratio = ours.mean() / max(theirs.mean(), 1e-12)
+    out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of Mitsuba: {ratio - 1:+.2%}")
+    for name, a, b in zip(("red", "green", "blue"), ours.mean((0, 1)), theirs.mean((0, 1)), strict=True):
+        out.print(f"  {name:<9} {a:.5g}, {b:.5g}: {a / max(b, 1e-12) - 1:+.2%}")
+    blocks = _blocks(ours, theirs)
+    out.print(
+        f"{BLOCK}x{BLOCK} blocks  relative difference: median {np.median(blocks):.2%}, "
+        f"95 % below {np.percentile(blocks, 95):.2%}, the most {blocks.max():.2%}",
+        soft_wrap=True,
+    )
+    relative = ((ours - theirs) ** 2 / (theirs**2 + 1e-2)).mean()
+    out.print(f"relMSE      {relative:.4g}; of noise alone it falls as samples grow")
+    if output is not None:
+        write(output, _side_by_side(ours, theirs, exposure))
+        err.print(f"{output} written", markup=False, soft_wrap=True)
+    if most is not None and abs(ratio - 1) > most:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _mitsuba() -> Any:
+    try:
+        import mitsuba
+    except ImportError:
+        raise CommandError(MISSING) from None
+    mitsuba.set_variant("scalar_rgb")  # needs no LLVM
+    return mitsuba
+
+
+def _theirs(mitsuba: Any, scene: Path, spp: int) -> Any:
+    """Mitsuba's picture, (h, w, 3) float64."""
+    import numpy as np
+
+    try:
+        return np.array(mitsuba.render(mitsuba.load_file(str(scene)), spp=spp), np.float64)[..., :3]
+    except RuntimeError as error:
+        raise CommandError(f"Mitsuba cannot render {scene.name}: {' '.join(str(error).split())[:300]}") from None
+
+
+def _blocks(ours: Any, theirs: Any) -> Any:
+    """The relative difference of each block's mean."""
+    import numpy as np
+
+    height, width = (max(side // BLOCK, 1) for side in ours.shape[:2])
+    means = [
+        np.stack([part.mean((0, 1)) for row in np.array_split(each, height) for part in np.array_split(row, width, axis=1)])
+        for each in (ours, theirs)
+    ]
+    floor = 0.02 * max(float(theirs.mean()), 1e-12)  # what is nearly black has no relative difference worth a word
+    return np.abs(means[0] - means[1]).mean(-1) / (means[1].mean(-1) + floor)
+
+
+def _side_by_side(ours: Any, theirs: Any, exposure: float) -> bytes:
+    """A PNG of both pictures and their relative difference: blue where ours is darker, red where it is brighter."""
+    import numpy as np
+
+    from renderer.image import encode, tonemap
+
+    away = (ours - theirs).mean(-1) / (theirs.mean(-1) + 0.02 * max(float(theirs.mean()), 1e-12)) / TOP
+    more, less = np.clip(away, 0, 1), np.clip(-away, 0, 1)
+    shade = np.stack([1 - less, 1 - np.maximum(more, less), 1 - more], axis=-1)
+    shown = [tonemap.apply(each.astype(np.float32), exposure) for each in (ours, theirs)]
+    return encode.encode_shown(np.concatenate([*shown, (shade * 255).astype(np.uint8)], axis=1), "png")

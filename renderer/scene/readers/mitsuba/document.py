@@ -1,0 +1,214 @@
+"""A scene file of Mitsuba as elements: defaults filled in, included files taken along, references followed."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.mitsuba import values
+from renderer.scene.readers.mitsuba.values import Matrix
+
+__all__ = ["Document", "Element"]
+
+_OBJECTS = (
+    "scene",
+    "shape",
+    "bsdf",
+    "emitter",
+    "sensor",
+    "film",
+    "rfilter",
+    "sampler",
+    "texture",
+    "integrator",
+    "medium",
+    "phase",
+    "volume",
+)
+_OLD_NAMES = {"subsurface": "medium", "luminaire": "emitter", "camera": "sensor"}
+MAX_INCLUDES = 32
+MAX_ELEMENTS = 2_000_000
+MAX_DEPTH = 60
+
+
+@dataclass(eq=False)
+class Element:
+    """An object of the scene: `tag` (shape, bsdf, ...), `type` of its plugin, `name` by which its parent knows it."""
+
+    tag: str
+    type: str
+    id: str = ""
+    name: str = ""
+    file: str = ""  # that it stands in
+    values: dict[str, Any] = field(default_factory=dict)
+    children: list[Element] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """A property's value; asked for is what counts as understood."""
+        self.used.add(name)
+        return self.values.get(name, default)
+
+    def number(self, name: str, default: float) -> float:
+        """A number, whichever of Mitsuba's kinds of value it is written as; of a colour the mean."""
+        found = self.get(name, default)
+        if isinstance(found, np.ndarray):
+            return float(found.mean())
+        if isinstance(found, str):
+            raise SceneError(f"{self.file}: {name} of {self.what} is {found[:40]!r}; it takes a number")
+        return float(found)
+
+    def flag(self, name: str, default: bool) -> bool:
+        """A boolean."""
+        found = self.get(name, default)
+        return found if isinstance(found, bool) else str(found).strip().lower() == "true"
+
+    def matrix(self, name: str = "to_world") -> Matrix:
+        """A transform; the identity where there is none."""
+        found = self.get(name)
+        return found if isinstance(found, np.ndarray) and found.shape == (4, 4) else np.eye(4)
+
+    def of(self, *tags: str) -> list[Element]:
+        """The objects in it of these kinds."""
+        return [child for child in self.children if child.tag in tags]
+
+    def child(self, name: str) -> Element | None:
+        """The object that it knows by a name, as a texture stands in a colour's place."""
+        self.used.add(name)
+        return next((child for child in self.children if child.name == name), None)
+
+    @property
+    def what(self) -> str:
+        """For a sentence."""
+        return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
+
+
+class Document:
+    """Parses a file and all that it includes. Raises SceneError where it is no scene, or says too much."""
+
+    def __init__(self, files: SceneFiles, main: str, description: SceneDescription) -> None:
+        self.files, self.main, self._description = files, main, description
+        self._defaults: dict[str, str] = {}
+        self._by_id: dict[str, Element] = {}
+        self._includes = 0
+        self._elements = 0
+        self._ignored: Counter[str] = Counter()
+        root = self._parsed(main)
+        if root.tag != "scene":
+            raise SceneError(f"{main}: begins with <{root.tag[:40]}>; a scene of Mitsuba begins with <scene>")
+        self._is_old = root.get("version", "3").startswith("0.")
+        self.scene = self._object(root, main, 0)
+
+    def warn(self, sentence: str) -> None:
+        """Adds a warning, once."""
+        if sentence not in self._description.warnings:
+            self._description.warnings.append(sentence)
+
+    def ignore(self, what: str) -> None:
+        """Counts something that is not taken over."""
+        self._ignored[what] += 1
+
+    def say_ignored(self) -> None:
+        """One warning for everything that was not taken over."""
+        for what, count in self._ignored.items():
+            self.warn(f"{what}{f' ({count} times)' if count > 1 else ''}")
+
+    def _parsed(self, name: str) -> ElementTree.Element:
+        data = self.files.read(name)
+        if re.search(rb"<!(DOCTYPE|ENTITY)", data, re.IGNORECASE):
+            raise SceneError(f"{name}: declares XML entities, which no scene needs; remove its DOCTYPE")
+        try:
+            return ElementTree.fromstring(data)
+        except ElementTree.ParseError as error:
+            raise SceneError(f"{name}: is no XML that can be read ({error}); mend it there") from None
+
+    def _object(self, source: ElementTree.Element, file: str, depth: int) -> Element:
+        self._elements += 1
+        if depth > MAX_DEPTH or self._elements > MAX_ELEMENTS:
+            raise SceneError(f"{file}: its elements are nested too deep, or too many; make the scene smaller")
+        tag = _OLD_NAMES.get(source.tag, source.tag)
+        made = Element(tag, self._text(source, "type", file), source.get("id", ""), self._key(source.get("name", "")), file)
+        for part, where in self._parts(source, file):
+            if part.tag == "default":
+                self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
+            elif part.tag == "ref":
+                self._refer(part, made, where)
+            elif _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS:
+                made.children.append(self._object(part, where, depth + 1))
+            elif part.tag not in ("path", "alias"):
+                made.values[self._key(part.get("name", ""))] = self._value(part, where)
+        if made.id:
+            self._by_id[made.id] = made
+        return made
+
+    def _parts(self, source: ElementTree.Element, file: str) -> Iterator[tuple[ElementTree.Element, str]]:
+        """An element's parts, those of included files in the place of what includes them."""
+        for part in source:
+            if part.tag != "include":
+                yield part, file
+                continue
+            self._includes += 1
+            wanted = self._text(part, "filename", file)
+            found = self.files.find(wanted, file)
+            if self._includes > MAX_INCLUDES:
+                raise SceneError(f"{file}: more than {MAX_INCLUDES} files are included; do they include each other?")
+            if found is None:
+                raise SceneError(f"{file}: includes {PurePosixPath(wanted).name[:120]}, which is not among the files; add it")
+            yield from self._parts(self._parsed(found), found)
+
+    def _refer(self, part: ElementTree.Element, made: Element, file: str) -> None:
+        wanted = self._text(part, "id", file)
+        found = self._by_id.get(wanted)
+        if found is None:
+            raise SceneError(f"{file}: refers to {wanted[:80]!r}, which does not stand before; mend the reference")
+        name = self._key(part.get("name", ""))
+        if name and name != found.name:
+            found = Element(found.tag, found.type, found.id, name, found.file, found.values, found.children, found.used)
+        made.children.append(found)
+
+    def _value(self, part: ElementTree.Element, file: str) -> Any:
+        written = {key: self._text(part, key, file) for key in part.keys()}  # noqa: SIM118 - an element is no dict
+        steps = []
+        if part.tag in ("transform", "animation"):
+            inner = part if part.tag == "transform" else next(iter(part), part)
+            if part.tag == "animation":
+                self.ignore("The file moves things over time: what is shown is their first place")
+            steps = [(step.tag, {key: self._text(step, key, file) for key in step.keys()}) for step in inner]  # noqa: SIM118
+        try:
+            return values.value(part.tag, written, steps, lambda name: self._curve(name, file))
+        except ValueError as error:
+            raise SceneError(f"{file}: <{part.tag[:40]} name={written.get('name', '')[:40]!r}>: {error}") from None
+
+    def _curve(self, name: str, file: str) -> str:
+        found = self.files.find(name, file)
+        if found is None:
+            raise ValueError(f"its file {PurePosixPath(name).name[:120]} is not among the files; add it")
+        return self.files.read(found).decode("utf-8", "replace")
+
+    def _text(self, source: ElementTree.Element, key: str, file: str) -> str:
+        """An attribute, with $names replaced by their defaults."""
+        text = source.get(key, "")
+        if "$" not in text:
+            return text
+
+        def default(match: re.Match[str]) -> str:
+            name = match.group(1) or match.group(2)
+            if name not in self._defaults:
+                raise SceneError(f"{file}: ${name[:40]} has no value; write <default name={name[:40]!r} value=...> before it")
+            return self._defaults[name]
+
+        return re.sub(r"\$(?:\{(\w+)\}|(\w+))", default, text)
+
+    def _key(self, name: str) -> str:
+        """A property's name as Mitsuba 3 writes it: toWorld of 0.6 is to_world."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower() if getattr(self, "_is_old", False) else name

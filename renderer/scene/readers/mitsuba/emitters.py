@@ -1,0 +1,97 @@
+"""Lights without a body, and light from all around."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
+from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.values import rgb
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["add_emitter"]
+
+
+def add_emitter(source: Element, document: Document, shelf: TextureShelf, description: SceneDescription) -> None:
+    """Adds an emitter of the scene to the description."""
+    name = source.id or source.type
+    world = source.matrix()
+    if source.type == "constant":
+        _surround(Environment(color=rgb(source.get("radiance", 1.0), True)), source, document, description)
+    elif source.type == "envmap":
+        _image(source, document, shelf, description)
+    elif source.type == "point":
+        position = source.get("position")
+        place = world[:3, 3] if position is None else np.asarray(position, float)
+        description.lights.append(Light("point", rgb(source.get("intensity", 1.0), True), _vec(place), name=name))
+    elif source.type == "spot":
+        outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
+        inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
+        if source.child("texture") is not None:
+            document.ignore(f"{source.what}: its texture is not read")
+        if outer - inner > 0.1:
+            document.ignore("Between the cones of a spot light, light falls off as glTF says and not as Mitsuba does")
+        intensity = rgb(source.get("intensity", 1.0), True)
+        direction = _vec(_unit(world[:3, 2]))
+        description.lights.append(
+            Light("spot", intensity, _vec(world[:3, 3]), direction, inner_cone=inner, outer_cone=outer, name=name)
+        )
+    elif source.type == "directional":
+        direction = source.get("direction")
+        towards = _unit(world[:3, 2] if direction is None else np.asarray(direction, float))
+        description.lights.append(
+            Light("directional", rgb(source.get("irradiance", 1.0), True), direction=_vec(towards), name=name)
+        )
+    elif source.type in ("sunsky", "sky", "sun"):
+        _sky(source, document, description)
+    else:
+        document.ignore(f"{source.what} is no light that is read: it is left out")
+
+
+def _surround(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:
+    if description.environment is not None:
+        document.ignore(f"{source.what}: a scene has one light from all around; this one is left out")
+        return
+    description.environment = environment
+
+
+def _image(source: Element, document: Document, shelf: TextureShelf, description: SceneDescription) -> None:
+    wanted = str(source.get("filename", ""))
+    name = document.files.find(wanted, source.file)
+    if name is None:
+        shelf.missing(wanted, source.what)
+        return
+    image = shelf.image_file(name)
+    if image is None:
+        return
+    world = source.matrix()
+    x, z = _unit(world[:3, 0]), _unit(world[:3, 2])
+    if abs(_unit(world[:3, 1])[1] - 1) > 1e-3 or np.linalg.det(world[:3, :3]) < 0:
+        document.ignore(f"{source.what}: it is turned about another axis than +Y, or mirrored; rendered upright")
+    turn = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
+    strength = source.number("scale", 1.0)
+    # The middle of Mitsuba's image looks along +Z, that of ours along -Z.
+    _surround(Environment(image=image, strength=strength, rotation=(turn - 180.0) % 360), source, document, description)
+
+
+def _sky(source: Element, document: Document, description: SceneDescription) -> None:
+    towards = source.get("sun_direction")
+    if towards is None:
+        document.ignore(f"{source.what}: where its sun stands is not told as sun_direction; it stands at 45 degrees")
+        towards = (0.0, 1.0, -1.0)
+    x, y, z = _unit(np.asarray(towards, float))
+    document.ignore(f"{source.what}: rendered with the sky of Rayfarm, which is another model")
+    elevation, azimuth = math.degrees(math.asin(min(max(y, -1.0), 1.0))), math.degrees(math.atan2(x, -z)) % 360
+    sky = Sky(sun_elevation=elevation, sun_azimuth=azimuth, sun=source.type != "sky")
+    _surround(Environment(sky=sky, strength=source.number("sky_scale", 1.0)), source, document, description)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))
+
+
+def _vec(vector: np.ndarray) -> Vec3:
+    x, y, z = (float(v) for v in vector)
+    return x, y, z

@@ -1,0 +1,106 @@
+"""Shapes that are meshes, in their own space: of files, or of a formula."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.description import Mesh, SceneDescription
+from renderer.scene.normals import smoothed
+from renderer.scene.readers import shapes
+from renderer.scene.readers.by_format import read_file
+from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.serialized import read_serialized
+
+__all__ = ["FORMULAS", "MESH_FILES", "meshes_of"]
+
+MESH_FILES = ("obj", "ply", "serialized")
+_NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # where a file has some
+_EVERY_EDGE = 181.0
+FORMULAS = ("rectangle", "cube", "disk", "cylinder")
+
+
+def meshes_of(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]]:
+    """The shape's meshes, and where each lies in the shape's space. Raises SceneError."""
+    name = shape.id or shape.type
+    if shape.type == "rectangle":
+        found = [(shapes.quad(name), np.eye(4))]
+    elif shape.type == "cube":
+        found = [(shapes.cube(name), np.eye(4))]
+    elif shape.type == "disk":
+        found = [(shapes.disk(name), np.eye(4))]
+    elif shape.type == "cylinder":
+        found = [(_tube(name), _between(shape))]
+    else:
+        found = _of_file(shape, document)
+    if shape.flag("flip_normals", False):
+        found = [(_turned(mesh), place) for mesh, place in found]
+    return found
+
+
+def _of_file(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]]:
+    wanted = str(shape.get("filename", ""))
+    name = document.files.find(wanted, shape.file)
+    if name is None:
+        raise SceneError(f"{shape.file}: {PurePosixPath(wanted).name[:120] or shape.what} is not among the files; add it")
+    if shape.type == "serialized":
+        index = int(shape.number("shape_index", 0))
+        mesh = read_serialized(document.files.read(name), name, index)
+        return [(_shaded(mesh, shape, mesh.normals is not None), np.eye(4))]
+    part = SceneDescription(name=name)
+    read_file(document.files, name, part)
+    if shape.type == "obj" and not shape.flag("flip_tex_coords", True):
+        _flip(part)
+    if shape.type == "ply" and not shape.flag("flip_tex_coords", False):
+        _flip(part)  # Mitsuba takes v as it stands, other programs count it from below
+    has_normals = re.search(_NORMALS[shape.type], document.files.read(name)) is not None
+    shaded = [_shaded(mesh, shape, has_normals) for mesh in part.meshes]
+    return [(replace(shaded[each.mesh]), np.asarray(each.transform)) for each in part.instances]
+
+
+def _flip(part: SceneDescription) -> None:
+    part.meshes = [
+        mesh if mesh.uvs is None else replace(mesh, uvs=np.column_stack([mesh.uvs[:, 0], 1 - mesh.uvs[:, 1]]).astype(np.float32))
+        for mesh in part.meshes
+    ]
+
+
+def _shaded(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
+    """With the normals that Mitsuba gives it: of faces where it is told so, else the file's, else smooth over every edge."""
+    if shape.flag("face_normals", False):
+        return replace(mesh, normals=None)
+    return mesh if has_normals else smoothed(replace(mesh, normals=None), _EVERY_EDGE)
+
+
+def _turned(mesh: Mesh) -> Mesh:
+    normals = None if mesh.normals is None else -mesh.normals
+    return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
+
+
+def _tube(name: str) -> Mesh:
+    """An open cylinder of radius 1 about Z, from 0 to 1; it faces out."""
+    mesh = shapes.lathe(name, [(1.0, 0.0), (1.0, 1.0)], 192)
+    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Y to Z
+    normals = None if mesh.normals is None else np.ascontiguousarray(mesh.normals @ turn.T)
+    return replace(mesh, positions=np.ascontiguousarray(mesh.positions @ turn.T), normals=normals)
+
+
+def _between(shape: Element) -> np.ndarray:
+    """The place of a cylinder between its two points."""
+    p0, p1 = (np.asarray(shape.get(key, default), float) for key, default in (("p0", (0, 0, 0)), ("p1", (0, 0, 1))))
+    radius = shape.number("radius", 1.0)
+    axis = p1 - p0
+    length = float(np.linalg.norm(axis))
+    if not length > 0 or not radius > 0:
+        raise SceneError(f"{shape.file}: {shape.what} has no length, or no radius")
+    z = axis / length
+    helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, 1.0, 0])
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    place = np.eye(4)
+    place[:3, 0], place[:3, 1], place[:3, 2], place[:3, 3] = x * radius, np.cross(z, x) * radius, axis, p0
+    return place

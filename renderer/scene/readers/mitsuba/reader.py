@@ -1,0 +1,34 @@
+"""A scene of Mitsuba as a scene: its parts in the order in which they need each other."""
+
+from __future__ import annotations
+
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
+from renderer.scene.readers.mitsuba.document import Document
+from renderer.scene.readers.mitsuba.emitters import add_emitter
+from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor
+from renderer.scene.readers.mitsuba.shapes import Shapes
+from renderer.scene.readers.mitsuba.textures import Textures
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["read"]
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
+    """Adds the file's scene to the description. Raises SceneError."""
+    document = Document(files, main, description)
+    shelf = TextureShelf(description, files)
+    shapes = Shapes(document, Bsdfs(document, Textures(document, shelf), description), description)
+    for part in document.scene.children:
+        if part.tag == "shape":
+            shapes.add(part)
+        elif part.tag == "emitter":
+            add_emitter(part, document, shelf, description)
+        elif part.tag == "sensor":
+            add_sensor(part, document, description)
+        elif part.tag == "integrator":
+            add_integrator(part, document, description)
+        elif part.tag in ("medium", "volume", "phase"):
+            document.ignore("Participating media are not rendered: the scene is as in clear air")
+    document.say_ignored()

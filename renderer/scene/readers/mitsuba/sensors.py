@@ -1,0 +1,111 @@
+"""Cameras, and the settings that the film, the sampler and the integrator ask for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import SettingsError
+from renderer.scene.description import Camera, SceneDescription, Vec3
+from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.settings import MAX_DEPTH, View
+
+__all__ = ["add_integrator", "add_sensor"]
+
+_FILM = (768, 576)
+_FILTERS = {"box": "box", "tent": "tent"}
+_UNBOUNDED = 64  # segments of a path for "as many as it takes": roulette ends nearly all before
+_DIAGONAL_MM = math.hypot(36, 24)
+
+
+def add_sensor(source: Element, document: Document, description: SceneDescription) -> None:
+    """Adds a camera; the first one's film and sampler are the scene's."""
+    width, height = _film(source, document, description, is_first=not description.cameras)
+    world = source.matrix()
+    eye, forward, up = world[:3, 3], world[:3, 2], world[:3, 1]
+    if np.linalg.det(world[:3, :3]) < 0:
+        document.ignore(f"{source.what}: its transform mirrors the picture, which is shown unmirrored")
+    near = max(source.number("near_clip", 1e-2), 0.0)
+    fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + forward), "up": _vec(up)}
+    if source.type in ("perspective", "thinlens"):
+        fov = _vertical(source, width, height)
+        focus, aperture = None, 0.0
+        if source.type == "thinlens":
+            aperture = max(source.number("aperture_radius", 0.0), 0.0)
+            focus = max(source.number("focus_distance", 1.0), 1e-6)
+        if source.number("principal_point_offset_x", 0.0) or source.number("principal_point_offset_y", 0.0):
+            document.ignore(f"{source.what}: its shifted lens is not taken over; the picture's middle is the line of sight")
+        more: dict[str, Any] = {"fov": fov, "aperture": aperture, "focus": focus, "near": 0.0 if near <= 1e-2 else near}
+    elif source.type == "orthographic":
+        across = float(np.linalg.norm(world[:3, 0]))
+        more = {"projection": "orthographic", "height": 2 * across * height / width, "near": 0.0}
+    else:
+        document.ignore(f"{source.what} is no camera that is read: it is left out")
+        return
+    try:
+        description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", View(**fields, **more)))
+    except SettingsError as error:
+        document.ignore(f"{source.what} sees nothing here: {error}")
+
+
+def _vertical(source: Element, width: int, height: int) -> float:
+    """The vertical field of view, in degrees."""
+    ratio = width / height
+    length = source.get("focal_length")
+    if length is not None:
+        millimetres = float(str(length).removesuffix("mm"))
+        angle, axis = 2 * math.atan(_DIAGONAL_MM / 2 / millimetres), "diagonal"
+    else:
+        angle, axis = math.radians(source.number("fov", 50.0)), str(source.get("fov_axis", "x"))
+    half = math.tan(min(max(angle, 1e-6), math.radians(179.9)) / 2)
+    if axis == "larger":
+        axis = "x" if ratio > 1 else "y"
+    elif axis == "smaller":
+        axis = "y" if ratio > 1 else "x"
+    if axis == "x":
+        half /= ratio
+    elif axis == "diagonal":
+        half /= math.hypot(ratio, 1)
+    return min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
+
+
+def _film(source: Element, document: Document, description: SceneDescription, is_first: bool) -> tuple[int, int]:
+    film = next(iter(source.of("film")), None)
+    sampler = next(iter(source.of("sampler")), None)
+    width, height = _FILM
+    if film is not None:
+        width, height = (max(int(film.number(key, size)), 1) for key, size in zip(("width", "height"), _FILM, strict=True))
+        if film.get("crop_width") is not None or film.get("crop_height") is not None:
+            document.ignore(f"{film.what}: its crop window is not taken over; the whole picture is rendered")
+    if is_first:
+        description.defaults["width"], description.defaults["height"] = min(width, 16384), min(height, 16384)
+        if sampler is not None:
+            description.defaults["spp"] = max(int(sampler.number("sample_count", 4)), 1)
+        named = next(iter(film.of("rfilter")), None) if film is not None else None
+        if named is not None and named.type in _FILTERS:
+            description.defaults["filter"] = _FILTERS[named.type]
+    return width, height
+
+
+def add_integrator(source: Element, document: Document, description: SceneDescription) -> None:
+    """The way in which light is followed."""
+    inner = next(iter(source.of("integrator")), None)
+    if inner is not None:
+        add_integrator(inner, document, description)
+        return
+    if source.type == "direct":
+        description.defaults["integrator"] = "direct"
+        return
+    if source.type not in ("path", "volpath", "volpathmis"):
+        document.ignore(f"{source.what}: rendered by path tracing")
+    if source.flag("hide_emitters", False):
+        document.ignore(f"{source.what}: lights that it hides are seen here")
+    depth = int(source.number("max_depth", -1))
+    description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
+
+
+def _vec(vector: np.ndarray) -> Vec3:
+    x, y, z = (float(v) for v in vector)
+    return x, y, z

@@ -1,0 +1,83 @@
+"""Shapes placed in the world, with their material; groups that are shown many times."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
+from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
+from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, meshes_of
+from renderer.scene.readers.mitsuba.values import Matrix
+from renderer.scene.readers.shapes import lathe
+
+__all__ = ["Shapes"]
+
+_MAX_NESTED = 16
+_SPHERE_RINGS = 64
+
+
+class Shapes:
+    """Adds shapes to a description."""
+
+    def __init__(self, document: Document, bsdfs: Bsdfs, description: SceneDescription) -> None:
+        self._document, self._bsdfs, self._description = document, bsdfs, description
+        self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # of a shape: its meshes' numbers, and where they lie in it
+
+    def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
+        """Adds a shape, in the place of the group that it belongs to."""
+        if depth > _MAX_NESTED:
+            raise SceneError(f"{shape.file}: {shape.what} is nested too deep")
+        if shape.type == "shapegroup":
+            return  # seen where an instance shows it
+        world = (np.eye(4) if place is None else place) @ shape.matrix()
+        if not np.isfinite(world).all():
+            raise SceneError(f"{shape.file}: {shape.what} stands nowhere: its transform has numbers that are not finite")
+        if shape.type == "instance":
+            for group in shape.of("shape"):
+                for part in group.of("shape"):
+                    self.add(part, world @ group.matrix(), depth + 1)
+        elif shape.type == "merge":
+            for part in shape.of("shape"):
+                self.add(part, world, depth + 1)
+        elif shape.type == "sphere":
+            self._sphere(shape, world)
+        elif shape.type in MESH_FILES or shape.type in FORMULAS:
+            self._mesh(shape, world)
+        else:
+            self._document.ignore(f"{shape.what} is no shape that is read: it is left out")
+
+    def _mesh(self, shape: Element, world: Matrix) -> None:
+        if id(shape) not in self._meshes:
+            material = self._bsdfs.material(shape)
+            found = []
+            for mesh, place in meshes_of(shape, self._document):
+                mesh.material = material
+                self._description.meshes.append(mesh)
+                found.append((len(self._description.meshes) - 1, place))
+            self._meshes[id(shape)] = found
+        for number, place in self._meshes[id(shape)]:
+            self._description.instances.append(Instance(number, world @ place, name=shape.id))
+
+    def _sphere(self, shape: Element, world: Matrix) -> None:
+        center, radius = np.asarray(shape.get("center", (0.0, 0.0, 0.0)), float), shape.number("radius", 1.0)
+        scales = np.linalg.norm(world[:3, :3], axis=0)
+        is_round = np.allclose(world[:3, :3].T @ world[:3, :3], scales[0] ** 2 * np.eye(3), rtol=1e-4, atol=1e-4 * scales[0] ** 2)
+        material = self._bsdfs.material(shape)
+        if is_round and not shape.flag("flip_normals", False):
+            x, y, z = (world @ np.array([*center, 1.0]))[:3]
+            self._description.spheres.append(
+                Sphere((float(x), float(y), float(z)), float(radius * scales[0]), material, shape.id or "sphere")
+            )
+            return
+        turns = np.linspace(-np.pi / 2, np.pi / 2, _SPHERE_RINGS + 1)
+        ball: Mesh = lathe(shape.id or "sphere", [(float(np.cos(t)), float(np.sin(t))) for t in turns], 2 * _SPHERE_RINGS)
+        if shape.flag("flip_normals", False):
+            ball.triangles = np.ascontiguousarray(ball.triangles[:, ::-1])
+            ball.normals = None if ball.normals is None else -ball.normals
+        ball.material = material
+        self._description.meshes.append(ball)
+        place = np.diag([radius, radius, radius, 1.0])
+        place[:3, 3] = center
+        self._description.instances.append(Instance(len(self._description.meshes) - 1, world @ place, name=shape.id))

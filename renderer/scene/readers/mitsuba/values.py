@@ -1,0 +1,198 @@
+"""Values of Mitsuba's files: numbers, colours, spectra and transforms."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.settings import Vec3
+
+__all__ = ["Matrix", "Spectrum", "rgb", "value"]
+
+F64 = npt.NDArray[np.float64]
+Matrix = F64
+Step = tuple[str, Mapping[str, str]]
+
+# XYZ of CIE 1931 to linear Rec.709.
+_TO_RGB = np.array([[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]])
+
+
+class Spectrum:
+    """Values at wavelengths, in nanometres."""
+
+    def __init__(self, wavelengths: Sequence[float], values: Sequence[float]) -> None:
+        order = np.argsort(wavelengths)
+        self.wavelengths, self.values = np.array(wavelengths, float)[order], np.array(values, float)[order]
+
+    def rgb(self, is_light: bool) -> Vec3:
+        """Linear Rec.709. is_light: radiance, against the luminance of an equal-energy light of 1; else how much of white is
+        left, 0 ... 1 for what reflects.
+        """
+        at = np.arange(380.0, 781.0, 5.0)
+        inside = np.interp(at, self.wavelengths, self.values, left=0.0, right=0.0)
+        weights = _TO_RGB @ _matching(at)
+        found = weights @ inside / (_matching(at)[1].sum() if is_light else weights.sum(axis=1))
+        r, g, b = np.maximum(found, 0.0)
+        return float(r), float(g), float(b)
+
+
+@functools.cache
+def _cached_matching(key: bytes) -> F64:
+    at = np.frombuffer(key)
+
+    def bell(height: float, mean: float, low: float, high: float) -> F64:
+        spread = np.where(at < mean, low, high)
+        return np.asarray(height * np.exp(-0.5 * ((at - mean) * spread) ** 2))
+
+    x = bell(0.362, 442.0, 0.0624, 0.0374) + bell(1.056, 599.8, 0.0264, 0.0323) + bell(-0.065, 501.1, 0.0490, 0.0382)
+    y = bell(0.821, 568.8, 0.0213, 0.0247) + bell(0.286, 530.9, 0.0613, 0.0322)
+    z = bell(1.217, 437.0, 0.0845, 0.0278) + bell(0.681, 459.0, 0.0385, 0.0725)
+    return np.stack([x, y, z])
+
+
+def _matching(at: F64) -> F64:
+    """The CIE 1931 colour matching functions. Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit."""
+    return _cached_matching(at.tobytes())
+
+
+def rgb(found: Any, is_light: bool = False) -> Vec3:
+    """A colour from a value: three numbers, one for grey, or a spectrum."""
+    if isinstance(found, Spectrum):
+        return found.rgb(is_light)
+    numbers = np.broadcast_to(np.asarray(found, float).reshape(-1), (3,))
+    return float(numbers[0]), float(numbers[1]), float(numbers[2])
+
+
+def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Callable[[str], str]) -> Any:
+    """What an element of a file says. curve: the text of a file of a spectrum. Raises ValueError with the half of a sentence."""
+    text = written.get("value", "").strip()
+    if tag in ("float", "integer"):
+        return _numbers(text, 1)[0]
+    if tag == "boolean":
+        return text.lower() == "true"
+    if tag == "string":
+        return text
+    if tag in ("point", "vector"):
+        if text:
+            return _numbers(text, 3)
+        return np.array([_numbers(written.get(axis, "0"), 1)[0] for axis in "xyz"])
+    if tag in ("rgb", "srgb"):
+        return _color(text, tag == "srgb")
+    if tag in ("spectrum", "blackbody"):
+        return _spectrum(text, written, curve)
+    if tag in ("transform", "animation"):
+        return _transform(steps)
+    raise ValueError("is no kind of value that is known")
+
+
+def _numbers(text: str, count: int | None = None) -> F64:
+    parts = [part for part in re.split(r"[\s,]+", text.strip()) if part]
+    try:
+        found = np.array([float(part) for part in parts])
+    except ValueError:
+        raise ValueError(f"{text[:60]!r} are no numbers") from None
+    if (count is not None and len(found) != count) or not len(found) or not np.isfinite(found).all():
+        raise ValueError(f"{text[:60]!r}: it takes {count or 'some'} finite number{'s' if count != 1 else ''}")
+    return found
+
+
+def _color(text: str, is_encoded: bool) -> F64:
+    if text.startswith("#"):
+        if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+            raise ValueError(f"{text[:20]!r} is no colour as #rrggbb")
+        found = np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    else:
+        found = _numbers(text)
+        if len(found) not in (1, 3):
+            raise ValueError(f"{text[:60]!r}: a colour has one number or three")
+    if is_encoded:
+        from renderer.image.tonemap import decode_srgb
+
+        found = np.asarray(decode_srgb(found))
+    return np.array(np.broadcast_to(found, (3,)))
+
+
+def _spectrum(text: str, written: Mapping[str, str], curve: Callable[[str], str]) -> Any:
+    if written.get("filename"):
+        rows = [
+            _numbers(line, 2) for line in curve(written["filename"]).splitlines() if line.strip() and line.strip()[0] not in "#"
+        ]
+        if not rows:
+            raise ValueError("its file has no values")
+        return Spectrum([row[0] for row in rows], [row[1] for row in rows])
+    if written.get("temperature"):
+        raise ValueError("black bodies are not read; give an rgb or a spectrum")
+    if ":" not in text:
+        found = _numbers(text)
+        if len(found) not in (1, 3):
+            raise ValueError(f"{text[:60]!r}: it takes one number, three, or pairs as 400:0.1, 500:0.2")
+        return np.array(np.broadcast_to(found, (3,)))
+    pairs = [pair.split(":") for pair in re.split(r"[\s,]+(?=\S+:)|,", text) if pair.strip()]
+    if any(len(pair) != 2 for pair in pairs):
+        raise ValueError(f"{text[:60]!r} are no pairs as 400:0.1, 500:0.2")
+    numbers = np.array([[_numbers(part, 1)[0] for part in pair] for pair in pairs])
+    return Spectrum(list(numbers[:, 0]), list(numbers[:, 1]))
+
+
+def _transform(steps: Sequence[Step]) -> Matrix:
+    """The product of the steps: each is applied after those before it."""
+    found = np.eye(4)
+    for tag, written in steps:
+        found = _step(tag.lower(), written) @ found
+    return found
+
+
+def _step(tag: str, written: Mapping[str, str]) -> Matrix:
+    if tag == "matrix":
+        numbers = _numbers(written.get("value", ""))
+        if len(numbers) not in (9, 16):
+            raise ValueError("a matrix has 16 numbers, or 9")
+        found = np.eye(4)
+        size = 4 if len(numbers) == 16 else 3
+        found[:size, :size] = numbers.reshape(size, size)
+        return found
+    if tag == "lookat":
+        return _look_at(
+            *(_numbers(written.get(key, fallback), 3) for key, fallback in (("origin", ""), ("target", ""), ("up", "0 1 0")))
+        )
+    missing = 1.0 if tag == "scale" else 0.0
+    if "value" in written:
+        numbers = _numbers(written["value"])
+        vector = np.array(np.broadcast_to(numbers, (3,))) if len(numbers) in (1, 3) else numbers
+        if len(vector) != 3:
+            raise ValueError(f"{tag} takes one number or three")
+    else:
+        vector = np.array([_numbers(written[axis], 1)[0] if axis in written else missing for axis in "xyz"])
+    found = np.eye(4)
+    if tag == "translate":
+        found[:3, 3] = vector
+    elif tag == "scale":
+        found[:3, :3] = np.diag(vector)
+    elif tag == "rotate":
+        length = np.linalg.norm(vector)
+        if length == 0:
+            raise ValueError("a rotation needs an axis")
+        x, y, z = vector / length
+        angle = np.radians(_numbers(written.get("angle", "0"), 1)[0])
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        found[:3, :3] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    else:
+        raise ValueError(f"{tag[:20]} is no step of a transform that is known")
+    return found
+
+
+def _look_at(origin: F64, target: F64, up: F64) -> Matrix:
+    """Mitsuba's camera looks along +Z, and +X is to its left."""
+    forward = target - origin
+    left = np.cross(up, forward)
+    if np.linalg.norm(forward) == 0 or np.linalg.norm(left) == 0:
+        raise ValueError("lookat looks nowhere, or along its up direction")
+    forward, left = forward / np.linalg.norm(forward), left / np.linalg.norm(left)
+    found = np.eye(4)
+    found[:3, 0], found[:3, 1], found[:3, 2], found[:3, 3] = left, np.cross(forward, left), forward, origin
+    return found

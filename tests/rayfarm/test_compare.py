@@ -1,0 +1,46 @@
+"""`rayfarm compare` on a file of Mitsuba's, rendered by both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from tests.peers.test_mitsuba_files import SHAPES, write_files
+from tests.rayfarm.program import rayfarm
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("compared")
+    write_files(made)
+    text = SHAPES["files of meshes, textures, instances, lights without a body"]
+    (made / "scene.xml").write_text(text)
+    return made
+
+
+def test_it_says_how_far_they_agree(folder: Path) -> None:
+    pytest.importorskip("mitsuba")
+    done = rayfarm("compare", folder / "scene.xml", "--spp=16", "-o", folder / "both.png", "--most=0.03")
+    assert done.returncode == 0, done.stderr
+    mean = float(done.stdout.split("of Mitsuba: ")[1].split("%")[0])
+    assert abs(mean) < 3
+    assert "relMSE" in done.stdout
+    with Image.open(folder / "both.png") as both:
+        assert both.size == (3 * 48, 32)
+    assert rayfarm("compare", folder / "scene.xml", "--spp=1", "--most=0").returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["scene.glb"], "is no scene of Mitsuba"),
+        (["scene.xml", "-o", "both.exr"], "what is written is a .png"),
+        (["nowhere.xml"], "There is no file"),
+    ],
+)
+def test_what_is_wrong_is_said(arguments: list[str], sentence: str, folder: Path) -> None:
+    done = rayfarm("compare", *(str(folder / each) if each[0] != "-" else each for each in arguments))
+    assert done.returncode == 1
+    assert sentence in " ".join(done.stderr.split())

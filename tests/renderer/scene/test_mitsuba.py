@@ -1,0 +1,133 @@
+"""Mitsuba's XML: what is read, what is named as left out, and what is refused with a sentence. Pictures: tests/peers."""
+
+from __future__ import annotations
+
+import random
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.description import SceneDescription
+from renderer.scene.load import read
+from renderer.scene.readers.mitsuba.values import Spectrum
+from tests.peers.test_mitsuba_files import SHAPES, write_files
+
+BALL = '<shape type="sphere">{}</shape>'
+
+
+def scene_of(folder: Path, inside: str, version: str = "3.0.0") -> SceneDescription:
+    (folder / "scene.xml").write_text(f'<scene version="{version}">{inside}</scene>')
+    return read(folder, "scene.xml")
+
+
+def test_old_names_defaults_and_the_film(tmp_path: Path) -> None:
+    found = scene_of(
+        tmp_path,
+        '<default name="n" value="12"/><sensor type="perspective"><float name="fov" value="60"/><transform name="toWorld">'
+        '<lookAt origin="0 0 5" target="0 0 0" up="0 1 0"/></transform><sampler type="ldsampler">'
+        '<integer name="sampleCount" value="$n"/></sampler><film type="hdrfilm"><integer name="width" value="200"/>'
+        '<integer name="height" value="100"/></film></sensor><integrator type="path"><integer name="maxDepth" value="7"/>'
+        "</integrator>"
+        + BALL.format('<bsdf type="dielectric"><string name="intIOR" value="water"/></bsdf><float name="radius" value="2"/>'),
+        "0.6.0",
+    )
+    assert found.defaults == {"width": 200, "height": 100, "spp": 12, "max_depth": 7}
+    view = found.cameras[0].view
+    assert view.eye == (0, 0, 5)
+    assert np.tan(np.radians(view.fov / 2)) == pytest.approx(np.tan(np.radians(30)) / 2)  # Mitsuba's fov is across
+    assert found.spheres[0].radius == 2
+
+
+def test_a_file_of_meshes_of_its_own(tmp_path: Path) -> None:
+    def packed(offset: float, flags: int) -> bytes:
+        vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, offset]], "<f4")
+        body = struct.pack("<I", flags) + b"sheet\0" + struct.pack("<QQ", 3, 1) + vertices.tobytes()
+        body += np.array([0, 1, 2], "<u4").tobytes()
+        return struct.pack("<HH", 0x041C, 4) + zlib.compress(body)
+
+    first, second = packed(1, 0x1000), packed(2, 0x1000)
+    table = struct.pack("<QQI", 0, len(first), 2)
+    (tmp_path / "m.serialized").write_bytes(first + second + table)
+    shape = (
+        '<shape type="serialized"><string name="filename" value="m.serialized"/><integer name="shape_index" value="{}"/></shape>'
+    )
+    assert scene_of(tmp_path, shape.format(1)).meshes[0].positions[2].tolist() == [0, 1, 2]
+    with pytest.raises(SceneError, match="has 2 meshes"):
+        scene_of(tmp_path, shape.format(2))
+    (tmp_path / "m.serialized").write_bytes(first[:-9] + table)
+    with pytest.raises(SceneError, match="is damaged"):
+        scene_of(tmp_path, shape.format(0))
+
+
+def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
+    np.testing.assert_allclose(Spectrum([300, 900], [0.4, 0.4]).rgb(False), 0.4, rtol=1e-6)
+    r, g, b = Spectrum([400, 580, 620, 700], [0, 0, 0.8, 0.8]).rgb(False)
+    assert r > 0.3 and g < 0.2 and b < 0.05
+
+
+@pytest.mark.parametrize(
+    ("inside", "sentence"),
+    [
+        (BALL.format('<bsdf type="hair"/>'), r"bsdf \(hair\) is not read: rendered as a grey matt surface"),
+        (BALL.format('<bsdf type="bumpmap"><bsdf type="diffuse"/></bsdf>'), "bumpmap.* rendered by the material in it"),
+        (BALL.format("") + '<shape type="sdfgrid"/>' * 2, r"sdfgrid.* left out \(2 times\)"),
+        (BALL.format("") + '<emitter type="projector"/>', "projector.* no light that is read"),
+        (BALL.format("") + '<medium type="homogeneous"/>', "Participating media are not rendered"),
+        (BALL.format("") + '<integrator type="bdpt"/>', "bdpt.* rendered by path tracing"),
+        (BALL.format('<bsdf type="conductor"><string name="material" value="Hg"/></bsdf>'), "the metal Hg is not known"),
+    ],
+)
+def test_what_is_not_taken_over_is_named(inside: str, sentence: str, tmp_path: Path) -> None:
+    import re
+
+    assert any(re.search(sentence, warning) for warning in scene_of(tmp_path, inside).warnings)
+
+
+@pytest.mark.parametrize(
+    ("inside", "sentence"),
+    [
+        ('<shape type="obj"><string name="filename" value="/etc/passwd"/></shape>', "passwd is not among the files"),
+        ('<include filename="../../secret.xml"/>', "includes secret.xml, which is not among"),
+        ('<include filename="scene.xml"/>', "include each other"),
+        (BALL.format('<ref id="nowhere"/>'), "refers to 'nowhere'"),
+        (BALL.format('<float name="radius" value="wide"/>'), "<float name='radius'>: 'wide' are no numbers"),
+        (BALL.format('<float name="radius" value="$r"/>'), r"\$r has no value"),
+        (BALL.format('<transform name="to_world"><shear x="1"/></transform>'), "shear is no step"),
+        ("<shape", "is no XML"),
+        ("", "shows no surface"),
+    ],
+)
+def test_what_is_no_scene_is_refused(inside: str, sentence: str, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=sentence):
+        scene_of(tmp_path, inside)
+
+
+def test_entities_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text('<!DOCTYPE a [<!ENTITY b "c">]><scene version="3.0.0">&b;</scene>')
+    with pytest.raises(SceneError, match="XML entities"):
+        read(tmp_path, "scene.xml")
+
+
+def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
+    """Letters of the file changed, dropped and doubled: a scene comes of it, or a sentence."""
+    write_files(tmp_path)
+    dice = random.Random(7)
+    outcomes = set()
+    for text in SHAPES.values():
+        for _ in range(60):
+            letters = list(text)
+            for _ in range(dice.randint(1, 4)):
+                at = dice.randrange(len(letters))
+                letters[at] = dice.choice(["", letters[at] * 2, dice.choice('0.-"<>/$eE 9'), "nan", "1e400"])
+            (tmp_path / "scene.xml").write_text("".join(letters))
+            try:
+                read(tmp_path, "scene.xml")
+                outcomes.add("read")
+            except SceneError as error:
+                assert "could not be read as" not in str(error), error
+                outcomes.add("refused")
+    assert outcomes == {"read", "refused"}
