@@ -45,7 +45,7 @@ export function machineTerms() {
     "div",
     { class: "terms" },
     field(t("Works"), hours, t("As Mon-Fri 19:00-07:00, Sat-Sun, by its own clock.")),
-    field(t("When nobody has worked there for, minutes"), idle),
+    field(t("Idle for, minutes"), idle, t("Works only when nobody has there.")),
     field(t("Slots at most"), slots),
     field(t("Memory at most, GB"), memory),
     field(t("Nice level"), nice, t("0 to 19: how far it stands back for other programs.")),
